@@ -1,0 +1,35 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'tactile_bringup'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test*']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/launch', sorted(glob('launch/*.launch.py'))),
+        (f'share/{package_name}/config', sorted(glob('config/*.yaml'))),
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
+    zip_safe=True,
+    maintainer='Tendon Tactile maintainers',
+    maintainer_email='maintainers@tendon-tactile.example.org',
+    description='Trial runner, bag recording and replay, launch files and the tactile command.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'trial_runner_node = tactile_bringup.trial_runner_node:main',
+            'bag_recorder_node = tactile_bringup.bag_recorder_node:main',
+            'bag_player_node = tactile_bringup.bag_player_node:main',
+            'tactile = tactile_bringup.cli:main',
+        ],
+    },
+)

@@ -1,0 +1,56 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The health of a device on ``/diagnostics``, once a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
+STALE = DiagnosticStatus.STALE
+
+
+class Health(NamedTuple):
+    """One row of diagnostics: a level, a sentence, and values by name."""
+
+    level: bytes
+    message: str
+    values: Mapping[str, object]
+
+
+class Diagnostics:
+    """Publishes what ``provider()`` returns, under the node's name, once a second."""
+
+    def __init__(
+        self, node: Node, hardware_id: Callable[[], str], provider: Callable[[], Health]
+    ) -> None:
+        self._node = node
+        self._hardware_id = hardware_id
+        self._provider = provider
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._timer = node.create_timer(1.0, self.publish)
+
+    def publish(self) -> None:
+        health = self._provider()
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.status = [
+            DiagnosticStatus(
+                level=health.level,
+                name=self._node.get_fully_qualified_name().lstrip('/'),
+                message=health.message,
+                hardware_id=self._hardware_id(),
+                values=[KeyValue(key=k, value=str(v)) for k, v in health.values.items()],
+            )
+        ]
+        self._publisher.publish(message)
+
+    def close(self) -> None:
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_publisher(self._publisher)

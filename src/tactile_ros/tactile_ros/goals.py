@@ -1,0 +1,177 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Actions whose work blocks: one goal at a time, on a thread of its own.
+
+The executor never blocks: its coroutine for the goal sleeps until the worker
+thread is done, while the worker may wait for devices as plain code does.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.task import Future
+
+
+class GoalAborted(Exception):  # noqa: N818 - an outcome of a goal, not a fault of the program
+    """Ends a goal as aborted; the message goes into its result."""
+
+
+class GoalCanceled(Exception):  # noqa: N818
+    """Ends a goal as cancelled; the message goes into its result."""
+
+
+class Goal:
+    """What the worker of one goal sees of it.
+
+    Attributes
+    ----------
+    request
+        The goal message.
+    """
+
+    def __init__(self, handle: ServerGoalHandle, feedback_type: type) -> None:
+        self.request = handle.request
+        self._handle = handle
+        self._feedback_type = feedback_type
+        self._end = threading.Event()
+
+    def feedback(self, **fields: Any) -> None:
+        """Publish feedback with these fields."""
+        if self._handle.is_active:
+            self._handle.publish_feedback(self._feedback_type(**fields))
+
+    def request_end(self) -> None:
+        """Make every `wait` return at once and `check` raise."""
+        self._end.set()
+
+    @property
+    def end_requested(self) -> bool:
+        return self._end.is_set()
+
+    def wait(self, seconds: float) -> bool:
+        """Sleep; return True as soon as the goal is to end early."""
+        return self._end.wait(seconds)
+
+    def check(self) -> None:
+        """Raise `GoalCanceled` when the goal is to end early."""
+        if self._end.is_set():
+            raise GoalCanceled('cancelled')
+
+
+class GoalRunner:
+    """An action server that runs ``work(goal)`` for one goal at a time.
+
+    ``work`` returns the result message, or raises `GoalAborted` or
+    `GoalCanceled`; any other exception aborts the goal with its text. Result
+    messages must have a field ``message``. A goal that arrives while another runs,
+    or while ``accepting()`` returns a reason, is aborted with that reason in its
+    result: a rejection would reach the client without one.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    action_type : type
+    name : str
+        Name of the action, usually ``~/verb``.
+    work : callable
+        ``work(goal: Goal) -> result message``; runs on a thread of its own.
+    accepting : callable
+        Returns an empty string, or why no goal can be taken now.
+    on_cancel : callable
+        Called on the executor's thread as soon as a cancel request arrives.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        action_type: Any,
+        name: str,
+        work: Callable[[Goal], Any],
+        *,
+        accepting: Callable[[], str] = lambda: '',
+        on_cancel: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._node = node
+        self._type = action_type
+        self._work = work
+        self._accepting = accepting
+        self._on_cancel = on_cancel
+        self._lock = threading.Lock()
+        self._goal: Goal | None = None
+        self._thread: threading.Thread | None = None
+        self._server = ActionServer(
+            node,
+            action_type,
+            name,
+            execute_callback=self._execute,
+            goal_callback=lambda _: GoalResponse.ACCEPT,
+            cancel_callback=self._cancel,
+        )
+
+    @property
+    def is_busy(self) -> bool:
+        return self._goal is not None
+
+    def end_goal(self) -> None:
+        """Ask the running goal, if any, to end early."""
+        goal = self._goal
+        if goal is not None:
+            goal.request_end()
+
+    def close(self, timeout_s: float = 5.0) -> None:
+        """End the running goal and take the server down. Harmless when called twice."""
+        self.end_goal()
+        thread = self._thread
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(timeout_s)
+        if self._server is not None:
+            self._server.destroy()
+            self._server = None
+
+    def _cancel(self, _: ServerGoalHandle) -> CancelResponse:
+        self.end_goal()
+        self._on_cancel()
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, handle: ServerGoalHandle) -> Any:
+        with self._lock:
+            reason = 'another goal is running' if self._goal else self._accepting()
+            if not reason:
+                goal = self._goal = Goal(handle, self._type.Feedback)
+        if reason:
+            handle.abort()
+            return self._type.Result(message=reason)
+
+        outcome: list[tuple[Callable[[], None], Any]] = []
+        done = Future()
+
+        def run() -> None:
+            try:
+                outcome.append((handle.succeed, self._work(goal)))
+            except GoalCanceled as error:
+                end = handle.canceled if handle.is_cancel_requested else handle.abort
+                outcome.append((end, self._type.Result(message=str(error))))
+            except GoalAborted as error:
+                outcome.append((handle.abort, self._type.Result(message=str(error))))
+            except Exception as error:
+                self._node.get_logger().error(f'goal failed: {error}')
+                outcome.append((handle.abort, self._type.Result(message=str(error))))
+            finally:
+                self._goal = None
+                done.set_result(None)
+                executor = self._node.executor
+                if executor is not None:
+                    executor.wake()
+
+        self._thread = threading.Thread(target=run, name='goal', daemon=True)
+        self._thread.start()
+        await done
+        end, result = outcome[0]
+        end()
+        return result

