@@ -167,9 +167,7 @@ class Workspace:
                 lambda _: numpy_include,
                 text,
             )
-            new = re.sub(
-                r'/opt/python/cp[^/;"]*/include/python[0-9.]*', lambda _: include, new
-            )
+            new = re.sub(r'/opt/python/cp[^/;"]*/include/python[0-9.]*', lambda _: include, new)
             if new != text:
                 temporary = path.with_suffix('.new')
                 temporary.write_text(new)
@@ -299,7 +297,9 @@ def main(arguments: list[str]) -> int:
             from testing import run_tests
 
             return run_tests(workspace, rest)
-        workspace.execute([str(workspace.install / 'lib' / 'tactile_bringup' / 'tactile'), *arguments])
+        workspace.execute(
+            [str(workspace.install / 'lib' / 'tactile_bringup' / 'tactile'), *arguments]
+        )
     except SetupError as error:
         print(f'tactile: {error}', file=sys.stderr)
         return 2

@@ -65,8 +65,9 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
             field = fields.get(parameter.name)
             choices = field.metadata.get('choices') if field else None
             if choices and parameter.value not in choices:
-                reason = f'{parameter.name} is "{parameter.value}"; it must be one of ' + ', '.join(
-                    map(str, choices)
+                reason = (
+                    f'{parameter.name} is "{parameter.value}"; it must be one of '
+                    + ', '.join(map(str, choices))
                 )
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
