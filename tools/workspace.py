@@ -192,12 +192,10 @@ class Workspace:
         )
         pairs = (line.partition('=') for line in done.stdout.decode().split('\0'))
         found = {name: value for name, _, value in pairs}
-        overlay = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PATH')
+        overlay = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PYTHONPATH')
         self.remember(
             build=self.build_key(),
-            environment=json.dumps(
-                {name: found[name] for name in (*overlay, 'PYTHONPATH') if name in found}
-            ),
+            overlay=json.dumps({name: found[name] for name in overlay if name in found}),
         )
 
     def step(self, title: str, command: list[str], remedy: str) -> None:
@@ -231,18 +229,19 @@ class Workspace:
             PATH=f'{self.venv / "bin"}{os.pathsep}{os.environ.get("PATH", os.defpath)}',
             AMENT_PREFIX_PATH=str(self.venv),
             CMAKE_PREFIX_PATH=str(self.venv),
-            LD_LIBRARY_PATH=str(self.venv / 'lib'),
+            LD_LIBRARY_PATH=os.pathsep.join(map(str, self.library_folders())),
             _ROS_WHEELS_BOOTSTRAP_COMPLETE='1',
             ROS_DISTRO=self.distro,
             ROS_VERSION='2',
             RMW_IMPLEMENTATION='rmw_fastrtps_cpp',
         )
         env.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-        overlay = json.loads(self.state().get('environment', '{}'))
-        path = overlay.pop('PATH', None)
-        if path:
-            overlay['PATH'] = env['PATH']
+        overlay: dict[str, str] = json.loads(self.state().get('overlay', '{}'))
         return {**env, **overlay}
+
+    def library_folders(self) -> list[Path]:
+        """Where the ROS wheels keep their shared libraries, those they bundle included."""
+        return [self.venv / 'lib', *sorted(self.venv.glob('lib/python3*/site-packages/ros_*.libs'))]
 
     def execute(self, command: list[str]) -> None:
         os.execvpe(command[0], command, self.environment())
