@@ -241,7 +241,10 @@ class Workspace:
 
     def library_folders(self) -> list[Path]:
         """Where the ROS wheels keep their shared libraries, those they bundle included."""
-        return [self.venv / 'lib', *sorted(self.venv.glob('lib/python3*/site-packages/ros_*.libs'))]
+        return [
+            self.venv / 'lib',
+            *sorted(self.venv.glob('lib/python3*/site-packages/ros_*.libs')),
+        ]
 
     def execute(self, command: list[str]) -> None:
         os.execvpe(command[0], command, self.environment())

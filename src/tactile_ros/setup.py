@@ -18,6 +18,6 @@ setup(
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     maintainer_email='maintainers@tendon-tactile.example.org',
-    description='The ROS shell that all nodes share: lifecycle, parameters from Config classes, QoS, goals run beside the executor, diagnostics.',
+    description='The ROS shell that all nodes share.',
     license='Apache-2.0',
 )

@@ -113,6 +113,8 @@ class GoalRunner:
             goal_callback=lambda _: GoalResponse.ACCEPT,
             cancel_callback=self._cancel,
         )
+        if hasattr(node, 'goal_runners'):
+            node.goal_runners.append(self)
 
     @property
     def is_busy(self) -> bool:

@@ -1,14 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The lifecycle that all nodes share, and their ``main``."""
+"""The lifecycle that all nodes share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from tactile_ros.parameters import declare_config, read_config
@@ -44,6 +41,7 @@ class TactileNode(LifecycleNode):
         declare_config(self, config_class)
         self.declare_parameter('autostart', True)
         self.config: Any = None
+        self.goal_runners: list[Any] = []
         self.is_active = False
 
     # -- for subclasses ----------------------------------------------------------
@@ -102,10 +100,10 @@ class TactileNode(LifecycleNode):
 
     def bring_up(self) -> bool:
         """Configure and activate; return whether both succeeded."""
-        return (
-            self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-            and self.trigger_activate() == TransitionCallbackReturn.SUCCESS
-        )
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() != TransitionCallbackReturn.SUCCESS:
+                return False
+        return True
 
     def take_down(self) -> None:
         """Stop, give everything back and destroy the node, from any state."""
@@ -114,31 +112,3 @@ class TactileNode(LifecycleNode):
             self.stop()
         self.tear_down()
         self.destroy_node()
-
-
-def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
-    """Run one node until it is told to stop; return the process's exit code.
-
-    With the parameter ``autostart`` (the default) the node configures and
-    activates itself; a node that cannot exits with 1. Without, it waits for a
-    lifecycle manager.
-    """
-    node = None
-    executor = None
-    try:
-        rclpy.init(args=args)
-        node = factory()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        if node.get_parameter('autostart').value and not node.bring_up():
-            return 1
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        if node is not None:
-            node.take_down()
-        if executor is not None:
-            executor.shutdown()
-        rclpy.try_shutdown()
-    return 0

@@ -86,7 +86,7 @@ def read_config(node: Node, config_class: type[Config]) -> Config:
     """
     values = {}
     for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
-        value = node.get_parameter_or(field.name, None)
+        value: Any = node.get_parameter_or(field.name, None)
         value = field.default if value is None or value.value is None else value.value
         if isinstance(field.default, tuple):
             value = tuple(value)

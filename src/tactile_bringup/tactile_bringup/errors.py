@@ -1,0 +1,11 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Errors of this package: each message is a sentence for the user."""
+
+
+class BringupError(Exception):
+    """Root of the errors that this package raises on purpose."""
+
+
+class BagError(BringupError):
+    """A bag cannot be read or written as asked."""

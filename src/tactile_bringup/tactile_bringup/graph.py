@@ -1,0 +1,136 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Which nodes make up the system, and with which parameters.
+
+The graph is described here once; the launch files and the one-process runner
+are both made from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from tactile_bringup.records import CONTACTS, PROTOCOLS
+
+
+@dataclass(frozen=True)
+class NodeDescription:
+    """One node: what to start, under which name, with which parameters."""
+
+    package: str
+    executable: str
+    name: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Serial ports of the three devices."""
+
+    guide: str
+    tendon: str
+    sensor: str
+
+
+def sensing_graph(
+    sensor_port: str, models: Mapping[str, str], parameters: Mapping[str, Mapping[str, Any]]
+) -> list[NodeDescription]:
+    """Return the nodes that sense: sensor, features, one classifier a model.
+
+    Parameters
+    ----------
+    sensor_port : str
+        Serial port of the load cell.
+    models : mapping of str to str
+        Model file by classifier name, see `classifier_name`.
+    parameters : mapping
+        Further parameters by node name; they win over those given here.
+
+    Raises
+    ------
+    ValueError
+        When a classifier's name does not say its task and contact.
+    """
+    nodes = [
+        NodeDescription(
+            'tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', {'port': sensor_port}
+        ),
+        NodeDescription('tactile_features', 'tactile_features_node', 'tactile_features'),
+    ]
+    for name, model in models.items():
+        task, contact = parse_classifier_name(name)
+        nodes.append(
+            NodeDescription(
+                'tactile_classifier',
+                'tactile_classifier_node',
+                name,
+                {'model': model, 'task': task, 'contact': contact},
+            )
+        )
+    return [_merged(node, parameters) for node in nodes]
+
+
+def rig_graph(
+    ports: Ports,
+    models: Mapping[str, str],
+    parameters: Mapping[str, Mapping[str, Any]],
+    *,
+    simulated: bool,
+) -> list[NodeDescription]:
+    """Return the nodes of the whole palpation rig: sensing, motion, trial runner."""
+    motion = [
+        NodeDescription(
+            'linear_guide_driver', 'linear_guide_node', 'linear_guide', {'port': ports.guide}
+        ),
+        NodeDescription(
+            'linear_guide_driver',
+            'tendon_actuator_node',
+            'tendon_actuator',
+            {'port': ports.tendon},
+        ),
+        NodeDescription(
+            'tactile_bringup', 'trial_runner_node', 'trial_runner', {'simulated': simulated}
+        ),
+    ]
+    return [
+        *sensing_graph(ports.sensor, models, parameters),
+        *(_merged(node, parameters) for node in motion),
+    ]
+
+
+def classifier_name(task: str, contact: str) -> str:
+    """Return the node name of the classifier for a task and a kind of contact."""
+    return f'{task}_{contact}_classifier'
+
+
+def all_classifier_names() -> tuple[str, ...]:
+    """Return the node names of the classifiers for every task and contact."""
+    return tuple(classifier_name(task, contact) for task in PROTOCOLS for contact in CONTACTS)
+
+
+def parse_classifier_name(name: str) -> tuple[str, str]:
+    """Return task and contact from a node name made by `classifier_name`."""
+    parts = name.split('_')
+    if len(parts) != 3 or parts[0] not in PROTOCOLS or parts[1] not in CONTACTS:
+        raise ValueError(
+            f'"{name}" does not name a classifier; it must be one of '
+            + ', '.join(all_classifier_names())
+        )
+    return parts[0], parts[1]
+
+
+def _merged(node: NodeDescription, parameters: Mapping[str, Mapping[str, Any]]) -> NodeDescription:
+    merged = {**node.parameters, **parameters.get(node.name, {})}
+    return NodeDescription(node.package, node.executable, node.name, merged)
+
+
+def check_names(
+    nodes: Sequence[NodeDescription], parameters: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Raise ValueError when ``parameters`` names a node that is not in the graph."""
+    unknown = sorted(set(parameters) - {node.name for node in nodes})
+    if unknown:
+        known = ', '.join(node.name for node in nodes)
+        raise ValueError(f'parameters for unknown nodes {", ".join(unknown)}; there are {known}')

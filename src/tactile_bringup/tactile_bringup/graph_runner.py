@@ -1,0 +1,98 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Runs a described graph in this process, where ``launch`` is not needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.graph import NodeDescription
+from tactile_ros.node_group import NodeGroup
+
+NODE_CLASSES = {
+    'tendon_sensor_node': 'tendon_sensor_driver.tendon_sensor_node:TendonSensorNode',
+    'linear_guide_node': 'linear_guide_driver.linear_guide_node:LinearGuideNode',
+    'tendon_actuator_node': 'linear_guide_driver.tendon_actuator_node:TendonActuatorNode',
+    'tactile_features_node': 'tactile_features.tactile_features_node:TactileFeaturesNode',
+    'tactile_classifier_node': 'tactile_classifier.tactile_classifier_node:TactileClassifierNode',
+    'trial_runner_node': 'tactile_bringup.trial_runner_node:TrialRunnerNode',
+    'bag_recorder_node': 'tactile_bringup.bag_recorder_node:BagRecorderNode',
+}
+
+
+def create_node(description: NodeDescription, context: Context, namespace: str = '') -> Any:
+    """Return the described node, unconfigured."""
+    module, _, name = NODE_CLASSES[description.executable].partition(':')
+    node_class = getattr(import_module(module), name)
+    overrides = [
+        Parameter(key, value=list(value) if isinstance(value, tuple) else value)
+        for key, value in description.parameters.items()
+    ]
+    return node_class(
+        node_name=description.name,
+        namespace=namespace,
+        context=context,
+        parameter_overrides=overrides,
+    )
+
+
+@contextmanager
+def ros_context(domain_id: int | None = None) -> Iterator[Context]:
+    """Give a ROS context of its own, which no signal takes down behind our back."""
+    context = Context()
+    rclpy.init(
+        context=context,
+        domain_id=domain_id,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+    try:
+        yield context
+    finally:
+        rclpy.try_shutdown(context=context)
+
+
+@contextmanager
+def running_graph(
+    descriptions: Sequence[NodeDescription],
+    context: Context,
+    *,
+    namespace: str = '',
+    others: Sequence[Any] = (),
+) -> Iterator[dict[str, Any]]:
+    """Run nodes on one executor until the block ends; give them by name.
+
+    Parameters
+    ----------
+    descriptions : sequence of NodeDescription
+    context : rclpy.context.Context
+    namespace : str
+    others : sequence of rclpy.node.Node
+        Nodes that are spun beside them, and destroyed at the end.
+
+    Raises
+    ------
+    BringupError
+        When a node cannot be configured or activated.
+    """
+    nodes: dict[str, Any] = {}
+    try:
+        for description in descriptions:
+            nodes[description.name] = create_node(description, context, namespace)
+        for name, node in nodes.items():
+            if not node.bring_up():
+                raise BringupError(f'the node {name} could not be started; its log says why')
+    except BaseException:
+        for node in nodes.values():
+            node.take_down()
+        raise
+    with NodeGroup([*others, *nodes.values()], context=context):
+        yield nodes

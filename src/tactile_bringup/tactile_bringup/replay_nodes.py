@@ -1,0 +1,157 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A recording sent again, byte for byte, through real feature and classifier nodes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+
+from tactile_bringup.bags import (
+    EVENT,
+    EVENT_TOPIC,
+    FEATURES_TOPIC,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+    classification_topic,
+)
+from tactile_bringup.errors import BringupError
+from tactile_bringup.graph import NodeDescription, sensing_graph
+from tactile_bringup.graph_runner import create_node
+from tactile_bringup.replay import TactileResults
+from tactile_classifier.conversions import classification_from_msg
+from tactile_features.conversions import feature_window_from_msg
+from tactile_features.records import FeatureConfig
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+DEADLINE_S = 30.0
+"""How long to wait for the nodes to answer what has been sent."""
+
+BATCH = 200
+"""Messages sent before waiting for the nodes; well below the topics' history depth."""
+
+
+def replay_through_nodes(
+    bag: TactileBag,
+    models: Mapping[str, str],
+    config: FeatureConfig,
+    context: Context,
+    *,
+    expected: TactileResults,
+    namespace: str = '',
+) -> TactileResults:
+    """Send a recording's strain and events to fresh nodes and collect what they publish.
+
+    As fast as the nodes take it: sample time, not arrival time, decides what they
+    compute.
+
+    Parameters
+    ----------
+    bag : TactileBag
+    models : mapping of str to str
+        Model file by classifier node name.
+    config : FeatureConfig
+    context : rclpy.context.Context
+        A context on a ROS domain where nobody else publishes.
+    expected : TactileResults
+        How many windows and classifications to wait for.
+    namespace : str
+        Namespace of the finger in the recording.
+
+    Raises
+    ------
+    BringupError
+        When a node cannot be started, or does not answer in time.
+    """
+    results = TactileResults()
+    executor = SingleThreadedExecutor(context=context)
+    nodes: list[Any] = []
+    player = Node('bag_player', context=context, namespace=namespace)
+    try:
+        executor.add_node(player)
+        for description in _replay_graph(models, config):
+            node = create_node(description, context, namespace)
+            nodes.append(node)
+            if not node.bring_up():
+                raise BringupError(f'the node {description.name} could not be started')
+            executor.add_node(node)
+        player.create_subscription(
+            TactileFeatures,
+            FEATURES_TOPIC.name,
+            lambda msg: results.windows.append(feature_window_from_msg(msg)),
+            RESULTS,
+        )
+        for name in models:
+            player.create_subscription(
+                Classification,
+                classification_topic(name).name,
+                lambda msg: results.classifications.append(classification_from_msg(msg)),
+                RESULTS,
+            )
+        publishers = {
+            STRAIN: player.create_publisher(StrainBlock, STRAIN_TOPIC.name, STREAM),
+            EVENT: player.create_publisher(TrialEvent, EVENT_TOPIC.name, EVENTS),
+        }
+        features = nodes[0]
+        _spin_until(
+            executor,
+            lambda: all(p.get_subscription_count() > 0 for p in publishers.values())
+            and all(
+                player.count_publishers(player.resolve_topic_name(name)) > 0
+                for name in (FEATURES_TOPIC.name, *(classification_topic(m).name for m in models))
+            ),
+            'the nodes did not find each other',
+        )
+        sent = {STRAIN: 0, EVENT: 0}
+        for message in bag.messages(STRAIN, EVENT, namespace=namespace):
+            publishers[message.type_name].publish(message.data)
+            sent[message.type_name] += 1
+            if sum(sent.values()) % BATCH == 0:
+                _spin_until(executor, lambda: _caught_up(features, sent), 'the nodes lag behind')
+        _spin_until(executor, lambda: _caught_up(features, sent), 'the nodes lag behind')
+        _spin_until(
+            executor,
+            lambda: len(results.windows) >= len(expected.windows)
+            and len(results.classifications) >= len(expected.classifications),
+            f'the nodes answered with {len(results.windows)} windows and '
+            f'{len(results.classifications)} classifications, expected were '
+            f'{len(expected.windows)} and {len(expected.classifications)}',
+        )
+    finally:
+        for node in nodes:
+            executor.remove_node(node)
+            node.take_down()
+        executor.remove_node(player)
+        player.destroy_node()
+        executor.shutdown()
+    return results.sort()
+
+
+def _replay_graph(models: Mapping[str, str], config: FeatureConfig) -> list[NodeDescription]:
+    """Return the sensing graph without the sensor: the bag takes its place."""
+    features = {k: v for k, v in asdict(config).items() if v != ()}
+    shared = {'rate_hz': config.rate_hz, 'texture_samples': config.texture_samples}
+    parameters: dict[str, Mapping[str, Any]] = {name: shared for name in models}
+    parameters['tactile_features'] = features
+    return [n for n in sensing_graph('', models, parameters) if n.name != 'tendon_sensor']
+
+
+def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:
+    extractor = features.extractor
+    return bool(extractor.block_count >= sent[STRAIN] and extractor.event_count >= sent[EVENT])
+
+
+def _spin_until(executor: SingleThreadedExecutor, condition: Any, otherwise: str) -> None:
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        if time.monotonic() > deadline:
+            raise BringupError(f'replay through nodes: {otherwise} within {DEADLINE_S:.0f} s')
+        executor.spin_once(timeout_sec=0.05)

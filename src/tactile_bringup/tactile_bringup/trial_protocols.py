@@ -1,0 +1,102 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's two protocols as a list of steps.
+
+One description serves the trial runner, which carries the steps out with
+actions, and the simulator's fast path, which computes when each of them ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tactile_bringup.records import CONTACTS, PROTOCOLS, TrialConfig
+
+
+class ProtocolError(ValueError):
+    """A trial was asked for that cannot be run; the message says why."""
+
+
+@dataclass(frozen=True)
+class GuideStep:
+    """Move the guide to ``position_m`` at ``speed_m_s``."""
+
+    phase: str
+    position_m: float
+    speed_m_s: float
+
+
+@dataclass(frozen=True)
+class TendonStep:
+    """Wind the tendon to ``displacement_m`` at ``speed_m_s``; 0 m releases it."""
+
+    phase: str
+    displacement_m: float
+    speed_m_s: float
+
+
+@dataclass(frozen=True)
+class WaitStep:
+    """Keep still for ``duration_s``."""
+
+    phase: str
+    duration_s: float
+
+
+Step = GuideStep | TendonStep | WaitStep
+
+
+@dataclass(frozen=True)
+class TrialRequest:
+    """One trial: which protocol, which contact, on what.
+
+    Raises
+    ------
+    ProtocolError
+        When the protocol or the contact is not known, or a number is negative.
+    """
+
+    protocol: str
+    contact: str
+    object_label: str = ''
+    trial_id: str = ''
+    session_id: str = ''
+    glide_speed_m_s: float = 0.0
+    hold_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.protocol not in PROTOCOLS:
+            raise ProtocolError(
+                f'no protocol "{self.protocol}"; there is {" and ".join(PROTOCOLS)}'
+            )
+        if self.contact not in CONTACTS:
+            raise ProtocolError(f'no contact "{self.contact}"; there is {" and ".join(CONTACTS)}')
+        for name in ('glide_speed_m_s', 'hold_s'):
+            if not 0.0 <= getattr(self, name) < float('inf'):
+                raise ProtocolError(f'{name} is {getattr(self, name)}; it must be 0 or more')
+
+
+def glide_speed_m_s(config: TrialConfig, request: TrialRequest) -> float:
+    """Return the speed over the plate [m/s]; 0 for a stiffness trial."""
+    if request.protocol != 'texture':
+        return 0.0
+    return request.glide_speed_m_s or config.glide_speed_m_s
+
+
+def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
+    """Return the steps of a trial, in order; each names the phase it belongs to."""
+    pull_m = config.displacement_m(request.contact)
+    approach = GuideStep('approach', config.guide_start_m, config.approach_speed_m_s)
+    contact = TendonStep('contact', pull_m, config.pull_speed_m_s)
+    release = TendonStep('release', 0.0, config.pull_speed_m_s)
+    if request.protocol == 'stiffness':
+        return [approach, contact, WaitStep('hold', request.hold_s or config.hold_s), release]
+    end_m = config.guide_start_m + config.glide_length_m
+    return [
+        approach,
+        contact,
+        WaitStep('contact', config.settle_s),
+        GuideStep('glide', end_m, glide_speed_m_s(config, request)),
+        release,
+        GuideStep('return', config.guide_start_m, config.approach_speed_m_s),
+    ]

@@ -1,0 +1,126 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes that live in one process, from start to an orderly end."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+
+from tactile_ros.lifecycle import TactileNode
+
+REST_TIMEOUT_S = 3.0
+"""How long the end of a process waits for running goals to come to rest."""
+
+
+class NodeGroup:
+    """Spins nodes on one executor, on a thread of its own.
+
+    On close, running goals are asked to end and the executor goes on until they
+    have, so that the devices are brought to rest over a graph that still works.
+    Use as a context manager.
+
+    Parameters
+    ----------
+    nodes : sequence of rclpy.node.Node
+        Plain nodes are spun and destroyed; `TactileNode` are taken down in order.
+    context : rclpy.context.Context, optional
+        The nodes' context; the default context when left out.
+    """
+
+    def __init__(self, nodes: Sequence[Any], context: Context | None = None) -> None:
+        self._nodes = list(nodes)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._ending = threading.Event()
+        self.ended = threading.Event()
+        """Set when the executor has stopped, for whatever reason."""
+        for node in self._nodes:
+            self._executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, name='executor', daemon=True)
+
+    def __enter__(self) -> NodeGroup:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _spin(self) -> None:
+        try:
+            while not self._ending.is_set():
+                self._executor.spin_once(timeout_sec=0.5)
+        except ExternalShutdownException:
+            pass
+        finally:
+            self.ended.set()
+
+    def close(self) -> None:
+        """End goals, stop spinning, take the nodes down. Harmless when called twice."""
+        runners = [r for node in self._nodes for r in getattr(node, 'goal_runners', ())]
+        for runner in runners:
+            runner.end_goal()
+        deadline = time.monotonic() + REST_TIMEOUT_S
+        while any(r.is_busy for r in runners) and not self.ended.is_set():
+            if time.monotonic() > deadline:
+                break
+            time.sleep(0.01)
+        self._ending.set()
+        if self._thread.is_alive():
+            self._executor.wake()
+            self._thread.join()
+        nodes, self._nodes = self._nodes, []
+        for node in reversed(nodes):
+            self._executor.remove_node(node)
+            if isinstance(node, TactileNode):
+                node.take_down()
+            else:
+                node.destroy_node()
+        if nodes:
+            self._executor.shutdown()
+
+
+def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
+    """Run one node until SIGINT or SIGTERM; return the process's exit code.
+
+    With the parameter ``autostart`` (the default) the node configures and
+    activates itself; a node that cannot exits with 1. Without, it waits for a
+    lifecycle manager.
+    """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    # Our own handlers, because rclpy's take the context down at once: a node
+    # could no longer tell the guide to stop.
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        try:
+            node = factory()
+        except Exception as error:
+            get_logger('tactile').fatal(f'cannot start: {error}')
+            return 1
+        if node.get_parameter('autostart').value and not node.bring_up():
+            node.take_down()
+            return 1
+        with NodeGroup([node]) as group:
+            while not stop.wait(0.2) and not group.ended.is_set():
+                pass
+    except KeyboardInterrupt:
+        pass
+    finally:
+        rclpy.try_shutdown()
+    return 0

@@ -1,0 +1,168 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`./tactile test`: the rules of the house, then the tests of every package."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import time
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from workspace import Workspace
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@dataclass
+class Outcome:
+    """What one package's tests, or one rule, came to."""
+
+    name: str
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+    seconds: float = 0.0
+    remarks: list[str] = field(default_factory=list)
+
+
+def run_tests(workspace: Workspace, arguments: list[str]) -> int:
+    """Run rules and tests, print a summary, return the exit code.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    arguments : list of str
+        Names of packages; none for all packages and the rules.
+    """
+    packages = sorted(p.parent.name for p in (ROOT / 'src').glob('*/package.xml'))
+    unknown = [name for name in arguments if name not in packages]
+    if unknown:
+        print(f'tactile: no package {", ".join(unknown)}; there are {", ".join(packages)}')
+        return 2
+    outcomes = [] if arguments else check_rules(workspace)
+    outcomes += test_packages(workspace, arguments or packages)
+    return summarise(outcomes)
+
+
+def check_rules(workspace: Workspace) -> list[Outcome]:
+    """Run the linters and type checks; each is one check that passes or fails."""
+    cores = [
+        str(p.parent / p.parent.name)
+        for p in sorted((ROOT / 'src').glob('*/package.xml'))
+        if (p.parent / 'setup.py').exists()
+    ]
+    rules = {
+        'ruff check': ['ruff', 'check', '--quiet', 'src', 'tools', 'benchmarks'],
+        'ruff format': ['ruff', 'format', '--quiet', '--check', 'src', 'tools', 'benchmarks'],
+        'mypy --strict': ['mypy', *cores],
+        'import contracts': ['lint-imports', '--no-cache'],
+    }
+    outcomes = []
+    for name, command in rules.items():
+        command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
+        print(f'{name} ... ', end='', flush=True)
+        started = time.monotonic()
+        done = subprocess.run(
+            command,
+            cwd=ROOT,
+            env=workspace.environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        outcome = Outcome(name, seconds=time.monotonic() - started)
+        if done.returncode:
+            outcome.failed = 1
+            print(f'failed\n{done.stdout}', flush=True)
+        else:
+            outcome.passed = 1
+            print(f'{outcome.seconds:.0f} s', flush=True)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def test_packages(workspace: Workspace, packages: list[str]) -> list[Outcome]:
+    """Run `colcon test` and read the results that it leaves behind."""
+    results = workspace.base / 'test_results'
+    shutil.rmtree(results, ignore_errors=True)
+    # colcon looks for results where it builds; those of earlier runs must not count.
+    for package in packages:
+        for old in (workspace.build_base / package).glob('*.xml'):
+            old.unlink()
+    print(f'tests of {len(packages)} packages (colcon test) ...', flush=True)
+    started = time.monotonic()
+    done = subprocess.run(
+        [
+            *(str(workspace.python), '-m', 'colcon', '--log-base', str(workspace.base / 'log')),
+            *('test', '--base-paths', str(ROOT / 'src'), '--merge-install'),
+            *('--build-base', str(workspace.build_base)),
+            *('--install-base', str(workspace.install)),
+            *('--test-result-base', str(results)),
+            *('--packages-select', *packages, '--return-code-on-test-failure'),
+            *('--event-handlers', 'console_direct-', 'console_cohesion-', 'status-'),
+        ],
+        cwd=ROOT,
+        env=workspace.environment(),
+        stderr=subprocess.DEVNULL,
+    )
+    seconds = time.monotonic() - started
+    outcomes = []
+    for package in packages:
+        if not any((ROOT / 'src' / package / 'test').rglob('test_*.py')):
+            continue
+        files = sorted((results / package).rglob('*.xml'))
+        outcomes.append(read_results(package, files))
+    if done.returncode and not any(o.failed for o in outcomes):
+        outcomes.append(
+            Outcome('colcon test', failed=1, remarks=[f'ended with code {done.returncode}'])
+        )
+    print(f'tests took {seconds:.0f} s', flush=True)
+    return outcomes
+
+
+def read_results(package: str, files: list[Path]) -> Outcome:
+    """Sum up the JUnit files of one package."""
+    outcome = Outcome(package)
+    for path in files:
+        for suite in ElementTree.parse(path).iter('testsuite'):
+            outcome.seconds += float(suite.get('time', 0))
+            for case in suite.iter('testcase'):
+                name = f'{case.get("classname", "")}::{case.get("name", "")}'
+                fault = case.find('failure')
+                fault = case.find('error') if fault is None else fault
+                skip = case.find('skipped')
+                if fault is not None:
+                    outcome.failed += 1
+                    outcome.remarks.append(f'FAILED {name}\n{fault.text or fault.get("message")}')
+                elif skip is not None:
+                    outcome.skipped += 1
+                    outcome.remarks.append(f'skipped {name}: {skip.get("message")}')
+                else:
+                    outcome.passed += 1
+    if not (outcome.passed or outcome.failed or outcome.skipped):
+        outcome.failed = 1
+        outcome.remarks.append(f'FAILED {package}: its tests left no results')
+    return outcome
+
+
+def summarise(outcomes: list[Outcome]) -> int:
+    """Print failures, skips and a table; return 0 only when nothing failed."""
+    for outcome in outcomes:
+        for remark in outcome.remarks:
+            print(f'\n{remark}' if remark.startswith('FAILED') else remark)
+    print(f'\n{"":24}{"passed":>8}{"failed":>8}{"skipped":>8}{"seconds":>9}')
+    for outcome in outcomes:
+        print(
+            f'{outcome.name:24}{outcome.passed:8}{outcome.failed:8}'
+            f'{outcome.skipped:8}{outcome.seconds:9.1f}'
+        )
+    passed, failed, skipped = (
+        sum(getattr(o, name) for o in outcomes) for name in ('passed', 'failed', 'skipped')
+    )
+    print(f'\n{passed} passed, {failed} failed, {skipped} skipped', flush=True)
+    return 1 if failed or not passed else 0
