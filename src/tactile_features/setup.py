@@ -18,7 +18,9 @@ setup(
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     maintainer_email='maintainers@tendon-tactile.example.org',
-    description='Cuts the tension stream into windows and computes texture and stiffness features.',
+    description=(
+        'Cuts the tension stream into windows and computes texture and stiffness features.'
+    ),
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

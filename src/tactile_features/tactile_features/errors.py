@@ -1,0 +1,11 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What goes wrong in this package."""
+
+
+class FeatureError(Exception):
+    """Root of this package's exceptions."""
+
+
+class UndefinedFeatureError(FeatureError):
+    """A feature has no value on this window, such as the correlation of a constant."""

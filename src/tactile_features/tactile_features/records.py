@@ -1,0 +1,227 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What goes into the extractor and what comes out, free of ROS.
+
+The constants repeat those of the messages in ``tactile_msgs``; a test keeps them equal.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.errors import FeatureError
+
+PROTOCOL_TEXTURE = 'texture'
+PROTOCOL_STIFFNESS = 'stiffness'
+
+CONTACT_FLEXION = 'flexion'
+CONTACT_ABDUCTION = 'abduction'
+
+PHASE_APPROACH = 'approach'
+PHASE_CONTACT = 'contact'
+PHASE_GLIDE = 'glide'
+PHASE_HOLD = 'hold'
+PHASE_RELEASE = 'release'
+PHASE_RETURN = 'return'
+PHASE_DONE = 'done'
+PHASE_ABORTED = 'aborted'
+
+STATUS_OK = 0
+STATUS_HOST_TIME = 1
+STATUS_SATURATED = 2
+STATUS_STUCK = 4
+STATUS_DEVICE_ERROR = 8
+STATUS_RESYNCHRONISED = 16
+STATUS_RECONNECTED = 32
+
+SET_TEXTURE_SPECTRUM = 'texture_spectrum'
+SET_STIFFNESS_REGRESSION = 'stiffness_regression'
+
+
+class Outcome(IntEnum):
+    """How the cutting of one window ended."""
+
+    OK = 0
+    GAP = 1
+    TOO_SHORT = 2
+    BAD_SIGNAL = 3
+    UNDEFINED = 4
+    ABORTED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class StrainBlock:
+    """A run of consecutive samples of the tension on one tendon.
+
+    Sample ``i`` has sequence number ``sequence + i`` and time
+    ``stamp_ns + i * period_ns``.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Time of the first sample (ROS time) [ns].
+    sequence : int
+        Sequence number of the first sample; counts lost samples too.
+    period_ns : int
+        Time between two samples of this block [ns].
+    tension_n : ndarray of shape (n,)
+        Tension [N].
+    lost_before : int
+        Samples known to be lost between the previous block and this one.
+    status : int
+        STATUS_ bits; they hold for every sample of the block.
+    """
+
+    stamp_ns: int
+    sequence: int
+    period_ns: int
+    tension_n: NDArray[np.float64]
+    lost_before: int = 0
+    status: int = STATUS_OK
+
+
+@dataclass(frozen=True)
+class TrialEvent:
+    """The start of one phase of a trial, at ``stamp_ns`` on the samples' clock."""
+
+    stamp_ns: int
+    trial_id: str
+    session_id: str
+    protocol: str
+    contact: str
+    object_label: str
+    phase: str
+    message: str = ''
+    glide_speed_m_s: float = 0.0
+    simulated: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureWindow:
+    """The features of one window of tension, or the reason why there are none.
+
+    Two windows are equal when every field is, ``values`` bit for bit.
+
+    Attributes
+    ----------
+    values : ndarray of shape (k,)
+        The features in the order and units of the set's `FeatureSpec`; empty when
+        ``outcome`` is not ``Outcome.OK``.
+    reason : str
+        One sentence when ``outcome`` is not ``Outcome.OK``; empty otherwise.
+    window_start_ns, window_end_ns : int
+        Times of the first and the last sample; start and end of the phase when no
+        sample belongs to the window [ns].
+    first_sequence, sample_count, interpolated_count : int
+        0 when no sample belongs to the window.
+    """
+
+    feature_set: str
+    feature_set_version: int
+    trial_id: str
+    contact: str
+    simulated: bool
+    outcome: Outcome
+    reason: str
+    values: NDArray[np.float64]
+    window_start_ns: int
+    window_end_ns: int
+    first_sequence: int
+    rate_hz: float
+    sample_count: int
+    interpolated_count: int
+    status: int
+    frame_id: str
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, FeatureWindow):
+            return NotImplemented
+        return self._as_bits() == other._as_bits()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def _as_bits(self) -> tuple[object, ...]:
+        values = (getattr(self, f.name) for f in dataclasses.fields(self))
+        return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)
+
+
+def _parameter(default: Any, description: str, **metadata: Any) -> Any:
+    return field(default=default, metadata={'description': description, **metadata})
+
+
+@dataclass(frozen=True)
+class FeatureConfig:
+    """How windows are cut from the phases of a trial.
+
+    Raises
+    ------
+    FeatureError
+        When a value is out of its range or the buffer cannot hold a window.
+    """
+
+    rate_hz: float = _parameter(
+        60.0, 'nominal sample rate of the tension', unit='Hz', range=(1.0, 20000.0)
+    )
+    texture_samples: int = _parameter(
+        180, 'samples in a texture window', unit='1', range=(2, 1000000)
+    )
+    texture_crop_start_s: float = _parameter(
+        0.6,
+        'flat section that is left out at the start of the glide',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+    texture_crop_end_s: float = _parameter(
+        0.1,
+        'a texture window must end this long before the glide does',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+    stiffness_settle_s: float = _parameter(
+        0.5,
+        'dynamic deformation that is left out at the start of the hold',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+    stiffness_crop_end_s: float = _parameter(
+        0.1, 'what is left out at the end of the hold', unit='s', range=(0.0, 60.0)
+    )
+    stiffness_min_s: float = _parameter(
+        2.0, 'shortest stiffness window', unit='s', range=(0.05, 60.0)
+    )
+    max_gap_samples: int = _parameter(
+        0,
+        'longest run of lost samples that is interpolated linearly; 0 rejects any loss',
+        unit='1',
+        range=(0, 1000),
+    )
+    buffer_s: float = _parameter(
+        120.0,
+        'how long samples wait for the events of their trial, and events for samples',
+        unit='s',
+        range=(1.0, 600.0),
+    )
+    frame_id: str = _parameter('tendon_sensor_link', 'frame of the sensor')
+
+    def __post_init__(self) -> None:
+        for item in dataclasses.fields(self):
+            if 'range' in item.metadata:
+                low, high = item.metadata['range']
+                value = getattr(self, item.name)
+                if not low <= value <= high:
+                    raise FeatureError(
+                        f'{item.name} is {value}; it must lie between {low} and {high}'
+                    )
+        texture_s = self.texture_crop_start_s + self.texture_samples / self.rate_hz
+        stiffness_s = self.stiffness_settle_s + self.stiffness_min_s
+        if max(texture_s, stiffness_s) > self.buffer_s:
+            raise FeatureError(
+                f'buffer_s is {self.buffer_s}, which cannot hold a window that ends '
+                f'{max(texture_s, stiffness_s):g} s after its phase began; raise buffer_s'
+            )

@@ -1,0 +1,158 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a vector of features is: the one description that node and model file compare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tactile_features.errors import FeatureError
+from tactile_features.records import (
+    PROTOCOL_STIFFNESS,
+    PROTOCOL_TEXTURE,
+    SET_STIFFNESS_REGRESSION,
+    SET_TEXTURE_SPECTRUM,
+    FeatureConfig,
+)
+from tactile_features.regression import REGRESSION_NAMES, REGRESSION_UNITS
+from tactile_features.spectrum import spectrum_names
+
+TEXTURE_VERSION = 1
+STIFFNESS_VERSION = 1
+
+
+@dataclass(frozen=True)
+class FeatureSpec:
+    """A feature set as it comes out of one configuration.
+
+    Attributes
+    ----------
+    feature_set : str
+        One of the SET_ constants.
+    version : int
+        Changes when values of the same name would come out different.
+    rate_hz : float
+        Nominal sample rate of the window [Hz].
+    sample_count : int
+        Samples in a window; 0 where the phase decides.
+    names, units : tuple of str
+        One a feature.
+    parameters : mapping of str to float
+        Which part of the phase the window is, by the names of `FeatureConfig`. Empty
+        for arrays of ready-cut windows.
+    """
+
+    feature_set: str
+    version: int
+    rate_hz: float
+    sample_count: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the specification as plain JSON types."""
+        return {
+            'feature_set': self.feature_set,
+            'version': self.version,
+            'rate_hz': self.rate_hz,
+            'sample_count': self.sample_count,
+            'names': list(self.names),
+            'units': list(self.units),
+            'parameters': dict(self.parameters),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> FeatureSpec:
+        """Return the specification that `to_dict` wrote.
+
+        Raises
+        ------
+        FeatureError
+            When an entry is missing or of the wrong type.
+        """
+        try:
+            return cls(
+                feature_set=str(data['feature_set']),
+                version=int(data['version']),
+                rate_hz=float(data['rate_hz']),
+                sample_count=int(data['sample_count']),
+                names=tuple(str(name) for name in data['names']),
+                units=tuple(str(unit) for unit in data['units']),
+                parameters={str(k): float(v) for k, v in data['parameters'].items()},
+            )
+        except KeyError as error:
+            raise FeatureError(f'the feature specification has no entry {error}') from error
+        except (AttributeError, TypeError, ValueError) as error:
+            raise FeatureError(f'the feature specification cannot be read: {error}') from error
+
+    def mismatch(self, other: FeatureSpec) -> str:
+        """Return why features of ``other`` must not be taken for these, or an empty string.
+
+        A parameter that only one of the two states is not compared: ready-cut
+        windows do not know how they were cut.
+        """
+        pairs = [
+            ('feature set', self.feature_set, other.feature_set),
+            ('version of the feature set', self.version, other.version),
+            ('rate in Hz', self.rate_hz, other.rate_hz),
+            ('window in samples', self.sample_count, other.sample_count),
+        ]
+        pairs += [
+            (f'window ({name})', self.parameters[name], other.parameters[name])
+            for name in self.parameters
+            if name in other.parameters
+        ]
+        for what, mine, theirs in pairs:
+            if mine != theirs:
+                return f'the {what} differs: {mine} here, {theirs} there'
+        if self.names != other.names or self.units != other.units:
+            return 'the names or units of the features differ'
+        return ''
+
+
+def texture_spec(config: FeatureConfig) -> FeatureSpec:
+    """Return what the texture features of ``config`` are."""
+    names = spectrum_names(config.texture_samples, config.rate_hz)
+    return FeatureSpec(
+        feature_set=SET_TEXTURE_SPECTRUM,
+        version=TEXTURE_VERSION,
+        rate_hz=config.rate_hz,
+        sample_count=config.texture_samples,
+        names=names,
+        units=('N',) * len(names),
+        parameters={'texture_crop_start_s': config.texture_crop_start_s},
+    )
+
+
+def stiffness_spec(config: FeatureConfig) -> FeatureSpec:
+    """Return what the stiffness features of ``config`` are."""
+    return FeatureSpec(
+        feature_set=SET_STIFFNESS_REGRESSION,
+        version=STIFFNESS_VERSION,
+        rate_hz=config.rate_hz,
+        sample_count=0,
+        names=REGRESSION_NAMES,
+        units=REGRESSION_UNITS,
+        parameters={
+            'stiffness_settle_s': config.stiffness_settle_s,
+            'stiffness_crop_end_s': config.stiffness_crop_end_s,
+        },
+    )
+
+
+def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:
+    """Return the specification for a task, ``texture`` or ``stiffness``.
+
+    Raises
+    ------
+    FeatureError
+        When the task is neither.
+    """
+    if task == PROTOCOL_TEXTURE:
+        return texture_spec(config)
+    if task == PROTOCOL_STIFFNESS:
+        return stiffness_spec(config)
+    raise FeatureError(f'there are no features for the task "{task}"; it is texture or stiffness')
