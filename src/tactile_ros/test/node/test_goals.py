@@ -1,0 +1,197 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import threading
+import time
+from dataclasses import dataclass
+
+import pytest
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from tactile_msgs.action import MoveGuide
+
+from tactile_ros.goals import GoalAborted, GoalRunner
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import NodeGroup
+
+DEADLINE_S = 10.0
+
+
+@dataclass(frozen=True)
+class NoConfig:
+    pass
+
+
+class Server(TactileNode):
+    def __init__(self, work, **options):
+        super().__init__('server', NoConfig, **options)
+        self.refusal = ''
+        self.cancel_calls = 0
+        self.runner = GoalRunner(
+            self,
+            MoveGuide,
+            '~/move',
+            work,
+            accepting=lambda: self.refusal,
+            on_cancel=self.count_cancel,
+        )
+
+    def count_cancel(self):
+        self.cancel_calls += 1
+
+    def tear_down(self):
+        self.runner.close()
+
+
+class Client:
+    """Blocking calls from the test's thread."""
+
+    def __init__(self, node):
+        self.client = ActionClient(node, MoveGuide, 'server/move')
+        self.feedback = []
+
+    @staticmethod
+    def wait(future):
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert future.done() or done.wait(DEADLINE_S), 'no answer'
+        return future.result()
+
+    def send(self, position_m=0.1):
+        assert self.client.wait_for_server(timeout_sec=DEADLINE_S)
+        goal = MoveGuide.Goal(position_m=position_m)
+        handle = self.wait(
+            self.client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
+        )
+        assert handle.accepted
+        return handle
+
+    def result(self, handle):
+        reply = self.wait(handle.get_result_async())
+        return reply.status, reply.result
+
+
+@pytest.fixture
+def rig(context):
+    """Return a function that runs a server with this work and gives it with a client."""
+    groups = []
+
+    def make(work):
+        server = Server(work, context=context)
+        node = Node('client', context=context)
+        client = Client(node)
+        group = NodeGroup([node, server], context=context)
+        group.__enter__()
+        groups.append(group)
+        return server, client
+
+    yield make
+    for group in groups:
+        group.close()
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline, 'condition not met in time'
+        time.sleep(0.005)
+
+
+def test_goal_succeeds_with_feedback(rig):
+    def work(goal):
+        goal.feedback(position_m=goal.request.position_m / 2)
+        return MoveGuide.Result(message='there', position_m=goal.request.position_m)
+
+    _, client = rig(work)
+    status, result = client.result(client.send(0.2))
+    assert status == GoalStatus.STATUS_SUCCEEDED
+    assert (result.message, result.position_m) == ('there', 0.2)
+    wait_until(lambda: client.feedback)
+    assert client.feedback[0].position_m == 0.1
+
+
+def test_executor_is_free_while_a_goal_works(rig):
+    release = threading.Event()
+
+    def work(goal):
+        assert release.wait(DEADLINE_S)
+        return MoveGuide.Result()
+
+    server, client = rig(work)
+    ticks = []
+    server.create_timer(0.01, lambda: ticks.append(1))
+    handle = client.send()
+    wait_until(lambda: len(ticks) > 5)
+    release.set()
+    assert client.result(handle)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_abort_and_error_carry_their_message(rig):
+    def work(goal):
+        if goal.request.position_m > 0.5:
+            raise GoalAborted('too far')
+        raise RuntimeError('cable cut')
+
+    _, client = rig(work)
+    for position_m, message in ((0.9, 'too far'), (0.1, 'cable cut')):
+        status, result = client.result(client.send(position_m))
+        assert status == GoalStatus.STATUS_ABORTED
+        assert result.message == message
+
+
+def test_cancel_reaches_the_worker_at_once(rig):
+    def work(goal):
+        assert goal.wait(DEADLINE_S)
+        goal.check()
+        return MoveGuide.Result()
+
+    server, client = rig(work)
+    handle = client.send()
+    client.wait(handle.cancel_goal_async())
+    status, result = client.result(handle)
+    assert status == GoalStatus.STATUS_CANCELED
+    assert result.message == 'cancelled'
+    assert server.cancel_calls == 1
+
+
+def test_second_goal_is_aborted_and_the_first_goes_on(rig):
+    release = threading.Event()
+
+    def work(goal):
+        release.wait(DEADLINE_S)
+        return MoveGuide.Result(message='first')
+
+    server, client = rig(work)
+    first = client.send()
+    wait_until(lambda: server.runner.is_busy)
+    status, result = client.result(client.send())
+    assert status == GoalStatus.STATUS_ABORTED
+    assert 'another goal' in result.message
+    release.set()
+    assert client.result(first)[1].message == 'first'
+    assert client.result(client.send())[1].message == 'first'
+
+
+def test_goal_that_is_not_accepted_says_why(rig):
+    server, client = rig(lambda goal: MoveGuide.Result())
+    server.refusal = 'home the guide first'
+    status, result = client.result(client.send())
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.message == 'home the guide first'
+
+
+def test_closing_the_group_ends_a_running_goal(rig, context):
+    ended = threading.Event()
+
+    def work(goal):
+        goal.wait(DEADLINE_S)
+        ended.set()
+        return MoveGuide.Result()
+
+    server = Server(work, context=context)
+    node = Node('other_client', context=context)
+    client = Client(node)
+    with NodeGroup([node, server], context=context):
+        client.send()
+        wait_until(lambda: server.runner.is_busy)
+    assert ended.is_set()

@@ -1,0 +1,69 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A node's process: how it starts and how it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import sys
+from dataclasses import dataclass, field
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import run_node
+
+@dataclass(frozen=True)
+class Config:
+    device: str = field(default='', metadata={'description': 'device'})
+
+class Node(TactileNode):
+    def __init__(self):
+        super().__init__('probe', Config)
+    def set_up(self, config):
+        if config.device == 'broken':
+            raise RuntimeError('device broken')
+    def start(self):
+        print('started', flush=True)
+    def tear_down(self):
+        print('torn down', flush=True)
+
+sys.exit(run_node(Node))
+"""
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(os.getpid() % 100)},
+    )
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_the_process_cleanly(number):
+    process = start()
+    assert process.stdout.readline().strip() == 'started'
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=10)
+    assert process.returncode == 0, errors
+    assert output.strip() == 'torn down'
+
+
+def test_node_that_cannot_configure_exits_with_one_and_says_why():
+    process = start('--ros-args', '-p', 'device:=broken')
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert 'device broken' in errors
+
+
+def test_parameter_of_the_wrong_type_is_one_sentence():
+    process = start('--ros-args', '-p', 'device:=7')
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert 'cannot start' in errors
+    assert 'Traceback' not in errors
