@@ -1,3 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 """Cuts the tension stream into windows and computes texture and stiffness features."""
+
+from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.extractor import TrialFeatureExtractor, features_from_trials
+from tactile_features.records import (
+    FeatureConfig,
+    FeatureWindow,
+    Outcome,
+    StrainBlock,
+    TrialEvent,
+)
+from tactile_features.regression import compute_regression
+from tactile_features.spec import FeatureSpec, spec_for
+from tactile_features.spectrum import compute_spectrum
+
+__all__ = [
+    'FeatureConfig',
+    'FeatureError',
+    'FeatureSpec',
+    'FeatureWindow',
+    'Outcome',
+    'StrainBlock',
+    'TrialEvent',
+    'TrialFeatureExtractor',
+    'UndefinedFeatureError',
+    'compute_regression',
+    'compute_spectrum',
+    'features_from_trials',
+    'spec_for',
+]

@@ -64,9 +64,8 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> NDArray[np.f
     out = np.empty((len(rows), 3))
     for index, row in enumerate(rows):
         if (row == row[0]).all():
-            where = f' of window {index}' if len(rows) > 1 else ''
             raise UndefinedFeatureError(
-                f'the tension{where} is constant, so its correlation with time is undefined'
+                'the tension is constant, so its correlation with time is undefined'
             )
         out[index] = _compute_one(elapsed, row)
     if not np.isfinite(out).all():

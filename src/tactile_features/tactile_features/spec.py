@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -115,15 +117,23 @@ class FeatureSpec:
 
 def texture_spec(config: FeatureConfig) -> FeatureSpec:
     """Return what the texture features of ``config`` are."""
-    names = spectrum_names(config.texture_samples, config.rate_hz)
+    return _texture(
+        config.rate_hz,
+        config.texture_samples,
+        {'texture_crop_start_s': config.texture_crop_start_s},
+    )
+
+
+def _texture(rate_hz: float, sample_count: int, parameters: dict[str, float]) -> FeatureSpec:
+    names = spectrum_names(sample_count, rate_hz)
     return FeatureSpec(
         feature_set=SET_TEXTURE_SPECTRUM,
         version=TEXTURE_VERSION,
-        rate_hz=config.rate_hz,
-        sample_count=config.texture_samples,
+        rate_hz=float(rate_hz),
+        sample_count=sample_count,
         names=names,
         units=('N',) * len(names),
-        parameters={'texture_crop_start_s': config.texture_crop_start_s},
+        parameters=parameters,
     )
 
 
@@ -156,3 +166,20 @@ def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:
     if task == PROTOCOL_STIFFNESS:
         return stiffness_spec(config)
     raise FeatureError(f'there are no features for the task "{task}"; it is texture or stiffness')
+
+
+def array_spec(task: str, sample_count: int, rate_hz: float) -> FeatureSpec:
+    """Return the specification for ready-cut windows: without parameters of the cut.
+
+    Raises
+    ------
+    FeatureError
+        When the task is unknown or the rate is not positive.
+    """
+    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+        raise FeatureError(f'the rate is {rate_hz} Hz; it must be positive')
+    if task == PROTOCOL_TEXTURE:
+        return _texture(rate_hz, sample_count, {})
+    return dataclasses.replace(
+        spec_for(task, FeatureConfig()), rate_hz=float(rate_hz), parameters={}
+    )

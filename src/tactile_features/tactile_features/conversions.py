@@ -1,0 +1,102 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Messages to records and back.
+
+``*_from_msg`` read fields by name alone, so that they take rclpy's messages and
+those that the rosbags library has deserialised.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
+
+
+def strain_block_from_msg(msg: Any) -> StrainBlock:
+    """Return the record of a ``tactile_msgs/StrainBlock``."""
+    return StrainBlock(
+        stamp_ns=_stamp_from_msg(msg.header.stamp),
+        sequence=int(msg.sequence),
+        period_ns=int(msg.period_ns),
+        tension_n=np.array(msg.tension_n, dtype=np.float64),
+        lost_before=int(msg.lost_before),
+        status=int(msg.status),
+    )
+
+
+def event_from_msg(msg: Any) -> TrialEvent:
+    """Return the record of a ``tactile_msgs/TrialEvent``."""
+    return TrialEvent(
+        stamp_ns=_stamp_from_msg(msg.header.stamp),
+        trial_id=str(msg.trial_id),
+        session_id=str(msg.session_id),
+        protocol=str(msg.protocol),
+        contact=str(msg.contact),
+        object_label=str(msg.object_label),
+        phase=str(msg.phase),
+        message=str(msg.message),
+        glide_speed_m_s=float(msg.glide_speed_m_s),
+        simulated=bool(msg.simulated),
+    )
+
+
+def feature_window_from_msg(msg: Any) -> FeatureWindow:
+    """Return the record of a ``tactile_msgs/TactileFeatures``."""
+    return FeatureWindow(
+        feature_set=str(msg.feature_set),
+        feature_set_version=int(msg.feature_set_version),
+        trial_id=str(msg.trial_id),
+        contact=str(msg.contact),
+        simulated=bool(msg.simulated),
+        outcome=Outcome(int(msg.outcome)),
+        reason=str(msg.reason),
+        values=np.array(msg.values, dtype=np.float64),
+        window_start_ns=_stamp_from_msg(msg.window_start),
+        window_end_ns=_stamp_from_msg(msg.window_end),
+        first_sequence=int(msg.first_sequence),
+        rate_hz=float(msg.rate_hz),
+        sample_count=int(msg.sample_count),
+        interpolated_count=int(msg.interpolated_count),
+        status=int(msg.status),
+        frame_id=str(msg.header.frame_id),
+    )
+
+
+def feature_window_to_msg(window: FeatureWindow) -> Any:
+    """Return the ``tactile_msgs/TactileFeatures`` of a record."""
+    from builtin_interfaces.msg import Time
+    from std_msgs.msg import Header
+    from tactile_msgs.msg import TactileFeatures
+
+    start = Time(**_split_stamp(window.window_start_ns))
+    end = Time(**_split_stamp(window.window_end_ns))
+    return TactileFeatures(
+        header=Header(stamp=end, frame_id=window.frame_id),
+        feature_set=window.feature_set,
+        feature_set_version=window.feature_set_version,
+        trial_id=window.trial_id,
+        contact=window.contact,
+        simulated=window.simulated,
+        outcome=int(window.outcome),
+        reason=window.reason,
+        values=window.values.tolist(),
+        window_start=start,
+        window_end=end,
+        first_sequence=window.first_sequence,
+        rate_hz=window.rate_hz,
+        sample_count=window.sample_count,
+        interpolated_count=window.interpolated_count,
+        status=window.status,
+    )
+
+
+def _stamp_from_msg(stamp: Any) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _split_stamp(stamp_ns: int) -> dict[str, int]:
+    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
+    return {'sec': sec, 'nanosec': nanosec}

@@ -1,0 +1,179 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Samples and trial events in, windows of features out.
+
+The one implementation behind the live node, the replay of bags and training.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.phase_window import PhaseWindow
+from tactile_features.records import (
+    PHASE_ABORTED,
+    PHASE_DONE,
+    PHASE_GLIDE,
+    PHASE_HOLD,
+    PROTOCOL_TEXTURE,
+    FeatureConfig,
+    FeatureWindow,
+    Outcome,
+    StrainBlock,
+    TrialEvent,
+)
+from tactile_features.regression import compute_regression
+from tactile_features.spec import FeatureSpec, array_spec
+from tactile_features.spectrum import compute_spectrum
+from tactile_features.windows import SampleBuffer
+
+
+class TrialFeatureExtractor:
+    """Cuts one window out of every finished glide and hold phase.
+
+    The windows depend on stamps and sequence numbers alone: in whatever way events
+    and blocks interleave, and however samples are grouped into blocks, the same
+    windows come out in the same order, bit for bit, as long as neither topic runs
+    ahead of the other by more than ``buffer_s``.
+
+    Parameters
+    ----------
+    config : FeatureConfig
+
+    Attributes
+    ----------
+    block_count, sample_count, event_count : int
+        What has come in.
+    window_counts : dict of Outcome to int
+        What has come out.
+    dropped_trial_count : int
+        Trials that another trial replaced before they had ended.
+    """
+
+    def __init__(self, config: FeatureConfig) -> None:
+        self.config = config
+        self.block_count = 0
+        self.sample_count = 0
+        self.event_count = 0
+        self.dropped_trial_count = 0
+        self.window_counts = dict.fromkeys(Outcome, 0)
+        self._buffer_ns = round(config.buffer_s * 1e9)
+        # Twice the nominal rate: a stream that is too fast is told so, not cut off.
+        capacity = round(2 * config.buffer_s * config.rate_hz)
+        self._buffer = SampleBuffer(self._buffer_ns, capacity, config.max_gap_samples)
+        self._event: TrialEvent | None = None
+        self._waiting: deque[PhaseWindow] = deque()
+
+    @property
+    def late_sample_count(self) -> int:
+        """Samples that came again or too late."""
+        return self._buffer.late_sample_count
+
+    @property
+    def restart_count(self) -> int:
+        """Restarts of the stream of samples."""
+        return self._buffer.restart_count
+
+    def add_block(self, block: StrainBlock) -> list[FeatureWindow]:
+        """Take in samples; return the windows that are now complete, in order of phases."""
+        self.block_count += 1
+        self.sample_count += len(block.tension_n)
+        windows = []
+        if self._buffer.add(block):
+            windows = self._give_up('the clock of the samples was set back before they came')
+        windows += self._take_complete()
+        self._buffer.evict()
+        return windows
+
+    def add_event(self, event: TrialEvent) -> list[FeatureWindow]:
+        """Take in the start of a phase; return the windows that are now complete."""
+        self.event_count += 1
+        begun, self._event = self._event, event
+        if begun is not None and begun != event:
+            # A step back in time is the same trial played again, not the end of a phase.
+            if begun.trial_id == event.trial_id and event.stamp_ns >= begun.stamp_ns:
+                if begun.phase in (PHASE_GLIDE, PHASE_HOLD):
+                    self._waiting.append(PhaseWindow(begun, event, self.config))
+            elif begun.phase not in (PHASE_DONE, PHASE_ABORTED):
+                self.dropped_trial_count += 1
+        return self._take_complete()
+
+    def finish(self) -> list[FeatureWindow]:
+        """Return windows for the finished phases that still wait: no more samples will come."""
+        return self._give_up('the stream ended before all samples had come')
+
+    def _take_complete(self) -> list[FeatureWindow]:
+        windows: list[FeatureWindow] = []
+        while self._waiting:
+            # Only the oldest phase may go, so that the order does not depend on arrival.
+            window = self._waiting[0].take(self._buffer) or self._refuse_overdue(self._waiting[0])
+            if window is None:
+                break
+            self._waiting.popleft()
+            self.window_counts[window.outcome] += 1
+            windows.append(window)
+        return windows
+
+    def _refuse_overdue(self, waiting: PhaseWindow) -> FeatureWindow | None:
+        if self._event and self._event.stamp_ns - waiting.end.stamp_ns > self._buffer_ns:
+            reason = f'no samples came within {self.config.buffer_s:g} s'
+            return waiting.refuse(Outcome.GAP, reason)
+        return None
+
+    def _give_up(self, reason: str) -> list[FeatureWindow]:
+        windows = []
+        while self._waiting:
+            window = self._waiting.popleft().refuse(Outcome.GAP, reason)
+            self.window_counts[window.outcome] += 1
+            windows.append(window)
+        return windows
+
+
+def features_from_trials(
+    task: str, x: ArrayLike, rate_hz: float
+) -> tuple[NDArray[np.float64], FeatureSpec]:
+    """Return the features of ready-cut windows, one row a trial.
+
+    Parameters
+    ----------
+    task : str
+        ``texture`` or ``stiffness``.
+    x : array_like of shape (trials, samples)
+        Tension [N]; all samples of a row are the window.
+    rate_hz : float
+        Sample rate [Hz].
+
+    Returns
+    -------
+    values : ndarray of shape (trials, k)
+    spec : FeatureSpec
+        Names and units of the columns.
+
+    Raises
+    ------
+    FeatureError
+        When the shape or the rate does not fit, a value is not finite or a feature
+        is undefined; the message names the trial.
+    """
+    tension = np.asarray(x, dtype=np.float64)
+    if tension.ndim != 2 or tension.shape[1] < 2:
+        raise FeatureError(
+            f'the trials have shape {tension.shape}; it must be (trials, samples), samples >= 2'
+        )
+    spec = array_spec(task, tension.shape[1], rate_hz)
+    bad = np.flatnonzero(~np.isfinite(tension).all(axis=1))
+    if len(bad):
+        raise FeatureError(f'the tension of trial {bad[0]} holds values that are not finite')
+    if task == PROTOCOL_TEXTURE:
+        return compute_spectrum(tension), spec
+    constant = np.flatnonzero((tension == tension[:, :1]).all(axis=1))
+    if len(constant):
+        raise UndefinedFeatureError(
+            f'the tension of trial {constant[0]} is constant; its correlation is undefined'
+        )
+    time_ns = np.rint(np.arange(tension.shape[1]) * (1e9 / rate_hz)).astype(np.int64)
+    return compute_regression(time_ns, tension), spec

@@ -1,0 +1,206 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The window that belongs to one finished phase: its samples, their fitness, its features."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.errors import FeatureError
+from tactile_features.records import (
+    PHASE_ABORTED,
+    PHASE_GLIDE,
+    STATUS_DEVICE_ERROR,
+    STATUS_SATURATED,
+    STATUS_STUCK,
+    FeatureConfig,
+    FeatureWindow,
+    Outcome,
+    TrialEvent,
+)
+from tactile_features.regression import compute_regression
+from tactile_features.spec import stiffness_spec, texture_spec
+from tactile_features.spectrum import compute_spectrum
+from tactile_features.windows import SAMPLE, SampleBuffer, Samples
+
+RATE_TOLERANCE = 0.02
+"""How far the mean rate of a window may be off its nominal rate [1]: less than two bins
+at the upper end of the spectrum of 180 samples."""
+
+_BAD_STATUS = {
+    STATUS_SATURATED: 'saturated',
+    STATUS_STUCK: 'stuck',
+    STATUS_DEVICE_ERROR: 'reported as faulty by the device',
+}
+
+_NO_SAMPLES: Samples = np.empty(0, SAMPLE)
+
+
+class _Cut(NamedTuple):
+    """The samples of a window.
+
+    ``after``: the sample after them, where the phase and not a count ends the window.
+    """
+
+    samples: Samples
+    after: Any
+
+
+class PhaseWindow:
+    """One finished glide or hold phase on its way to a window of features.
+
+    Texture: the first ``texture_samples`` samples of the glide after its crop; they must
+    end before the crop at its end. Stiffness: all samples of the hold between
+    its crops.
+
+    Parameters
+    ----------
+    start, end : TrialEvent
+        The phase's event and the trial's next one.
+    config : FeatureConfig
+    """
+
+    def __init__(self, start: TrialEvent, end: TrialEvent, config: FeatureConfig) -> None:
+        self.start = start
+        self.end = end
+        self._config = config
+        self._is_texture = start.phase == PHASE_GLIDE
+        if self._is_texture:
+            self._spec = texture_spec(config)
+            crop_start_s, crop_end_s = config.texture_crop_start_s, config.texture_crop_end_s
+            shortest_s = (config.texture_samples - 1) / config.rate_hz * (1 - RATE_TOLERANCE)
+        else:
+            self._spec = stiffness_spec(config)
+            crop_start_s, crop_end_s = config.stiffness_settle_s, config.stiffness_crop_end_s
+            shortest_s = config.stiffness_min_s
+        self._period_ns = round(1e9 / config.rate_hz)
+        self._from_ns = start.stamp_ns + round(crop_start_s * 1e9)
+        self._to_ns = end.stamp_ns - round(crop_end_s * 1e9)
+        self._shortest_ns = round(shortest_s * 1e9)
+
+    def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
+        """Return the window, or None while a sample still to come could change it."""
+        if self.end.phase == PHASE_ABORTED:
+            reason = f'the trial was aborted: {self.end.message or "no reason given"}'
+            return self.refuse(Outcome.ABORTED, reason)
+        if self._to_ns - self._from_ns < self._shortest_ns:
+            reason = (
+                f'the {self.start.phase} leaves {(self._to_ns - self._from_ns) / 1e9:.3f} s '
+                f'between its crops; the window needs {self._shortest_ns / 1e9:.3f} s'
+            )
+            return self.refuse(Outcome.TOO_SHORT, reason)
+        cut = self._cut(buffer)
+        if cut is None:
+            return None
+        if buffer.evicted_ns is not None and buffer.evicted_ns >= self._from_ns:
+            reason = (
+                f'the buffer of {self._config.buffer_s:g} s no longer holds the whole window; '
+                'raise buffer_s'
+            )
+            return self.refuse(Outcome.GAP, reason)
+        return self._assess(cut)
+
+    def refuse(
+        self, outcome: Outcome, reason: str, samples: Samples = _NO_SAMPLES
+    ) -> FeatureWindow:
+        """Return the window without features."""
+        return self._window(outcome, reason, samples, np.empty(0))
+
+    def _cut(self, buffer: SampleBuffer) -> _Cut | None:
+        samples = buffer.samples
+        begin = buffer.first_at(self._from_ns)
+        if self._is_texture:
+            end = begin + self._config.texture_samples
+            if end <= len(samples) and samples['latest_ns'][end - 1] <= self._to_ns:
+                return _Cut(samples[begin:end], None)
+        if buffer.watermark_ns is None or buffer.watermark_ns <= self._to_ns:
+            return None
+        end = buffer.first_beyond(self._to_ns)
+        return _Cut(samples[begin:end], samples[end])
+
+    def _assess(self, cut: _Cut) -> FeatureWindow:
+        samples = cut.samples
+        reason = self._describe_gap(cut)
+        if reason:
+            return self.refuse(Outcome.GAP, reason, samples)
+        wanted = self._config.texture_samples if self._is_texture else 2
+        if len(samples) < wanted:
+            reason = f'the {self.start.phase} gave {len(samples)} of {wanted} samples'
+            return self.refuse(Outcome.TOO_SHORT, reason, samples)
+        reason = self._describe_fault(samples)
+        if reason:
+            return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
+        try:
+            if self._is_texture:
+                values = compute_spectrum(samples['tension_n'])
+            else:
+                values = compute_regression(samples['stamp_ns'], samples['tension_n'])
+        except FeatureError as error:
+            return self.refuse(Outcome.UNDEFINED, str(error), samples)
+        return self._window(Outcome.OK, '', samples, values)
+
+    def _describe_gap(self, cut: _Cut) -> str:
+        samples, after = cut
+        holes = np.flatnonzero(samples['hole'][1:])
+        if len(holes):
+            before, behind = samples['sequence'][holes[0] : holes[0] + 2].tolist()
+            if behind > before + 1:
+                return (
+                    f'{behind - before - 1} samples are missing after sequence number {before}; '
+                    f'max_gap_samples allows {self._config.max_gap_samples}'
+                )
+            return f'the stream broke off and began again at sequence number {behind}'
+        if after is None:
+            return ''
+        # Lost around the first or the last sample: whether they belonged to the
+        # window, the nominal period tells.
+        first = samples[0] if len(samples) else after
+        if first['hole'] and first['stamp_ns'] - self._period_ns >= self._from_ns:
+            return 'samples are missing at the start of the window'
+        is_cut_short = len(samples) and after['hole']
+        if is_cut_short and samples['stamp_ns'][-1] + self._period_ns <= self._to_ns:
+            return 'samples are missing at the end of the window'
+        return ''
+
+    def _describe_fault(self, samples: Samples) -> str:
+        status = int(np.bitwise_or.reduce(samples['status']))
+        faults = [text for bit, text in _BAD_STATUS.items() if status & bit]
+        if faults:
+            return f'samples in the window are {" and ".join(faults)}'
+        if not np.isfinite(samples['tension_n']).all():
+            return 'samples in the window are not finite'
+        span_ns = int(samples['stamp_ns'][-1]) - int(samples['stamp_ns'][0])
+        nominal_ns = (len(samples) - 1) * self._period_ns
+        # Either end may be off by a period where stamps are times of arrival.
+        if abs(span_ns - nominal_ns) > RATE_TOLERANCE * nominal_ns + 2 * self._period_ns:
+            return (
+                f'the window of {len(samples)} samples lasts {span_ns / 1e9:.3f} s instead of '
+                f'{nominal_ns / 1e9:.3f} s; rate_hz must be the rate of the sensor'
+            )
+        return ''
+
+    def _window(
+        self, outcome: Outcome, reason: str, samples: Samples, values: NDArray[np.float64]
+    ) -> FeatureWindow:
+        found = len(samples) > 0
+        return FeatureWindow(
+            feature_set=self._spec.feature_set,
+            feature_set_version=self._spec.version,
+            trial_id=self.start.trial_id,
+            contact=self.start.contact,
+            simulated=self.start.simulated,
+            outcome=outcome,
+            reason=reason,
+            values=values,
+            window_start_ns=int(samples['stamp_ns'][0]) if found else self.start.stamp_ns,
+            window_end_ns=int(samples['stamp_ns'][-1]) if found else self.end.stamp_ns,
+            first_sequence=int(samples['sequence'][0]) if found else 0,
+            rate_hz=self._spec.rate_hz,
+            sample_count=len(samples),
+            interpolated_count=int(np.count_nonzero(samples['interpolated'])),
+            status=int(np.bitwise_or.reduce(samples['status'])),
+            frame_id=self._config.frame_id,
+        )

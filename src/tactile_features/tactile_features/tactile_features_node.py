@@ -1,0 +1,84 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The node around `TrialFeatureExtractor`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+
+from tactile_features.conversions import (
+    event_from_msg,
+    feature_window_to_msg,
+    strain_block_from_msg,
+)
+from tactile_features.extractor import TrialFeatureExtractor
+from tactile_features.records import FeatureConfig, FeatureWindow, Outcome
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import run_node
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+
+class TactileFeaturesNode(TactileNode):
+    """Publishes ``~/features`` for the trials seen on the strain and event topics.
+
+    It listens as soon as it is configured, so that a trial under way at activation
+    is whole, and publishes while it is active.
+
+    Attributes
+    ----------
+    extractor : TrialFeatureExtractor or None
+        The core, with its counters; None before the first configuration.
+    """
+
+    def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
+        super().__init__(node_name, FeatureConfig, **node_options)
+        self.extractor: TrialFeatureExtractor | None = None
+        self._publisher: Any = None
+        self._subscriptions_made: list[Any] = []
+
+    def set_up(self, config: FeatureConfig) -> None:
+        extractor = self.extractor = TrialFeatureExtractor(config)
+        self._publisher = self.create_lifecycle_publisher(TactileFeatures, '~/features', RESULTS)
+        self._subscriptions_made = [
+            self.create_subscription(
+                StrainBlock,
+                'tendon_sensor/strain',
+                lambda msg: self._publish(extractor.add_block(strain_block_from_msg(msg))),
+                STREAM,
+            ),
+            self.create_subscription(
+                TrialEvent,
+                'trial_runner/events',
+                lambda msg: self._publish(extractor.add_event(event_from_msg(msg))),
+                EVENTS,
+            ),
+        ]
+
+    def stop(self) -> None:
+        # After an interrupt there is no one left to publish to.
+        if self.extractor is not None and self.context.ok():
+            self._publish(self.extractor.finish())
+
+    def tear_down(self) -> None:
+        for subscription in self._subscriptions_made:
+            self.destroy_subscription(subscription)
+        self._subscriptions_made = []
+        if self._publisher is not None:
+            self.destroy_lifecycle_publisher(self._publisher)
+            self._publisher = None
+
+    def _publish(self, windows: Iterable[FeatureWindow]) -> None:
+        for window in windows:
+            if window.outcome != Outcome.OK:
+                self.get_logger().warning(
+                    f'no features of trial {window.trial_id}: {window.reason}'
+                )
+            self._publisher.publish(feature_window_to_msg(window))
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(TactileFeaturesNode)

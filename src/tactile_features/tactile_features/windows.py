@@ -1,0 +1,174 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The samples of the last while, in order of sequence number, with their gaps known."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.records import STATUS_RECONNECTED, StrainBlock
+
+SAMPLE = np.dtype(
+    [
+        ('stamp_ns', np.int64),
+        ('latest_ns', np.int64),
+        ('sequence', np.uint64),
+        ('tension_n', np.float64),
+        ('status', np.uint32),
+        ('hole', np.bool_),
+        ('interpolated', np.bool_),
+    ]
+)
+"""One sample. ``latest_ns``: latest stamp so far, never falls, so it can be searched.
+``hole``: something is missing between the sample before and this one."""
+
+SET_BACK_NS = 1_000_000_000
+"""A block whose stamps lie further back than this is not late: the clock was set back."""
+
+Samples = NDArray[Any]
+"""An array of `SAMPLE`."""
+
+
+class SampleBuffer:
+    """Strain blocks in, samples out, whatever the blocks' sizes.
+
+    - A block that repeats sequence numbers is late or a duplicate; what it repeats
+      is dropped. If its stamps are new, the driver was restarted instead.
+    - A run of at most ``max_gap_samples`` lost samples is filled by linear
+      interpolation between its neighbours; a longer one is a hole, and so is a
+      restart or a reconnection, where nobody knows how much was lost.
+    - The memory is bounded in time and in samples.
+
+    Parameters
+    ----------
+    buffer_ns : int
+        How long samples are kept, by their stamps [ns].
+    capacity : int
+        How many samples are kept at most.
+    max_gap_samples : int
+        Longest run of lost samples that is interpolated.
+
+    Attributes
+    ----------
+    late_sample_count, restart_count : int
+        Samples dropped as repeated; restarts of the stream.
+    evicted_ns : int or None
+        Latest stamp that is no longer in the buffer [ns].
+    """
+
+    def __init__(self, buffer_ns: int, capacity: int, max_gap_samples: int) -> None:
+        self._buffer_ns = buffer_ns
+        self._capacity = capacity
+        self._max_gap_samples = max_gap_samples
+        self.late_sample_count = 0
+        self.restart_count = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        self._data: Samples = np.empty(1024, SAMPLE)
+        self._start = self._end = 0
+        self.evicted_ns: int | None = None
+
+    @property
+    def samples(self) -> Samples:
+        """The samples as an array of `SAMPLE`; valid until the next `add`."""
+        return self._data[self._start : self._end]
+
+    @property
+    def watermark_ns(self) -> int | None:
+        """Latest stamp seen [ns]; None before the first sample."""
+        return int(self._data['latest_ns'][self._end - 1]) if self._end else None
+
+    def first_at(self, stamp_ns: int) -> int:
+        """Return the index of the first sample with this stamp or a later one."""
+        return bisect_left(self.samples['latest_ns'], stamp_ns)
+
+    def first_beyond(self, stamp_ns: int) -> int:
+        """Return the index of the first sample with a later stamp than this."""
+        return bisect_right(self.samples['latest_ns'], stamp_ns)
+
+    def add(self, block: StrainBlock) -> bool:
+        """Append a block; return whether the clock was set back and the past is gone."""
+        count = len(block.tension_n)
+        if count == 0:
+            return False
+        repeated = 0
+        lost = 0
+        hole = self._end == 0
+        was_set_back = False
+        if self._end:
+            last = self._data[self._end - 1]
+            last_sequence = int(last['sequence'])
+            last_of_block_ns = block.stamp_ns + (count - 1) * block.period_ns
+            if last_of_block_ns < int(last['latest_ns']) - SET_BACK_NS:
+                self._clear()
+                was_set_back = hole = True
+                self.restart_count += 1
+            elif block.sequence > last_sequence:
+                lost = block.sequence - last_sequence - 1
+                reconnected = block.status & ~int(last['status']) & STATUS_RECONNECTED
+                hole = bool(reconnected) or max(lost, block.lost_before) > self._max_gap_samples
+            elif block.stamp_ns > int(last['stamp_ns']):
+                hole = True
+                self.restart_count += 1
+            else:
+                repeated = min(count, last_sequence + 1 - block.sequence)
+                self.late_sample_count += repeated
+
+        new: Samples = np.zeros(count, SAMPLE)
+        new['stamp_ns'] = block.stamp_ns + np.arange(count, dtype=np.int64) * block.period_ns
+        new['sequence'] = np.uint64(block.sequence) + np.arange(count, dtype=np.uint64)
+        new['tension_n'] = block.tension_n
+        new['status'] = block.status
+        new = new[repeated:]
+        if lost and not hole:
+            self._append(_interpolate(self._data[self._end - 1], new[0], lost))
+        if len(new):
+            new['hole'][0] = hole
+            self._append(new)
+        return was_set_back
+
+    def evict(self) -> None:
+        """Forget samples that are too old or too many."""
+        watermark_ns = self.watermark_ns
+        if watermark_ns is None:
+            return
+        start = self._start + self.first_at(watermark_ns - self._buffer_ns)
+        start = max(start, self._end - self._capacity)
+        if start > self._start:
+            self._start = start
+            self.evicted_ns = int(self._data['latest_ns'][start - 1])
+
+    def _append(self, new: Samples) -> None:
+        latest_ns = np.maximum.accumulate(new['stamp_ns'])
+        watermark_ns = self.watermark_ns
+        if watermark_ns is not None:
+            latest_ns = np.maximum(latest_ns, watermark_ns)
+        new['latest_ns'] = latest_ns
+        if self._end + len(new) > len(self._data):
+            kept = self.samples
+            self._data = np.empty(2 * (len(kept) + len(new)), SAMPLE)
+            self._data[: len(kept)] = kept
+            self._start, self._end = 0, len(kept)
+        self._data[self._end : self._end + len(new)] = new
+        self._end += len(new)
+
+
+def _interpolate(before: Any, after: Any, count: int) -> Samples:
+    """Return ``count`` samples evenly between two."""
+    step = np.arange(1, count + 1)
+    stamp_ns = int(before['stamp_ns'])
+    span_ns = int(after['stamp_ns']) - stamp_ns
+    filled = np.zeros(count, SAMPLE)
+    filled['stamp_ns'] = stamp_ns + span_ns * step // (count + 1)
+    filled['sequence'] = before['sequence'] + step.astype(np.uint64)
+    with np.errstate(invalid='ignore', over='ignore'):
+        rise = after['tension_n'] - before['tension_n']
+        filled['tension_n'] = before['tension_n'] + rise * (step / (count + 1))
+    filled['status'] = before['status'] | after['status']
+    filled['interpolated'] = True
+    return filled
