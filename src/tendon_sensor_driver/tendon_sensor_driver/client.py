@@ -1,0 +1,227 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The sensor as a client sees it: open it and take the blocks."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import NamedTuple
+
+from tendon_sensor_driver.errors import LinkError, TendonSensorError
+from tendon_sensor_driver.line_protocol import LineDecoder
+from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+from tendon_sensor_driver.stream import StrainStream
+from tendon_sensor_driver.transport import SerialTransport
+
+FIRST_DELAY_S = 0.25
+LONGEST_DELAY_S = 2.0
+_QUEUED_CHUNKS = 1000
+_JOIN_TIMEOUT_S = 5.0
+
+_logger = logging.getLogger(__name__)
+
+
+class _Chunk(NamedTuple):
+    """Bytes with the time of their arrival and the connection that they came over."""
+
+    data: bytes
+    received_at_ns: int
+    connection: int
+    is_cut: bool  # bytes before these were dropped
+
+
+class TendonSensorClient:
+    """Reads one sensor and hands out blocks of tension until it is closed.
+
+    One thread reads the port and notes when bytes arrive; a second one decodes them and
+    calls ``on_block``, so that a slow consumer does not spoil the arrival times. Between
+    them is a bounded queue: what does not fit is lost, counted, and visible in the blocks
+    like any other lost sample. A port that is lost is opened again, first after 0.25 s,
+    then after twice as long each time up to 2 s.
+
+    A client is opened once; make a new one to open the port again.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    on_block : callable
+        ``on_block(block)``; called on a thread of the client.
+    now_ns : callable
+        The present ROS time [ns].
+
+    Examples
+    --------
+    >>> with TendonSensorClient(config, print, time.time_ns):  # doctest: +SKIP
+    ...     time.sleep(10)
+    """
+
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        on_block: Callable[[Block], None],
+        now_ns: Callable[[], int],
+    ) -> None:
+        self._config = config
+        self._on_block = on_block
+        self._now_ns = now_ns
+        self._decoder = LineDecoder(config)
+        self._stream = StrainStream(config)
+        self._chunks: queue.Queue[_Chunk | None] = queue.Queue(_QUEUED_CHUNKS)
+        self._transport: SerialTransport | None = None
+        self._stop = threading.Event()
+        self._reader = threading.Thread(target=self._read, name='sensor-reader', daemon=True)
+        self._worker = threading.Thread(target=self._work, name='sensor-worker', daemon=True)
+        self._delay_s = FIRST_DELAY_S
+        self._is_connected = False
+        self._heard_at_ns = 0
+        self._reconnects = 0
+        self._overruns = 0
+        self._last_error = ''
+
+    def __enter__(self) -> TendonSensorClient:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def open(self) -> None:
+        """Open the port and start to read.
+
+        Raises
+        ------
+        LinkError
+            When the port cannot be opened.
+        TendonSensorError
+            When this client has been opened before.
+        """
+        if self._reader.ident is not None or self._stop.is_set():
+            raise TendonSensorError('this client has been opened before; make a new one')
+        self._transport = SerialTransport(self._config.port, self._config.baud)
+        self._heard_at_ns = self._now_ns()
+        self._is_connected = True
+        self._worker.start()
+        self._reader.start()
+
+    def close(self) -> None:
+        """Hand out what has arrived and close the port. Harmless when called twice."""
+        if self._stop.is_set():
+            return
+        self._stop.set()
+        transport = self._transport
+        if transport is None:
+            return
+        transport.cancel()
+        self._reader.join(_JOIN_TIMEOUT_S)
+        try:
+            self._chunks.put(None, timeout=_JOIN_TIMEOUT_S)
+        except queue.Full:
+            self._last_error = 'the consumer of the blocks does not return'
+            return
+        if self._worker is not threading.current_thread():
+            self._worker.join(_JOIN_TIMEOUT_S)
+
+    def health(self) -> Health:
+        """Return the state of the link now."""
+        decoder, stream = self._decoder, self._stream
+        return Health(
+            is_connected=self._is_connected,
+            heard_at_ns=self._heard_at_ns,
+            bytes=decoder.bytes,
+            lines=decoder.lines,
+            readings=decoder.readings,
+            rejected_lines=decoder.rejected_lines,
+            lost_samples=stream.lost_samples,
+            late_samples=stream.late_samples,
+            outliers=stream.outliers,
+            reconnects=self._reconnects,
+            overruns=self._overruns,
+            last_rejected=decoder.last_rejected.decode('ascii', 'backslashreplace'),
+            last_error=self._last_error,
+        )
+
+    # -- the reading thread ------------------------------------------------------------
+
+    def _read(self) -> None:
+        is_cut = False
+        transport = self._transport
+        while transport is not None and not self._stop.is_set():
+            try:
+                data = transport.read()
+            except LinkError as error:
+                self._is_connected = False
+                self._last_error = str(error)
+                transport.close()
+                transport = self._transport = self._reconnect()
+                continue
+            if not data:
+                continue
+            self._delay_s = FIRST_DELAY_S
+            try:
+                self._chunks.put_nowait(_Chunk(data, self._now_ns(), self._reconnects, is_cut))
+                is_cut = False
+            except queue.Full:
+                self._overruns += 1
+                is_cut = True
+        self._is_connected = False
+        if transport is not None:
+            transport.close()
+
+    def _reconnect(self) -> SerialTransport | None:
+        while not self._stop.wait(self._delay_s):
+            self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
+            try:
+                transport = SerialTransport(self._config.port, self._config.baud)
+            except LinkError as error:
+                self._last_error = str(error)
+            else:
+                self._reconnects += 1
+                self._is_connected = True
+                return transport
+        return None
+
+    # -- the thread that decodes and delivers ------------------------------------------
+
+    def _work(self) -> None:
+        connection = 0
+        while True:
+            try:
+                chunk = self._chunks.get(timeout=self._config.silence_s)
+            except queue.Empty:
+                self._deliver(self._stream.flush())
+                if self._stop.is_set():
+                    return
+                continue
+            if chunk is None:
+                self._deliver(self._stream.flush())
+                return
+            if chunk.connection != connection:
+                connection = chunk.connection
+                self._decoder.reset()
+                self._stream.note_reconnection()
+            elif chunk.is_cut:
+                self._decoder.reset()
+                self._stream.note_dropped_bytes()
+            for reading in self._decoder.feed(chunk.data, chunk.received_at_ns):
+                self._heard_at_ns = reading.received_at_ns
+                self._deliver(self._stream.add(reading))
+
+    def _deliver(self, blocks: list[Block]) -> None:
+        try:
+            for block in blocks:
+                self._on_block(block)
+        except Exception as error:
+            # The stream outlives a fault of its consumer, which is told once.
+            text = f'the consumer of the blocks failed: {error}'
+            if text != self._last_error:
+                self._last_error = text
+                _logger.exception('the consumer of the blocks failed')

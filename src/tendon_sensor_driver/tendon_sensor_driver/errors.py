@@ -1,0 +1,11 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What can go wrong between the host and the sensor."""
+
+
+class TendonSensorError(Exception):
+    """Root of this package's errors."""
+
+
+class LinkError(TendonSensorError):
+    """The link to the sensor cannot be opened, or broke."""

@@ -1,0 +1,203 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The records that pass through the driver, and its configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from enum import IntFlag
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+UNITS = ('kg', 'g', 'N', 'lbf')
+
+
+def _option(default: Any, description: str, **metadata: Any) -> Any:
+    return field(default=default, metadata={'description': description, **metadata})
+
+
+@dataclass(frozen=True)
+class TendonSensorConfig:
+    """How the sensor is connected and what its lines mean.
+
+    The defaults fit lines ``milliseconds,kilograms,kg,`` sixty times a second.
+
+    Raises
+    ------
+    ValueError
+        When a field is outside its range or two fields contradict each other.
+    """
+
+    port: str = _option('/dev/ttyUSB0', 'serial port of the sensor')
+    baud: int = _option(115200, 'speed of the serial port', unit='baud', range=(300, 12_000_000))
+    value_column: int = _option(1, 'column of the value in a line, from 0', range=(0, 63))
+    time_column: int = _option(
+        0,
+        'column of the device time in a line, from 0; -1: the device sends no time',
+        range=(-1, 63),
+    )
+    time_unit_s: float = _option(
+        0.001, 'one tick of the device time, which must be an integer', unit='s', range=(1e-9, 1.0)
+    )
+    unit: str = _option(
+        'kg', 'what the value counts; kg and g are weights at standard gravity', choices=UNITS
+    )
+    scale: float = _option(
+        1.0, 'factor on the value; -1 turns its sign', unit='1', range=(-1e12, 1e12)
+    )
+    rate_hz: float = _option(60.0, 'nominal sample rate', unit='Hz', range=(0.1, 10_000.0))
+    samples_per_block: int = _option(1, 'samples in one message', unit='1', range=(1, 1000))
+    saturation_n: float = _option(
+        0.0,
+        'magnitude from which the tension is no measurement; 0: not known',
+        unit='N',
+        range=(0.0, 1e6),
+    )
+    silence_s: float = _option(
+        1.0,
+        'time without a reading after which the link counts as silent',
+        unit='s',
+        range=(0.01, 3600.0),
+    )
+    frame_id: str = _option(
+        'tendon_sensor_link', 'frame of the sensor, +x along the tendon, away from the finger'
+    )
+
+    def __post_init__(self) -> None:
+        for option in fields(self):
+            value = getattr(self, option.name)
+            low, high = option.metadata.get('range', (value, value))
+            if not low <= value <= high:
+                raise ValueError(f'{option.name} is {value}; it must be within {low} to {high}')
+            choices = option.metadata.get('choices', (value,))
+            if value not in choices:
+                raise ValueError(
+                    f'{option.name} is "{value}"; it must be one of {", ".join(choices)}'
+                )
+        if not self.port:
+            raise ValueError('port is empty; name the serial port of the sensor')
+        if self.time_column == self.value_column:
+            raise ValueError(
+                f'time_column and value_column are both {self.value_column}; '
+                'set time_column to -1 if the device sends no time'
+            )
+        if self.scale == 0:
+            raise ValueError('scale is 0; every tension would be 0 N, give another factor')
+
+    @property
+    def period_ns(self) -> int:
+        """Nominal time between two samples [ns]."""
+        return round(1e9 / self.rate_hz)
+
+
+class StrainStatus(IntFlag):
+    """The status bits of a block, equal to the constants of ``tactile_msgs/StrainBlock``."""
+
+    OK = 0
+    HOST_TIME = 1
+    SATURATED = 2
+    STUCK = 4
+    DEVICE_ERROR = 8
+    RESYNCHRONISED = 16
+    RECONNECTED = 32
+
+
+class Reading(NamedTuple):
+    """One sample as the device sent it.
+
+    Attributes
+    ----------
+    device_ticks
+        Device time in the device's own unit; None when it sends none.
+    value
+        In the device's own unit.
+    received_at_ns
+        Host time at which the bytes that completed the reading were read [ns].
+    resynchronised
+        Whether bytes that were no reading were dropped since the reading before.
+    """
+
+    device_ticks: int | None
+    value: float
+    received_at_ns: int
+    resynchronised: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A run of consecutive samples; mirrors ``tactile_msgs/StrainBlock``.
+
+    Sample i has sequence number ``sequence + i`` and time ``stamp_ns + i * period_ns``.
+
+    Attributes
+    ----------
+    stamp_ns
+        Time of the first sample [ns].
+    sequence
+        Number of the first sample; lost samples are counted too.
+    period_ns
+        Nominal time between two samples [ns].
+    tension_n
+        Tension on the tendon, float64, shape (samples,) [N].
+    lost_before
+        Samples known to be lost between the block before and this one.
+    stamp_error_s
+        Bound on the error of the stamps [s]; negative when not known.
+    status
+        Holds for every sample.
+    """
+
+    stamp_ns: int
+    sequence: int
+    period_ns: int
+    tension_n: NDArray[np.float64]
+    lost_before: int
+    stamp_error_s: float
+    status: StrainStatus
+
+
+@dataclass(frozen=True)
+class Health:
+    """The state of the link at one moment; counters run from the opening.
+
+    Attributes
+    ----------
+    is_connected
+        Whether the port is open.
+    heard_at_ns
+        Host time of the last reading, or of the opening before the first [ns].
+    bytes, lines, readings
+        Received bytes; lines that were not blank; lines that were readings.
+    rejected_lines
+        Lines that were no readings.
+    lost_samples
+        Samples missing by device time.
+    late_samples
+        Readings dropped because their device time is not after the one before.
+    outliers
+        Readings dropped because their device time fits nothing before or after.
+    reconnects
+        Times that the port was lost and opened again.
+    overruns
+        Pieces of the byte stream dropped because the blocks were not taken fast enough.
+    last_rejected
+        The last rejected line, shortened, as printable text.
+    last_error
+        The last thing that went wrong with the link or the consumer of blocks.
+    """
+
+    is_connected: bool
+    heard_at_ns: int
+    bytes: int
+    lines: int
+    readings: int
+    rejected_lines: int
+    lost_samples: int
+    late_samples: int
+    outliers: int
+    reconnects: int
+    overruns: int
+    last_rejected: str
+    last_error: str

@@ -1,0 +1,76 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes from a serial port."""
+
+from __future__ import annotations
+
+import errno
+import termios
+
+import serial
+
+from tendon_sensor_driver.errors import LinkError
+
+READ_TIMEOUT_S = 0.25
+
+# What pyserial lets through when the other side of a port dies; termios.error is no OSError.
+_FAILURES = (OSError, termios.error, ValueError)
+
+_REMEDIES = {
+    errno.ENOENT: 'there is no such device; check the cable and the parameter "port"',
+    errno.EACCES: 'no permission; add the user to the group that owns it (usually dialout)',
+    errno.EAGAIN: 'another program has it open; close that first',
+    errno.EBUSY: 'another program has it open; close that first',
+}
+
+
+class SerialTransport:
+    """A serial port that is open from construction to `close`.
+
+    Boards that reset when their port is opened do so here; nothing is ever sent.
+
+    Parameters
+    ----------
+    port : str
+        Name of the device.
+    baud : int
+        Its speed.
+
+    Raises
+    ------
+    LinkError
+        When the port cannot be opened.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self._name = port
+        try:
+            # exclusive: two readers would each get half of the lines.
+            self._port = serial.Serial(port, baud, timeout=READ_TIMEOUT_S, exclusive=True)
+        except _FAILURES as error:
+            reason = _REMEDIES.get(getattr(error, 'errno', None) or 0, str(error))
+            raise LinkError(f'cannot open serial port {port}: {reason}') from error
+
+    def read(self) -> bytes:
+        """Return what has arrived, or nothing after 0.25 s without any.
+
+        Raises
+        ------
+        LinkError
+            When the port has gone.
+        """
+        try:
+            data: bytes = self._port.read(1)
+            if data:
+                data += self._port.read(self._port.in_waiting)
+        except _FAILURES as error:
+            raise LinkError(f'lost serial port {self._name}: {error}') from error
+        return data
+
+    def cancel(self) -> None:
+        """Make a `read` that waits in another thread return."""
+        self._port.cancel_read()
+
+    def close(self) -> None:
+        """Close the port. Not while another thread reads: `cancel` first."""
+        self._port.close()
