@@ -1,0 +1,63 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Classification results as messages and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tactile_classifier.records import ClassificationResult, Outcome
+
+
+def classification_to_msg(result: ClassificationResult) -> Any:
+    """Return the tactile_msgs/Classification message of a result."""
+    from builtin_interfaces.msg import Time
+    from std_msgs.msg import Header
+    from tactile_msgs.msg import Classification
+
+    def to_time(stamp_ns: int) -> Any:
+        sec, nanosec = divmod(stamp_ns, 10**9)
+        return Time(sec=sec, nanosec=nanosec)
+
+    return Classification(
+        header=Header(stamp=to_time(result.window_end_ns), frame_id=result.frame_id),
+        task=result.task,
+        trial_id=result.trial_id,
+        model_id=result.model_id,
+        simulated=result.simulated,
+        outcome=int(result.outcome),
+        label=result.label,
+        reason=result.reason,
+        labels=list(result.labels),
+        scores=list(result.scores),
+        score_kind=result.score_kind,
+        novelty=result.novelty,
+        novelty_threshold=result.novelty_threshold,
+        window_start=to_time(result.window_start_ns),
+        window_end=to_time(result.window_end_ns),
+    )
+
+
+def classification_from_msg(message: Any) -> ClassificationResult:
+    """Return the result in a Classification message of rclpy or rosbags."""
+
+    def to_ns(stamp: Any) -> int:
+        return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+    return ClassificationResult(
+        task=message.task,
+        trial_id=message.trial_id,
+        model_id=message.model_id,
+        simulated=bool(message.simulated),
+        outcome=Outcome(message.outcome),
+        label=message.label,
+        reason=message.reason,
+        labels=tuple(message.labels),
+        scores=tuple(float(score) for score in message.scores),
+        score_kind=message.score_kind,
+        novelty=float(message.novelty),
+        novelty_threshold=float(message.novelty_threshold),
+        window_start_ns=to_ns(message.window_start),
+        window_end_ns=to_ns(message.window_end),
+        frame_id=message.header.frame_id,
+    )

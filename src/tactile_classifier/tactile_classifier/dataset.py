@@ -1,0 +1,138 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of features with labels: what training and evaluation work on."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.archive import LabelledTrials
+from tactile_classifier.errors import DatasetError
+from tactile_classifier.records import TASKS
+from tactile_features.errors import FeatureError
+from tactile_features.extractor import features_from_trials
+from tactile_features.spec import FeatureSpec
+
+
+@dataclasses.dataclass(frozen=True)
+class FeatureTable:
+    """The features of many trials, what they mean, and what lay under the finger.
+
+    Attributes
+    ----------
+    values : ndarray of shape (trials, k)
+        Features in the order and units of ``spec``.
+    labels : ndarray of str, shape (trials,)
+    spec : FeatureSpec
+    columns : mapping of str to ndarray of shape (trials,)
+        What else is known of each trial, such as ``trial_id``, ``session_id``,
+        ``contact`` and ``simulated``.
+
+    Raises
+    ------
+    DatasetError
+        When shapes do not fit or a value is not finite.
+    """
+
+    values: npt.NDArray[np.float64]
+    labels: npt.NDArray[Any]
+    spec: FeatureSpec
+    columns: Mapping[str, npt.NDArray[Any]] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        values = np.ascontiguousarray(self.values, dtype=np.float64)
+        object.__setattr__(self, 'values', values)
+        labels = np.asarray(self.labels).astype(str)
+        object.__setattr__(self, 'labels', labels)
+        columns = {name: np.asarray(column) for name, column in self.columns.items()}
+        object.__setattr__(self, 'columns', columns)
+        if values.ndim != 2 or values.shape[1] != len(self.spec.names) or not len(values):
+            raise DatasetError(
+                f'the features have shape {values.shape}; it must be '
+                f'(trials, {len(self.spec.names)}) for {self.spec.feature_set}'
+            )
+        for name, column in [('labels', labels), *columns.items()]:
+            if column.shape != (len(values),):
+                raise DatasetError(
+                    f'{name} has shape {column.shape}; it must be ({len(values)},), one a trial'
+                )
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise DatasetError(f'the features of trial {bad[0]} are not finite')
+        unlabelled = np.flatnonzero(labels == '')
+        if len(unlabelled):
+            raise DatasetError(f'trial {unlabelled[0]} has an empty label')
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    @property
+    def task(self) -> str:
+        """``texture`` or ``stiffness``."""
+        if self.spec.feature_set not in TASKS:
+            raise DatasetError(f'no task uses the feature set "{self.spec.feature_set}"')
+        return TASKS[self.spec.feature_set]
+
+    def column(self, name: str) -> npt.NDArray[Any]:
+        """Return a column.
+
+        Raises
+        ------
+        DatasetError
+            When there is none of that name.
+        """
+        if name not in self.columns:
+            raise DatasetError(
+                f'there is no column "{name}"; there are: {", ".join(self.columns) or "none"}'
+            )
+        return self.columns[name]
+
+    def take(self, keep: npt.NDArray[Any]) -> FeatureTable:
+        """Return the trials that a mask or an index array selects."""
+        return FeatureTable(
+            self.values[keep],
+            self.labels[keep],
+            self.spec,
+            {name: column[keep] for name, column in self.columns.items()},
+        )
+
+    def compute_sha256(self) -> str:
+        """Return the digest of specification, labels and the bits of the values."""
+        digest = hashlib.sha256()
+        text = json.dumps([self.spec.to_dict(), self.labels.tolist()], sort_keys=True)
+        digest.update(text.encode())
+        digest.update(self.values.astype('<f8').tobytes())
+        return digest.hexdigest()
+
+
+def table_from_trials(
+    task: str, trials: LabelledTrials, channel: int | None = None
+) -> FeatureTable:
+    """Return the features of one channel of ready-cut trials.
+
+    Parameters
+    ----------
+    task : str
+        ``texture`` or ``stiffness``.
+    trials : LabelledTrials
+        Each trial one window: crop with `LabelledTrials.between` before.
+    channel : int or None
+        Which channel; None takes the mean of all.
+
+    Raises
+    ------
+    DatasetError
+        When the channel does not exist or a trial gives no features.
+    """
+    try:
+        values, spec = features_from_trials(task, trials.signal(channel), trials.rate_hz)
+    except FeatureError as error:
+        raise DatasetError(f'no features from these trials: {error}') from error
+    return FeatureTable(values, trials.label, spec, trials.columns)

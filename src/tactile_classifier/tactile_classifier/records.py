@@ -1,0 +1,134 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the classifier says of a window, and the node's parameters, free of ROS.
+
+The constants repeat those of Classification.msg; a test keeps them equal.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from enum import IntEnum
+from typing import Any
+
+from tactile_features.records import (
+    CONTACT_ABDUCTION,
+    CONTACT_FLEXION,
+    PROTOCOL_STIFFNESS,
+    PROTOCOL_TEXTURE,
+    SET_STIFFNESS_REGRESSION,
+    SET_TEXTURE_SPECTRUM,
+    FeatureConfig,
+)
+
+CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
+"""k nearest neighbours (3, Euclidean), support vector machines, decision tree."""
+
+SCALINGS = ('standard', 'none')
+"""Each feature to zero mean and unit variance over the training trials, or as it is."""
+
+TASKS = {
+    SET_TEXTURE_SPECTRUM: PROTOCOL_TEXTURE,
+    SET_STIFFNESS_REGRESSION: PROTOCOL_STIFFNESS,
+}
+"""The task of each feature set."""
+
+CONTACTS = (CONTACT_FLEXION, CONTACT_ABDUCTION)
+
+VOTES = 'votes'
+MARGIN = 'margin'
+PROBABILITY = 'probability'
+
+
+class Outcome(IntEnum):
+    """How the classification of one window ended."""
+
+    LABEL = 0
+    UNKNOWN = 1
+    NO_FEATURES = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class ClassificationResult:
+    """What one model says of one window of features.
+
+    Attributes
+    ----------
+    label : str
+        The answer; empty unless ``outcome`` is ``Outcome.LABEL``.
+    reason : str
+        One sentence when ``outcome`` is not ``Outcome.LABEL``; empty otherwise.
+    labels, scores : tuple
+        One score a label, larger is likelier; no scores without features.
+    score_kind : str
+        ``votes``, ``margin`` or ``probability``.
+    novelty, novelty_threshold : float
+        Negative: the model has none.
+    window_start_ns, window_end_ns : int
+        Times of the window's first and last sample (ROS time) [ns].
+    """
+
+    task: str
+    trial_id: str
+    model_id: str
+    simulated: bool
+    outcome: Outcome
+    label: str
+    reason: str
+    labels: tuple[str, ...]
+    scores: tuple[float, ...]
+    score_kind: str
+    novelty: float
+    novelty_threshold: float
+    window_start_ns: int
+    window_end_ns: int
+    frame_id: str
+
+
+def _parameter(default: Any, description: str, **metadata: Any) -> Any:
+    return dataclasses.field(default=default, metadata={'description': description, **metadata})
+
+
+def _feature_parameter(name: str) -> Any:
+    """Return the field of that name in FeatureConfig, so that both nodes read one YAML."""
+    source = FeatureConfig.__dataclass_fields__[name]
+    return dataclasses.field(default=source.default, metadata=source.metadata)
+
+
+@dataclasses.dataclass(frozen=True)
+class ClassifierConfig:
+    """Which model, and which features the feature node sends.
+
+    The feature parameters must be those of the feature node: a model that was
+    trained on others is refused.
+    """
+
+    model: str = _parameter('', 'path of the model file')
+    task: str = _parameter(
+        'texture', 'what the model must have been trained for', choices=tuple(TASKS.values())
+    )
+    contact: str = _parameter(
+        '',
+        'classify windows of this contact only; empty: of any',
+        choices=('', *CONTACTS),
+    )
+    rate_hz: float = _feature_parameter('rate_hz')
+    texture_samples: int = _feature_parameter('texture_samples')
+    texture_crop_start_s: float = _feature_parameter('texture_crop_start_s')
+    stiffness_settle_s: float = _feature_parameter('stiffness_settle_s')
+    stiffness_crop_end_s: float = _feature_parameter('stiffness_crop_end_s')
+
+    def feature_config(self) -> FeatureConfig:
+        """Return the feature node's configuration as far as a model depends on it."""
+        return FeatureConfig(
+            rate_hz=self.rate_hz,
+            texture_samples=self.texture_samples,
+            texture_crop_start_s=self.texture_crop_start_s,
+            stiffness_settle_s=self.stiffness_settle_s,
+            stiffness_crop_end_s=self.stiffness_crop_end_s,
+            buffer_s=600.0,  # no model depends on it, and this allows every window
+        )
+
+    def takes_contact(self, contact: str) -> bool:
+        """Return whether a contact is the wanted one, or one of the two is not stated."""
+        return len({self.contact, contact} - {''}) < 2

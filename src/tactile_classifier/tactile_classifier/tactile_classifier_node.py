@@ -1,0 +1,107 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The node around `TactileModel`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tactile_msgs.msg import Classification, TactileFeatures
+
+from tactile_classifier.conversions import classification_to_msg
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.records import ClassifierConfig
+from tactile_features.conversions import feature_window_from_msg
+from tactile_features.spec import spec_for
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import run_node
+from tactile_ros.qos import RESULTS
+
+
+class TactileClassifierNode(TactileNode):
+    """Publishes ``~/classification`` for every window of features that its model accepts.
+
+    Configuring loads the model; one that does not fit the parameters is refused.
+
+    Attributes
+    ----------
+    model : TactileModel or None
+        None before the first configuration.
+    seen_count : int
+        Windows that came in while active.
+    ignored_count : int
+        Those of another feature set or another contact.
+    published_count : int
+        Those that were answered.
+    """
+
+    def __init__(self, node_name: str = 'tactile_classifier', **node_options: Any) -> None:
+        super().__init__(node_name, ClassifierConfig, **node_options)
+        self.model: TactileModel | None = None
+        self.seen_count = 0
+        self.ignored_count = 0
+        self.published_count = 0
+        self._publisher: Any = None
+        self._subscription: Any = None
+
+    def set_up(self, config: ClassifierConfig) -> None:
+        model = self.model = load_fitting_model(config)
+        self._publisher = self.create_lifecycle_publisher(
+            Classification, '~/classification', RESULTS
+        )
+        self._subscription = self.create_subscription(
+            TactileFeatures,
+            'tactile_features/features',
+            lambda message: self._on_features(model, message),
+            RESULTS,
+        )
+        self.get_logger().info(f'{model.model_id} knows {", ".join(model.labels)}')
+
+    def tear_down(self) -> None:
+        if self._subscription is not None:
+            self.destroy_subscription(self._subscription)
+            self._subscription = None
+        if self._publisher is not None:
+            self.destroy_lifecycle_publisher(self._publisher)
+            self._publisher = None
+
+    def _on_features(self, model: TactileModel, message: Any) -> None:
+        if not self.is_active:
+            return
+        self.seen_count += 1
+        window = feature_window_from_msg(message)
+        if not model.accepts(window) or not self.config.takes_contact(window.contact):
+            self.ignored_count += 1
+            return
+        self._publisher.publish(classification_to_msg(model.classify(window)))
+        self.published_count += 1
+
+
+def load_fitting_model(config: ClassifierConfig) -> TactileModel:
+    """Return the model that the parameters name.
+
+    Raises
+    ------
+    ModelFileError
+        When there is none, or it was made for something else.
+    """
+    if not config.model:
+        raise ModelFileError('the parameter model is empty: it must be the path of a model file')
+    model = TactileModel.load(config.model)
+    if model.task != config.task:
+        raise ModelFileError(
+            f'model {model.model_id} is for {model.task}; the parameter task is {config.task}'
+        )
+    if not config.takes_contact(model.contact):
+        raise ModelFileError(
+            f'model {model.model_id} was trained on {model.contact}; '
+            f'the parameter contact is {config.contact}'
+        )
+    model.check_fits(spec_for(config.task, config.feature_config()))
+    return model
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(TactileClassifierNode)
