@@ -1,7 +1,5 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-from glob import glob
-
 from setuptools import find_packages, setup
 
 package_name = 'tactile_sim'
@@ -10,18 +8,17 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test*']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'config/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
-        (f'share/{package_name}/config', sorted(glob('config/*.yaml'))),
     ],
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
-    zip_safe=True,
+    zip_safe=False,
     maintainer='Tendon Tactile maintainers',
     maintainer_email='maintainers@tendon-tactile.example.org',
-    description='The palpation rig as physics, and simulated devices that speak the real wire protocols.',
+    description='The palpation rig as physics, and devices that speak the real wire protocols.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
