@@ -8,7 +8,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-
 from tactile_bringup.bags import BagWriter, RecordedTopic, join_topic, recorded_topics
 from tactile_bringup.records import RecorderConfig
 from tactile_ros.lifecycle import TactileNode

@@ -9,10 +9,12 @@ are both made from it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from tactile_bringup.records import CONTACTS, PROTOCOLS
+from tactile_classifier.records import ClassifierConfig
+from tactile_features.records import FeatureConfig
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,12 @@ def sensing_graph(
     ValueError
         When a classifier's name does not say its task and contact.
     """
+    shared = {f.name for f in fields(ClassifierConfig)} & {f.name for f in fields(FeatureConfig)}
+    of_features = {
+        name: value
+        for name, value in parameters.get('tactile_features', {}).items()
+        if name in shared
+    }
     nodes = [
         NodeDescription(
             'tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', {'port': sensor_port}
@@ -66,7 +74,8 @@ def sensing_graph(
                 'tactile_classifier',
                 'tactile_classifier_node',
                 name,
-                {'model': model, 'task': task, 'contact': contact},
+                # What the feature node is told about windows, its classifiers must know.
+                {'model': model, 'task': task, 'contact': contact, **of_features},
             )
         )
     return [_merged(node, parameters) for node in nodes]

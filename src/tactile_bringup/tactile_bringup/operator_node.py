@@ -20,7 +20,7 @@ from tactile_bringup.errors import BringupError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.trial_runner_node import wait_for
 from tactile_classifier.conversions import classification_from_msg
-from tactile_classifier.inference import ClassificationResult
+from tactile_classifier.records import ClassificationResult
 from tactile_ros.qos import RESULTS
 
 TRIAL_TIMEOUT_S = 120.0

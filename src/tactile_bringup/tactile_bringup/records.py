@@ -56,7 +56,7 @@ class TrialConfig:
         },
     )
     flexion_displacement_m: float = field(
-        default=0.0062,
+        default=0.0058,
         metadata={
             'description': 'tendon displacement that makes contact, in flexion',
             'unit': 'm',
@@ -64,7 +64,7 @@ class TrialConfig:
         },
     )
     abduction_displacement_m: float = field(
-        default=0.0040,
+        default=0.0075,
         metadata={
             'description': 'the same in abduction',
             'unit': 'm',

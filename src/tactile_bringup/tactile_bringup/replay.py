@@ -19,8 +19,8 @@ import numpy as np
 from tactile_bringup.bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
 from tactile_bringup.errors import BagError
 from tactile_classifier.conversions import classification_from_msg
-from tactile_classifier.inference import ClassificationResult
-from tactile_classifier.model_file import TactileModel
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.records import ClassificationResult
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
@@ -97,13 +97,19 @@ def replay_through_core(
         Namespace of the finger.
     """
     for model in models.values():
-        model.check_fits(spec_for(model.task, config))
+        model.check_fits(spec_for(model.manifest.task, config))
     results = TactileResults(windows=replay_windows(bag, config, namespace))
     for window in results.windows:
         for model in models.values():
-            if model.accepts(window):
+            if accepts(model, window):
                 results.classifications.append(model.classify(window))
     return results.sort()
+
+
+def accepts(model: TactileModel, window: FeatureWindow) -> bool:
+    """Return whether a window is of a model's task and kind of contact."""
+    contact = model.manifest.contact
+    return window.feature_set == model.spec.feature_set and contact in ('', window.contact)
 
 
 def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:
@@ -167,7 +173,7 @@ def _first_difference(
 def _same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-        return a.shape == b.shape and a.tobytes() == b.tobytes()
+        return bool(a.shape == b.shape and a.tobytes() == b.tobytes())
     return bool(a == b)
 
 

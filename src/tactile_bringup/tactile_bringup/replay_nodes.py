@@ -137,11 +137,8 @@ def replay_through_nodes(
 
 def _replay_graph(models: Mapping[str, str], config: FeatureConfig) -> list[NodeDescription]:
     """Return the sensing graph without the sensor: the bag takes its place."""
-    features = {k: v for k, v in asdict(config).items() if v != ()}
-    shared = {'rate_hz': config.rate_hz, 'texture_samples': config.texture_samples}
-    parameters: dict[str, Mapping[str, Any]] = dict.fromkeys(models, shared)
-    parameters['tactile_features'] = features
-    return [n for n in sensing_graph('', models, parameters) if n.name != 'tendon_sensor']
+    graph = sensing_graph('', models, {'tactile_features': asdict(config)})
+    return [node for node in graph if node.name != 'tendon_sensor']
 
 
 def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:

@@ -26,6 +26,7 @@ from tactile_bringup.trial_protocols import (
     trial_steps,
 )
 from tactile_features.records import FeatureConfig
+from tactile_sim.description import list_objects, load_rig
 from tactile_sim.fast_trials import (
     Move,
     SimulatedTrials,
@@ -33,8 +34,6 @@ from tactile_sim.fast_trials import (
     move_duration_s,
     simulate_trials,
 )
-from tactile_sim.motion import GUIDE_ACCELERATION_M_S2, TENDON_ACCELERATION_M_S2
-from tactile_sim.scenes import OBJECT_NAMES, PLATE_NAMES
 
 RATE_HZ = 60
 SAMPLES_PER_BLOCK = 12
@@ -53,11 +52,6 @@ class PlannedTrial:
     timeline: Timeline
 
 
-def labels_of(protocol: str) -> tuple[str, ...]:
-    """Return the names of the plates (texture) or objects (stiffness)."""
-    return tuple(PLATE_NAMES if protocol == 'texture' else OBJECT_NAMES)
-
-
 def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
     """Compute when each step of a trial begins and ends on devices that obey at once.
 
@@ -66,7 +60,8 @@ def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
     """
     now_s = IDLE_S
     guide_m, tendon_m = config.guide_start_m, 0.0
-    guide_moves = [Move(0.0, guide_m, config.approach_speed_m_s)]
+    rig = load_rig()
+    guide_moves: list[Move] = []
     tendon_moves: list[Move] = []
     phases: list[tuple[str, float]] = []
     for step in trial_steps(config, request):
@@ -79,13 +74,13 @@ def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
         elif isinstance(step, GuideStep):
             guide_moves.append(Move(now_s, step.position_m, step.speed_m_s))
             now_s += move_duration_s(
-                abs(step.position_m - guide_m), step.speed_m_s, GUIDE_ACCELERATION_M_S2
+                abs(step.position_m - guide_m), step.speed_m_s, rig.guide.acceleration_m_s2
             )
             guide_m = step.position_m
         elif isinstance(step, TendonStep):
             tendon_moves.append(Move(now_s, step.displacement_m, step.speed_m_s))
             now_s += move_duration_s(
-                abs(step.displacement_m - tendon_m), step.speed_m_s, TENDON_ACCELERATION_M_S2
+                abs(step.displacement_m - tendon_m), step.speed_m_s, rig.tendon.acceleration_m_s2
             )
             tendon_m = step.displacement_m
     phases.append(('done', now_s))
@@ -139,7 +134,7 @@ def write_simulated_bag(
     """
     request = TrialRequest(plan.protocol, plan.contact)
     planned = plan_trial(trial_config, request)
-    labels = labels_of(plan.protocol)
+    labels = list_objects(plan.protocol)
     seeds = np.random.SeedSequence(plan.seed).generate_state(len(labels))
     facts = {
         'simulated': True,
@@ -192,17 +187,14 @@ class _TrialClock:
         self, label: str, index: int, trials: SimulatedTrials
     ) -> Iterator[tuple[int, str, Any]]:
         """Yield (time, type, message) of one trial in the order of time."""
-        tension_n = trials.tension_n[index]
+        # The sample at the very end is the first one of the next trial.
+        tension_n = trials.tension_n[index, : round(self._planned.timeline.duration_s * RATE_HZ)]
         begin_ns = self._stamp_ns(0)
         trial_id = f'{self._plan.name}-{self._plan.seed}-{label}-{index:04d}'
-        items = [
-            (
-                begin_ns + round(at_s * 1e9),
-                EVENT,
-                self._event(begin_ns, trial_id, label, phase, at_s),
-            )
-            for phase, at_s in self._planned.phases
-        ]
+        items: list[tuple[int, str, Any]] = []
+        for phase, at_s in self._planned.phases:
+            stamp_ns = begin_ns + round(at_s * 1e9)
+            items.append((stamp_ns, EVENT, self._event(stamp_ns, trial_id, label, phase)))
         for first in range(0, len(tension_n), SAMPLES_PER_BLOCK):
             values = tension_n[first : first + SAMPLES_PER_BLOCK]
             # A block is published when its last sample is there.
@@ -229,10 +221,10 @@ class _TrialClock:
             status=0,
         )
 
-    def _event(self, begin_ns: int, trial_id: str, label: str, phase: str, at_s: float) -> Any:
+    def _event(self, stamp_ns: int, trial_id: str, label: str, phase: str) -> Any:
         request = TrialRequest(self._plan.protocol, self._plan.contact)
         return self._types[EVENT](
-            header=self._header(begin_ns + round(at_s * 1e9), ''),
+            header=self._header(stamp_ns, ''),
             trial_id=trial_id,
             session_id=f'simulated-{self._plan.seed}',
             protocol=self._plan.protocol,

@@ -1,0 +1,122 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Feature tables from recordings: what training and evaluation start from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from tactile_bringup.bags import EVENT, TactileBag
+from tactile_bringup.errors import BagError
+from tactile_bringup.replay import recorded_config, replay_windows
+from tactile_classifier.dataset import FeatureTable
+from tactile_features.conversions import event_from_msg
+from tactile_features.records import FeatureConfig, FeatureWindow, Outcome, TrialEvent
+from tactile_features.spec import spec_for
+
+
+@dataclass
+class LabelledWindows:
+    """The feature windows of one kind of trial, with what is known of each trial."""
+
+    windows: list[FeatureWindow] = field(default_factory=list)
+    events: list[TrialEvent] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class BagTables:
+    """The feature tables of some bags.
+
+    Attributes
+    ----------
+    tables : dict of (str, str) to FeatureTable
+        By task and contact.
+    left_out : tuple of str
+        One sentence for each trial that gave no features, or has no label.
+    """
+
+    tables: dict[tuple[str, str], FeatureTable]
+    left_out: tuple[str, ...]
+
+
+def read_tables(paths: Sequence[Path]) -> BagTables:
+    """Read the labelled trials of bags, by task and kind of contact.
+
+    Every finger (namespace) of a bag counts. The features come from the same object
+    as in the live node.
+
+    Raises
+    ------
+    BagError
+        When a bag cannot be read, or was recorded with other feature parameters than
+        the first, or no labelled trial is in any of them.
+    """
+    config: FeatureConfig | None = None
+    found: dict[tuple[str, str], LabelledWindows] = {}
+    left_out: list[str] = []
+    for path in paths:
+        with TactileBag(path) as bag:
+            bag_config = recorded_config(bag)
+            if config is not None and bag_config != config:
+                raise BagError(
+                    f'{path} was recorded with other feature parameters than {paths[0]}; '
+                    'train on each of them alone'
+                )
+            config = bag_config
+            for namespace in bag.namespaces:
+                _collect(bag, namespace, config, found, left_out)
+    if config is None or not any(group.windows for group in found.values()):
+        what = ', '.join(map(str, paths)) or 'no bag'
+        raise BagError(
+            f'no labelled trial with features in {what}'
+            + (f'; the first reason: {left_out[0]}' if left_out else '')
+        )
+    tables = {
+        key: _table(group, spec_config=config, task=key[0])
+        for key, group in sorted(found.items())
+        if group.windows
+    }
+    return BagTables(tables, tuple(left_out))
+
+
+def _collect(
+    bag: TactileBag,
+    namespace: str,
+    config: FeatureConfig,
+    found: dict[tuple[str, str], LabelledWindows],
+    left_out: list[str],
+) -> None:
+    trials: dict[str, TrialEvent] = {}
+    for message in bag.messages(EVENT, namespace=namespace):
+        event = event_from_msg(message.decode())
+        trials.setdefault(event.trial_id, event)
+    for window in replay_windows(bag, config, namespace):
+        event = trials[window.trial_id]
+        if window.outcome != Outcome.OK:
+            left_out.append(f'{window.trial_id}: {window.reason}')
+        elif not event.object_label:
+            left_out.append(f'{window.trial_id}: the trial has no label')
+        else:
+            group = found.setdefault((event.protocol, event.contact), LabelledWindows())
+            group.windows.append(window)
+            group.events.append(event)
+
+
+def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> FeatureTable:
+    events = group.events
+    return FeatureTable(
+        values=np.array([window.values for window in group.windows]),
+        labels=np.array([event.object_label for event in events]),
+        spec=spec_for(task, spec_config),
+        columns={
+            'trial_id': np.array([event.trial_id for event in events]),
+            'session_id': np.array([event.session_id for event in events]),
+            'contact': np.array([event.contact for event in events]),
+            'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),
+            'simulated': np.array([event.simulated for event in events]),
+        },
+    )

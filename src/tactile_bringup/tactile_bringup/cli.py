@@ -1,0 +1,322 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The ``tactile`` command: arguments and help. The work is in `tactile_bringup.commands`.
+
+Imports of the work are inside the functions: ``--help`` must not wait for ROS.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name='tactile',
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode='markdown',
+    pretty_exceptions_enable=False,
+    context_settings={'help_option_names': ['-h', '--help']},
+    help='Touch through the tendon of a soft robotic finger: texture and stiffness from one '
+    'tension signal.',
+)
+
+JsonOption = Annotated[
+    bool, typer.Option('--json', help='Print the result as JSON on standard output.')
+]
+SeedOption = Annotated[
+    int, typer.Option(help='Seed of everything random; the same seed gives the same result.')
+]
+
+
+class Protocol(str, Enum):
+    """The two kinds of trial."""
+
+    texture = 'texture'
+    stiffness = 'stiffness'
+
+
+class Contact(str, Enum):
+    """How the finger touches."""
+
+    flexion = 'flexion'
+    abduction = 'abduction'
+
+
+class Classifier(str, Enum):
+    """The paper's four."""
+
+    knn = 'knn'
+    svm_linear = 'svm_linear'
+    svm_rbf = 'svm_rbf'
+    tree = 'tree'
+
+
+class Scaling(str, Enum):
+    """What is done to the features before the classifier sees them."""
+
+    standard = 'standard'
+    none = 'none'
+
+
+@contextmanager
+def refusals() -> Iterator[None]:
+    """Turn the errors that we raise on purpose into one sentence and exit code 2."""
+    from tactile_bringup.errors import BringupError
+    from tactile_bringup.trial_protocols import ProtocolError
+    from tactile_classifier.errors import ClassifierError
+    from tactile_features.errors import FeatureError
+    from tactile_sim.errors import TactileSimError
+
+    try:
+        yield
+    except (BringupError, ProtocolError, ClassifierError, FeatureError, TactileSimError) as error:
+        typer.echo(f'tactile: {error}', err=True)
+        raise typer.Exit(2) from error
+
+
+@app.command()
+def demo(
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            '--output', '-o', help='Folder for the results; must not exist. Default: a new one.'
+        ),
+    ] = None,
+    seed: SeedOption = 1,
+    short: Annotated[
+        bool,
+        typer.Option(help='Few trials: a quick check that the chain holds, no useful accuracy.'),
+    ] = False,
+    json_output: JsonOption = False,
+) -> None:
+    """The whole chain on the **simulated** rig, in under three minutes.
+
+    Makes training sets from the simulator, trains and cross-validates the four
+    classifiers, then runs live trials: simulated devices on serial lines, the real
+    drivers, the trial runner, features, classification. Records them into a bag,
+    replays the bag through nodes and through the plain core, and says whether all
+    three agree bit for bit.
+    """
+    with refusals():
+        from tactile_bringup.commands.demo import run_demo
+
+        ok = run_demo(output, seed=seed, short=short, as_json=json_output)
+    raise typer.Exit(0 if ok else 1)
+
+
+@app.command()
+def simulate(
+    protocol: Annotated[Protocol, typer.Argument(help='Which kind of trial.')],
+    output: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
+    contact: Annotated[
+        list[Contact] | None,
+        typer.Option(help='How the finger touches; give it twice for both. Default: both.'),
+    ] = None,
+    trials: Annotated[
+        int, typer.Option(min=1, max=100_000, help='Trials of each plate or object.')
+    ] = 60,
+    seed: SeedOption = 1,
+    json_output: JsonOption = False,
+) -> None:
+    """Make bags of **simulated** trials, without waiting in real time.
+
+    The bags hold the same messages as live recordings, marked as simulated.
+    """
+    with refusals():
+        from tactile_bringup.commands.simulate import run_simulate
+
+        chosen = [c.value for c in contact or list(Contact)]
+        run_simulate(protocol.value, chosen, trials, seed, output, as_json=json_output)
+
+
+@app.command()
+def train(
+    bags: Annotated[list[Path], typer.Argument(help='Bags with labelled trials.')],
+    output: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder to write the model files into.')
+    ],
+    classifier: Annotated[
+        Classifier, typer.Option(help='Which of the four goes into the model file.')
+    ] = Classifier.knn,
+    scaling: Annotated[
+        Scaling | None,
+        typer.Option(
+            help='Scaling in the model file. Default: none for texture, whose features share '
+            'one unit; standard for stiffness, whose features do not.'
+        ),
+    ] = None,
+    seed: SeedOption = 0,
+    json_output: JsonOption = False,
+) -> None:
+    """Fit the four classifiers, cross-validate them, write a model file.
+
+    Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
+    classifiers with and without scaling. One ONNX file is written for each task and
+    kind of contact that the bags hold.
+    """
+    with refusals():
+        from tactile_bringup.commands.train import run_train
+
+        run_train(
+            bags,
+            output,
+            classifier=classifier.value,
+            scaling=scaling.value if scaling else None,
+            seed=seed,
+            as_json=json_output,
+        )
+
+
+@app.command()
+def evaluate(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help='One labelled-trials archive (.npz), or bags with labelled trials.'),
+    ],
+    task: Annotated[
+        Protocol | None,
+        typer.Option(help='Which features to compute. Needed for an archive.'),
+    ] = None,
+    channel: Annotated[
+        int | None, typer.Option(help='Channel of the archive; default: 0.', min=0)
+    ] = None,
+    where: Annotated[
+        str | None,
+        typer.Option(
+            help='Only trials of which a column of the archive is true, as in --where balanced, '
+            'or has a value, as in --where direction=1.'
+        ),
+    ] = None,
+    static_phase: Annotated[
+        str | None,
+        typer.Option(
+            help='Part of each trial that counts, in seconds, as in --static-phase 1:5. '
+            'Default: all of it.'
+        ),
+    ] = None,
+    group: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Hold out each group of trials that agree in this column, instead of random '
+            'folds; may be given several times.'
+        ),
+    ] = None,
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
+    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
+    features: Annotated[
+        str | None,
+        typer.Option(
+            help='Only these features, separated by commas, as in --features slope,correlation.'
+        ),
+    ] = None,
+    seed: SeedOption = 0,
+    json_output: JsonOption = False,
+) -> None:
+    """Cross-validate the four classifiers on recordings.
+
+    On your own trials, real or simulated: the same features as the live node, every
+    classifier with and without scaling, and the split stated beside each number.
+    """
+    with refusals():
+        from tactile_bringup.commands.evaluate import EvaluateRequest, run_evaluate
+
+        run_evaluate(
+            EvaluateRequest(
+                recordings=tuple(recordings),
+                task=task.value if task else None,
+                channel=channel,
+                where=where,
+                static_phase=static_phase,
+                groups=tuple(group or ()),
+                folds=folds,
+                repetitions=repetitions,
+                features=features,
+                seed=seed,
+            ),
+            as_json=json_output,
+        )
+
+
+@app.command()
+def replay(
+    bag: Annotated[Path, typer.Argument(help='The recording.')],
+    models: Annotated[
+        Path | None,
+        typer.Option(help='Folder with the model files. Default: where the recording found them.'),
+    ] = None,
+    nodes: Annotated[
+        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
+    ] = True,
+    json_output: JsonOption = False,
+) -> None:
+    """Run a recording through features and classification again, and compare.
+
+    Prints *equal*, or the first difference from what was recorded; exits with 1 when
+    there is one.
+    """
+    with refusals():
+        from tactile_bringup.commands.replay import run_replay
+
+        equal = run_replay(bag, models, through_nodes=nodes, as_json=json_output)
+    raise typer.Exit(0 if equal else 1)
+
+
+@app.command()
+def rig(
+    models: Annotated[
+        Path | None, typer.Option(help='Folder with model files, as `tactile train` writes them.')
+    ] = None,
+    guide: Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')] = '',
+    tendon: Annotated[str, typer.Option(help='Serial port of the Dynamixel.')] = '',
+    sensor: Annotated[str, typer.Option(help='Serial port of the load cell.')] = '',
+    simulated: Annotated[
+        bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
+    ] = False,
+    params: Annotated[
+        Path | None, typer.Option(help='YAML file with ROS parameters for the nodes.')
+    ] = None,
+    namespace: Annotated[str, typer.Option(help='Namespace of all nodes.')] = '',
+    record: Annotated[
+        Path | None, typer.Option(help='Record into this bag; must not exist yet.')
+    ] = None,
+    seed: SeedOption = 1,
+) -> None:
+    """Run all nodes of the rig in this process until Ctrl-C.
+
+    Sensor, guide, tendon, trial runner, features and one classifier for each model.
+    """
+    with refusals():
+        from tactile_bringup.commands.rig import RigRequest, run_rig
+
+        run_rig(
+            RigRequest(
+                models=models,
+                guide=guide,
+                tendon=tendon,
+                sensor=sensor,
+                simulated=simulated,
+                params=params,
+                namespace=namespace,
+                record=record,
+                seed=seed,
+            )
+        )
+
+
+def main() -> int:
+    """Entry point of the console script."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+    return 0

@@ -1,0 +1,266 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`tactile demo`: the whole chain on the simulated rig."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from domain_coordinator import domain_id
+
+from tactile_bringup.bags import TactileBag
+from tactile_bringup.commands.output import Output
+from tactile_bringup.commands.replay import ReplayReport, print_report, replay_and_compare
+from tactile_bringup.commands.rig import recorder
+from tactile_bringup.commands.simulate import make_bags
+from tactile_bringup.commands.train import TrainedModel, read_with_progress, train_models
+from tactile_bringup.errors import BringupError
+from tactile_bringup.graph import Ports, rig_graph
+from tactile_bringup.graph_runner import ros_context, running_graph
+from tactile_bringup.model_folder import find_models
+from tactile_bringup.operator_node import OperatorNode
+from tactile_bringup.plots import plot_spectra, plot_strain
+from tactile_bringup.replay import recorded_results
+from tactile_bringup.simulated_bags import paper_plans
+from tactile_bringup.traces import read_trace
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_sim.description import list_objects
+from tactile_sim.rig_process import SimulatedRig
+
+MATCH_TIMEOUT_S = 10.0
+PAPER_TRIALS = 60
+"""Trials of each plate in the paper (section III.A)."""
+
+
+@dataclass(frozen=True)
+class LiveTrial:
+    """One live trial: what was asked, what was answered."""
+
+    request: TrialRequest
+    answer: ClassificationResult
+
+    @property
+    def is_right(self) -> bool:
+        return self.answer.label == self.request.object_label
+
+
+def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> bool:
+    """Run the demo; return whether the replays agree with the recording."""
+    started = time.monotonic()
+    output = Output(as_json)
+    folder = make_folder(folder)
+    output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
+
+    output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
+    plans = paper_plans(12 if short else PAPER_TRIALS, seed)
+    bags = make_bags(folder / 'training', plans, output)
+    counts = [plan.trials_per_label * len(list_objects(plan.protocol)) for plan in plans]
+    output.say(f'   {sum(counts)} simulated trials in {len(bags)} bags, {_since(started)}\n')
+
+    output.say('[bold]2  Training and cross-validation[/bold]')
+    found = read_with_progress(bags, output)
+    trained = train_models(
+        found, folder / 'models', output, classifier='knn', scaling=None, seed=0
+    )
+
+    output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
+    live = run_live_trials(folder, choose_trials(seed, short=short), seed, output)
+
+    output.say('\n[bold]4  The recording, replayed[/bold]')
+    reports = replay_and_compare(folder / 'recording', None, through_nodes=True)
+    for report in reports:
+        print_report(report, output)
+
+    draw_plots(folder, live, trained)
+    summary = summarise(folder, live, trained, reports, time.monotonic() - started)
+    (folder / 'summary.json').write_text(json.dumps(summary, indent=1, allow_nan=False))
+    print_summary(folder, live, reports, output)
+    output.result(summary)
+    return all(report.is_equal for report in reports)
+
+
+def make_folder(folder: Path | None) -> Path:
+    """Make the folder for the results.
+
+    Raises
+    ------
+    BringupError
+        When it exists already or cannot be made.
+    """
+    folder = folder or Path(time.strftime('tactile-demo-%Y%m%d-%H%M%S'))
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        raise BringupError(f'{folder} exists already; name another folder with -o') from error
+    except OSError as error:
+        raise BringupError(f'cannot make {folder}: {error.strerror}') from error
+    return folder.resolve()
+
+
+def choose_trials(seed: int, *, short: bool) -> list[TrialRequest]:
+    """Draw what the live trials are run on; flexion first, since the finger is remounted."""
+    generator = np.random.default_rng(seed)
+    requests: list[TrialRequest] = []
+    for contact, of_texture, of_stiffness in (('flexion', 4, 4), ('abduction', 2, 2)):
+        for protocol, count in (('texture', of_texture), ('stiffness', of_stiffness)):
+            labels = generator.permutation(list_objects(protocol))
+            for label in labels[: 1 if short else count]:
+                number = len(requests) + 1
+                name = f'live-{number:02d}-{protocol}-{contact}-{label}'
+                requests.append(TrialRequest(protocol, contact, str(label), name, 'demo'))
+    return requests
+
+
+def run_live_trials(
+    folder: Path, requests: Sequence[TrialRequest], seed: int, output: Output
+) -> list[LiveTrial]:
+    """Run trials on simulated devices through the whole graph, and record them."""
+    models = find_models(folder / 'models')
+    classifiers = tuple(models)
+    live: list[LiveTrial] = []
+    with (
+        SimulatedRig(seed=seed) as rig,
+        domain_id() as domain,
+        ros_context(int(domain)) as context,
+    ):
+        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
+        graph = rig_graph(ports, models, {}, simulated=True)
+        graph.append(
+            recorder(folder / 'recording', folder / 'models', classifiers, {}, simulated=True)
+        )
+        operator = OperatorNode(classifiers, context)
+        with running_graph(graph, context, others=[operator]) as nodes:
+            wait_until_matched(nodes['bag_recorder'])
+            operator.home_guide()
+            for request in requests:
+                rig.mount(request.protocol, request.object_label, request.contact)
+                operator.run_trial(request)
+                trial = LiveTrial(request, operator.wait_for_answer(request.trial_id))
+                live.append(trial)
+                output.say(describe_trial(trial))
+    return live
+
+
+def wait_until_matched(recorder_node: Any) -> None:
+    """Wait until every recorded topic has its publisher."""
+    deadline = time.monotonic() + MATCH_TIMEOUT_S
+    while missing := recorder_node.unmatched_topics():
+        if time.monotonic() > deadline:
+            raise BringupError(f'no publisher on {", ".join(missing)}; not recording without it')
+        time.sleep(0.02)
+
+
+def describe_trial(trial: LiveTrial) -> str:
+    """Return one line: what was under the finger, what the classifier said."""
+    request, answer = trial.request, trial.answer
+    what = f'   {request.protocol:9} {request.contact:9} true {request.object_label:13}'
+    if answer.outcome != Outcome.LABEL:
+        return f'{what} no answer: {answer.reason}'
+    verdict = '[green]right[/green]' if trial.is_right else '[red]wrong[/red]'
+    return f'{what} says {answer.label:13} ({max(answer.scores):.2f} of the votes) {verdict}'
+
+
+def draw_plots(folder: Path, live: Sequence[LiveTrial], trained: Sequence[TrainedModel]) -> None:
+    """Draw one strain trace with its phases and one spectrum for each texture."""
+    touched = [
+        trial.request
+        for trial in live
+        if trial.request.protocol == 'stiffness' and trial.request.object_label != 'none'
+    ]
+    with TactileBag(folder / 'recording') as bag:
+        if touched:
+            draw_trace(folder / 'strain_trace.png', bag, touched[0])
+    for model in trained:
+        if model.table.task == 'texture' and model.table.column('contact')[0] == 'flexion':
+            draw_spectra(folder / 'texture_spectra.png', model.table)
+
+
+def draw_trace(path: Path, bag: TactileBag, request: TrialRequest) -> None:
+    """Draw a recorded stiffness trial: tension, phases, the window and its regression."""
+    trace = read_trace(bag, request.trial_id)
+    (window,) = (w for w in recorded_results(bag).windows if w.trial_id == request.trial_id)
+    start_s, end_s = (
+        (ns - trace.begin_ns) * 1e-9 for ns in (window.window_start_ns, window.window_end_ns)
+    )
+    plot_strain(
+        path,
+        trace.time_s,
+        trace.tension_n,
+        trace.phases,
+        f'SIMULATED stiffness trial: {request.contact} on {request.object_label}',
+        window_s=(start_s, end_s),
+        line=(window.values[0], window.values[1]) if len(window.values) else None,
+    )
+
+
+def draw_spectra(path: Path, table: FeatureTable) -> None:
+    """Draw the spectrum of the first trial on each plate."""
+    labels = np.unique(table.labels)
+    plot_spectra(
+        path,
+        np.arange(len(table.spec.names)) * table.spec.rate_hz / table.spec.sample_count,
+        [(str(label), table.values[np.argmax(table.labels == label)]) for label in labels],
+        'SIMULATED texture trials, flexion: one on each plate',
+    )
+
+
+def summarise(
+    folder: Path,
+    live: Sequence[LiveTrial],
+    trained: Sequence[TrainedModel],
+    reports: Sequence[ReplayReport],
+    seconds: float,
+) -> dict[str, Any]:
+    """Return all that the demo found, as what JSON can hold."""
+    return {
+        'simulated': True,
+        'folder': str(folder),
+        'seconds': round(seconds, 1),
+        'models': [model.to_dict() for model in trained],
+        'live_trials': [
+            {
+                **asdict(trial.request),
+                'answer': trial.answer.label,
+                'reason': trial.answer.reason,
+                'right': trial.is_right,
+                'model_id': trial.answer.model_id,
+            }
+            for trial in live
+        ],
+        'replay': [report.to_dict() for report in reports],
+    }
+
+
+def print_summary(
+    folder: Path, live: Sequence[LiveTrial], reports: Sequence[ReplayReport], output: Output
+) -> None:
+    """Print the end of the demo."""
+    right = sum(trial.is_right for trial in live)
+    equal = all(report.is_equal for report in reports)
+    agreement = 'agree bit for bit' if equal else 'DO NOT agree'
+    output.say(
+        f'\n[bold]{right} of {len(live)} live trials named correctly (SIMULATED rig); '
+        f'live, nodes and plain core {agreement}.[/bold]'
+    )
+    output.say(f'Results in {folder}:')
+    for name, what in (
+        ('recording/', 'MCAP bag of the live trials; `./tactile replay` takes it'),
+        ('models/', 'ONNX model files; `./tactile rig --models` takes them'),
+        ('training/', 'bags of the simulated training trials; `./tactile train` takes them'),
+        ('summary.json', 'all numbers'),
+        ('strain_trace.png', 'tension during one stiffness trial, with its phases'),
+        ('texture_spectra.png', 'amplitude spectrum of one trial on each plate'),
+    ):
+        output.say(f'   {name:20} {what}')
+
+
+def _since(started: float) -> str:
+    return f'{time.monotonic() - started:.0f} s'

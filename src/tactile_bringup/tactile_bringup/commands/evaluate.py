@@ -1,0 +1,157 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`tactile evaluate`: cross-validated accuracy on archives and bags."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_bringup.bag_tables import read_tables
+from tactile_bringup.commands.output import Output
+from tactile_bringup.errors import BringupError
+from tactile_bringup.tables import accuracy_table
+from tactile_classifier.archive import load_archive
+from tactile_classifier.dataset import FeatureTable, table_from_trials
+from tactile_classifier.evaluation import Evaluation, evaluate
+
+
+@dataclass(frozen=True)
+class EvaluateRequest:
+    """The arguments of `tactile evaluate`; see its ``--help``."""
+
+    recordings: tuple[Path, ...]
+    task: str | None
+    channel: int | None
+    where: str | None
+    static_phase: str | None
+    groups: tuple[str, ...]
+    folds: int
+    repetitions: int
+    features: str | None
+    seed: int
+
+
+def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
+    """Evaluate each feature table of the recordings and print what came out."""
+    output = Output(as_json)
+    documents = []
+    for title, table in _tables(request):
+        evaluation = evaluate_with_progress(
+            table,
+            output,
+            folds=request.folds,
+            repetitions=request.repetitions,
+            hold_out=request.groups,
+            random_state=request.seed,
+        )
+        output.say(accuracy_table(evaluation, title))
+        documents.append({'title': title, **evaluation.to_dict()})
+    output.result({'evaluations': documents})
+
+
+def evaluate_with_progress(table: FeatureTable, output: Output, **arguments: Any) -> Evaluation:
+    """Cross-validate with a progress bar, on all cores."""
+    with output.progress() as progress:
+        bar = progress.add_task('cross-validating', total=None)
+        return evaluate(
+            table,
+            jobs=-1,
+            progress=lambda done, total: progress.update(bar, completed=done, total=total),
+            **arguments,
+        )
+
+
+def _tables(request: EvaluateRequest) -> list[tuple[str, FeatureTable]]:
+    archives = [path for path in request.recordings if path.suffix == '.npz']
+    if archives and len(request.recordings) > 1:
+        raise BringupError('evaluate one archive at a time, or bags only')
+    if archives:
+        return [_archive_table(archives[0], request)]
+    for name in ('channel', 'where', 'static_phase'):
+        if getattr(request, name) is not None:
+            option = name.replace('_', '-')
+            raise BringupError(f'--{option} is for archives; a bag says itself what a trial is')
+    tables = []
+    for (task, contact), table in read_tables(request.recordings).tables.items():
+        if request.task in (None, task):
+            simulated = ', simulated' if table.column('simulated').any() else ''
+            tables.append((f'{task}, {contact}{simulated}', _select(table, request.features)))
+    if not tables:
+        raise BringupError(f'the bags hold no {request.task} trials')
+    return tables
+
+
+def _archive_table(path: Path, request: EvaluateRequest) -> tuple[str, FeatureTable]:
+    if request.task is None:
+        raise BringupError(f'say what {path.name} is about: --task texture or --task stiffness')
+    trials = load_archive(path, folds=request.folds)
+    title = [request.task, path.name, f'channel {request.channel or 0}']
+    if request.where is not None:
+        column, equals, text = request.where.partition('=')
+        trials = trials.where(column, _value(text, trials.columns, column) if equals else True)
+        title.append(request.where)
+    if request.static_phase is not None:
+        start_s, stop_s = parse_span(request.static_phase)
+        trials = trials.between(start_s, stop_s)
+        title.append(f'{start_s:g} to {stop_s:g} s')
+    table = table_from_trials(request.task, trials, request.channel or 0)
+    if request.features is not None:
+        title.append(request.features)
+    return ', '.join(title), _select(table, request.features)
+
+
+def _value(text: str, columns: Any, column: str) -> object:
+    """Return ``text`` as a value of the column's type."""
+    if column not in columns:
+        return text
+    kind = np.asarray(columns[column]).dtype
+    try:
+        return kind.type(text)
+    except ValueError as error:
+        raise BringupError(f'--where: "{text}" is no value of column {column} ({kind})') from error
+
+
+def parse_span(text: str) -> tuple[float, float]:
+    """Return start and stop in seconds from ``START:STOP``.
+
+    Raises
+    ------
+    BringupError
+        When it is not of that form.
+    """
+    start, _, stop = text.partition(':')
+    try:
+        span = float(start), float(stop)
+    except ValueError as error:
+        raise BringupError(f'"{text}" is not START:STOP in seconds, as in 1:5') from error
+    if not 0 <= span[0] < span[1] < float('inf'):
+        raise BringupError(f'"{text}": START must be 0 or more and less than STOP')
+    return span
+
+
+def _select(table: FeatureTable, names: str | None) -> FeatureTable:
+    """Return the table with only the named features; the last part of a name is enough."""
+    if names is None:
+        return table
+    short = [name.rpartition('__')[2] for name in table.spec.names]
+    chosen = []
+    for name in (part.strip() for part in names.split(',')):
+        if name in table.spec.names:
+            chosen.append(table.spec.names.index(name))
+        elif name in short:
+            chosen.append(short.index(name))
+        else:
+            raise BringupError(
+                f'there is no feature "{name}"; there are {", ".join(short[:8])}'
+                + (' ...' if len(short) > 8 else '')
+            )
+    spec = replace(
+        table.spec,
+        names=tuple(table.spec.names[i] for i in chosen),
+        units=tuple(table.spec.units[i] for i in chosen),
+    )
+    return FeatureTable(table.values[:, chosen], table.labels, spec, table.columns)

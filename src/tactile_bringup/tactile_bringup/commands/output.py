@@ -1,0 +1,50 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""How commands talk: tables and progress for people, JSON for machines.
+
+With ``--json`` standard output carries one JSON document and nothing else;
+progress always goes to standard error.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+
+class Output:
+    """The terminal of one command.
+
+    Parameters
+    ----------
+    as_json : bool
+        Whether the result is wanted as JSON.
+    """
+
+    def __init__(self, as_json: bool) -> None:
+        self.as_json = as_json
+        self._err = Console(stderr=True)
+        self._out = self._err if as_json else Console()
+
+    def say(self, text: Any = '') -> None:
+        """Print a line or a table for people."""
+        self._out.print(text, highlight=False, soft_wrap=isinstance(text, str))
+
+    def result(self, document: dict[str, Any]) -> None:
+        """Print the result's JSON, when it is wanted."""
+        if self.as_json:
+            print(json.dumps(document, indent=1, allow_nan=False))  # noqa: T201
+
+    def progress(self) -> Progress:
+        """Return a progress bar that disappears when it is done."""
+        return Progress(
+            TextColumn('{task.description}'),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=self._err,
+            transient=True,
+        )

@@ -1,0 +1,139 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`tactile rig`: all nodes of the rig in one process."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tactile_bringup.commands.output import Output
+from tactile_bringup.errors import BringupError
+from tactile_bringup.graph import NodeDescription, Ports, check_names, rig_graph
+from tactile_bringup.graph_runner import ros_context, running_graph
+from tactile_bringup.model_folder import find_models
+from tactile_features.records import FeatureConfig
+from tactile_sim.rig_process import SimulatedRig
+
+
+@dataclass(frozen=True)
+class RigRequest:
+    """The arguments of `tactile rig`; see its ``--help``."""
+
+    models: Path | None
+    guide: str
+    tendon: str
+    sensor: str
+    simulated: bool
+    params: Path | None
+    namespace: str
+    record: Path | None
+    seed: int
+
+
+def run_rig(request: RigRequest) -> None:
+    """Run the rig's nodes until SIGINT or SIGTERM."""
+    output = Output(as_json=False)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    models = find_models(request.models) if request.models else {}
+    parameters = read_parameters(request.params) if request.params else {}
+    with ExitStack() as stack:
+        ports = _ports(request, stack)
+        nodes = rig_graph(ports, models, parameters, simulated=request.simulated)
+        if request.record:
+            nodes.append(
+                recorder(
+                    request.record,
+                    request.models,
+                    tuple(models),
+                    parameters.get('tactile_features', {}),
+                    namespace=request.namespace,
+                    simulated=request.simulated,
+                )
+            )
+        check_names(nodes, parameters)
+        context = stack.enter_context(ros_context())
+        stack.enter_context(running_graph(nodes, context, namespace=request.namespace))
+        simulated = 'SIMULATED rig' if request.simulated else 'rig'
+        output.say(f'{simulated} running: {", ".join(n.name for n in nodes)}. Ctrl-C ends it.')
+        stop.wait()
+
+
+def recorder(
+    bag: Path,
+    models: Path | None,
+    classifiers: tuple[str, ...],
+    feature_parameters: Mapping[str, Any],
+    *,
+    namespace: str = '',
+    simulated: bool,
+) -> NodeDescription:
+    """Return the recorder node for a rig; it notes what a replay needs to know."""
+    facts = {
+        'simulated': simulated,
+        'feature_config': asdict(FeatureConfig(**feature_parameters)),
+        'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
+    }
+    return NodeDescription(
+        'tactile_bringup',
+        'bag_recorder_node',
+        'bag_recorder',
+        {
+            'bag': str(bag),
+            'namespaces': (namespace,),
+            'classifiers': classifiers,
+            'facts': json.dumps(facts),
+        },
+    )
+
+
+def read_parameters(path: Path) -> dict[str, dict[str, Any]]:
+    """Read a ROS parameter file: parameters by node name.
+
+    Raises
+    ------
+    BringupError
+        When it is not of ROS's form.
+    """
+    try:
+        document = yaml.safe_load(path.read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise BringupError(f'cannot read the parameters in {path}: {error}') from error
+    if not isinstance(document, dict):
+        raise BringupError(f'{path} is no ROS parameter file: node names are expected on top')
+    parameters = {}
+    for name, content in document.items():
+        if not isinstance(content, dict) or not isinstance(content.get('ros__parameters'), dict):
+            raise BringupError(f'{path}: "{name}" has no ros__parameters below it')
+        parameters[str(name).rpartition('/')[2]] = content['ros__parameters']
+    return parameters
+
+
+def _ports(request: RigRequest, stack: ExitStack) -> Ports:
+    given = {name: getattr(request, name) for name in ('guide', 'tendon', 'sensor')}
+    if request.simulated:
+        if any(given.values()):
+            raise BringupError('--simulated brings its own ports; leave the others out')
+        return stack.enter_context(simulated_ports(request.seed))
+    missing = [f'--{name}' for name, port in given.items() if not port]
+    if missing:
+        raise BringupError(f'name the ports: {", ".join(missing)}; or use --simulated')
+    return Ports(**given)
+
+
+@contextmanager
+def simulated_ports(seed: int) -> Iterator[Ports]:
+    """Run simulated devices and give their ports."""
+    with SimulatedRig(seed=seed) as rig:
+        yield Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)

@@ -1,0 +1,48 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Results as tables for a terminal."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from tactile_classifier.evaluation import Evaluation
+
+CLASSIFIER_TITLES = {
+    'knn': '3 nearest neighbours',
+    'svm_linear': 'SVM, linear kernel',
+    'svm_rbf': 'SVM, RBF kernel',
+    'tree': 'decision tree',
+}
+
+SCALING_TITLES = {
+    'standard': 'scaled (zero mean, unit variance)',
+    'none': 'not scaled',
+}
+
+
+def accuracy_table(evaluation: Evaluation, title: str) -> Table:
+    """Return accuracies [%] by classifier and scaling, with their spread."""
+    scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
+    spread_of = evaluation.scores[0].spread_of
+    table = Table(
+        title=title,
+        title_justify='left',
+        title_style='bold',
+        caption=(
+            f'accuracy in %, {evaluation.split}, {evaluation.trials} trials, '
+            f'{len(evaluation.labels)} labels; ± standard deviation over {spread_of}; '
+            f'always naming the commonest label: {100 * evaluation.chance:.0f}'
+        ),
+        caption_justify='left',
+    )
+    table.add_column('classifier')
+    for scaling in scalings:
+        table.add_column(SCALING_TITLES[scaling], justify='right')
+    for classifier in dict.fromkeys(score.classifier for score in evaluation.scores):
+        cells = []
+        for scaling in scalings:
+            score = evaluation.score(classifier, scaling)
+            cells.append(f'{100 * score.mean:.1f} ± {100 * score.spread:.1f}')
+        table.add_row(CLASSIFIER_TITLES[classifier], *cells)
+    return table
