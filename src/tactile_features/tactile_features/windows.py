@@ -93,44 +93,39 @@ class SampleBuffer:
 
     def add(self, block: StrainBlock) -> bool:
         """Append a block; return whether the clock was set back and the past is gone."""
-        count = len(block.tension_n)
-        if count == 0:
+        if len(block.tension_n) == 0:
             return False
-        repeated = 0
-        lost = 0
-        hole = self._end == 0
-        was_set_back = False
-        if self._end:
-            last = self._data[self._end - 1]
-            last_sequence = int(last['sequence'])
-            last_of_block_ns = block.stamp_ns + (count - 1) * block.period_ns
-            if last_of_block_ns < int(last['latest_ns']) - SET_BACK_NS:
-                self._clear()
-                was_set_back = hole = True
-                self.restart_count += 1
-            elif block.sequence > last_sequence:
-                lost = block.sequence - last_sequence - 1
-                reconnected = block.status & ~int(last['status']) & STATUS_RECONNECTED
-                hole = bool(reconnected) or max(lost, block.lost_before) > self._max_gap_samples
-            elif block.stamp_ns > int(last['stamp_ns']):
-                hole = True
-                self.restart_count += 1
-            else:
-                repeated = min(count, last_sequence + 1 - block.sequence)
-                self.late_sample_count += repeated
-
-        new: Samples = np.zeros(count, SAMPLE)
-        new['stamp_ns'] = block.stamp_ns + np.arange(count, dtype=np.int64) * block.period_ns
-        new['sequence'] = np.uint64(block.sequence) + np.arange(count, dtype=np.uint64)
-        new['tension_n'] = block.tension_n
-        new['status'] = block.status
-        new = new[repeated:]
-        if lost and not hole:
-            self._append(_interpolate(self._data[self._end - 1], new[0], lost))
-        if len(new):
-            new['hole'][0] = hole
+        new = _unpack(block)
+        if not self._end:
+            new['hole'][0] = True
             self._append(new)
-        return was_set_back
+            return False
+        last = self._data[self._end - 1]
+        if new['stamp_ns'][-1] < last['latest_ns'] - SET_BACK_NS:
+            self._clear()
+            self.restart_count += 1
+            self.add(block)
+            return True
+        fresh = (new['sequence'] > last['sequence']) | (new['stamp_ns'] > last['stamp_ns'])
+        repeated = int(fresh.argmax()) if fresh.any() else len(new)
+        self.late_sample_count += repeated
+        new = new[repeated:]
+        if len(new):
+            lost_before = 0 if repeated else block.lost_before
+            self._join(last, new, lost_before)
+            self._append(new)
+        return False
+
+    def _join(self, last: Any, new: Samples, lost_before: int) -> None:
+        """Fill or mark what is missing between the last sample and the next ones."""
+        lost = int(new['sequence'][0]) - int(last['sequence']) - 1
+        if lost < 0:
+            self.restart_count += 1
+        reconnected = new['status'][0] & ~last['status'] & STATUS_RECONNECTED
+        if lost < lost_before or reconnected or lost > self._max_gap_samples:
+            new['hole'][0] = True
+        elif lost > 0:
+            self._append(_interpolate(last, new[0], lost))
 
     def evict(self) -> None:
         """Forget samples that are too old or too many."""
@@ -156,6 +151,16 @@ class SampleBuffer:
             self._start, self._end = 0, len(kept)
         self._data[self._end : self._end + len(new)] = new
         self._end += len(new)
+
+
+def _unpack(block: StrainBlock) -> Samples:
+    step = np.arange(len(block.tension_n))
+    new = np.zeros(len(step), SAMPLE)
+    new['stamp_ns'] = block.stamp_ns + step * block.period_ns
+    new['sequence'] = np.uint64(block.sequence) + step.astype(np.uint64)
+    new['tension_n'] = block.tension_n
+    new['status'] = block.status
+    return new
 
 
 def _interpolate(before: Any, after: Any, count: int) -> Samples:

@@ -1,0 +1,366 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""One trial at 10 Hz: what the window of each phase is, or why there is none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_features import (
+    FeatureConfig,
+    Outcome,
+    StrainBlock,
+    TrialEvent,
+    TrialFeatureExtractor,
+    compute_regression,
+    compute_spectrum,
+)
+from tactile_features.records import (
+    STATUS_DEVICE_ERROR,
+    STATUS_HOST_TIME,
+    STATUS_RECONNECTED,
+    STATUS_RESYNCHRONISED,
+    STATUS_SATURATED,
+    STATUS_STUCK,
+)
+
+S = 1_000_000_000
+PERIOD_NS = S // 10
+CONFIG = FeatureConfig(
+    rate_hz=10.0,
+    texture_samples=12,
+    texture_crop_start_s=0.3,
+    texture_crop_end_s=0.1,
+    stiffness_settle_s=0.2,
+    stiffness_crop_end_s=0.1,
+    stiffness_min_s=0.5,
+    buffer_s=20.0,
+    frame_id='cell_link',
+)
+TENSION_N = np.random.default_rng(0).normal(5.0, 1.0, 1000)
+
+
+def event(time_s, phase, trial_id='t1', **fields):
+    protocol = 'stiffness' if phase == 'hold' else 'texture'
+    return TrialEvent(
+        round(time_s * S), trial_id, 's1', protocol, 'flexion', 'R1', phase, **fields
+    )
+
+
+def block(sequence, count=1, *, shift_ns=0, status=0, tension_n=TENSION_N, **fields):
+    """Samples whose times follow from their sequence numbers, from 0 s on."""
+    values = tension_n[sequence : sequence + count]
+    return StrainBlock(
+        sequence * PERIOD_NS + shift_ns, sequence, PERIOD_NS, values, status=status, **fields
+    )
+
+
+def run(*inputs, config=CONFIG):
+    extractor = TrialFeatureExtractor(config)
+    windows = []
+    for item in inputs:
+        add = extractor.add_block if isinstance(item, StrainBlock) else extractor.add_event
+        windows += add(item)
+    assert sum(extractor.window_counts.values()) == len(windows)
+    return windows
+
+
+def glide(*blocks, end_s=3.5, config=CONFIG, **fields):
+    """The only window of a glide from 2 s on: nominally samples 23 to 34."""
+    (window,) = run(event(2.0, 'glide'), *blocks, event(end_s, 'release', **fields), config=config)
+    return window
+
+
+def hold(*blocks, end_s=4.0, config=CONFIG):
+    """The only window of a hold from 2 s on: nominally samples 22 to 39."""
+    (window,) = run(event(2.0, 'hold'), *blocks, event(end_s, 'release'), config=config)
+    return window
+
+
+def test_texture_is_the_spectrum_of_the_first_samples_after_the_crop():
+    window = glide(block(0, 50))
+    assert window.outcome == Outcome.OK
+    assert window.reason == ''
+    assert window.values.tobytes() == compute_spectrum(TENSION_N[23:35]).tobytes()
+    assert (window.window_start_ns, window.window_end_ns) == (2_300_000_000, 3_400_000_000)
+    assert (window.first_sequence, window.sample_count, window.interpolated_count) == (23, 12, 0)
+    assert (window.feature_set, window.feature_set_version) == ('texture_spectrum', 1)
+    assert (window.rate_hz, window.frame_id, window.trial_id) == (10.0, 'cell_link', 't1')
+    assert (window.contact, window.simulated, window.status) == ('flexion', False, 0)
+
+
+def test_stiffness_is_the_regression_over_the_hold_between_its_crops():
+    window = hold(block(0, 50))
+    time_ns = PERIOD_NS * np.arange(22, 40)
+    assert window.outcome == Outcome.OK
+    assert window.values.tobytes() == compute_regression(time_ns, TENSION_N[22:40]).tobytes()
+    assert (window.window_start_ns, window.window_end_ns) == (2_200_000_000, 3_900_000_000)
+    assert (window.first_sequence, window.sample_count) == (22, 18)
+    assert window.feature_set == 'stiffness_regression'
+
+
+def test_the_ends_of_a_window_belong_to_it_to_the_nanosecond():
+    assert glide(block(0, 50, shift_ns=-1)).first_sequence == 24
+    assert glide(block(0, 50, shift_ns=1)).outcome == Outcome.TOO_SHORT
+    early, late = hold(block(0, 50, shift_ns=-1)), hold(block(0, 50, shift_ns=1))
+    assert (early.first_sequence, early.sample_count) == (23, 17)
+    assert (late.first_sequence, late.sample_count) == (22, 17)
+
+
+def test_what_is_known_of_the_trial_is_passed_on():
+    start = dataclasses.replace(event(2.0, 'glide'), contact='abduction', simulated=True)
+    (window,) = run(start, block(0, 50), event(3.5, 'release'))
+    assert (window.contact, window.simulated) == ('abduction', True)
+
+
+def test_a_window_comes_as_soon_as_no_sample_can_change_it():
+    extractor = TrialFeatureExtractor(CONFIG)
+    for item in (event(2.0, 'glide'), event(3.5, 'hold'), event(5.5, 'release')):
+        assert extractor.add_event(item) == []
+    came = [n for n in range(60) if extractor.add_block(block(n))]
+    assert came == [34, 55]
+
+
+def test_every_finished_phase_gives_one_window_in_order():
+    windows = run(
+        block(0, 200),
+        *(
+            event(t, p, trial)
+            for trial, t0 in (('a', 1.0), ('b', 11.0))
+            for t, p in (
+                (t0, 'approach'),
+                (t0 + 1, 'contact'),
+                (t0 + 2, 'glide'),
+                (t0 + 4, 'hold'),
+                (t0 + 6, 'release'),
+                (t0 + 7, 'return'),
+                (t0 + 8, 'done'),
+            )
+        ),
+    )
+    assert [(w.trial_id, w.feature_set, w.outcome) for w in windows] == [
+        (trial, name, Outcome.OK)
+        for trial in 'ab'
+        for name in ('texture_spectrum', 'stiffness_regression')
+    ]
+
+
+def test_a_phase_that_is_too_short_says_so_without_waiting_for_samples():
+    for start, end_s in (('glide', 3.4), ('glide', 2.1), ('hold', 2.79)):
+        (window,) = run(event(2.0, start), event(end_s, 'release'))
+        assert window.outcome == Outcome.TOO_SHORT
+        assert 'between its crops' in window.reason
+        assert len(window.values) == 0
+        assert window.window_start_ns == 2 * S
+        assert window.window_end_ns == round(end_s * S)
+    assert hold(block(0, 50), end_s=2.8).outcome == Outcome.OK
+
+
+def test_an_aborted_phase_says_why():
+    (window,) = run(event(2.0, 'glide'), event(3.5, 'aborted', message='tension limit'))
+    assert window.outcome == Outcome.ABORTED
+    assert window.reason == 'the trial was aborted: tension limit'
+
+
+def test_an_abort_after_the_phase_leaves_its_window():
+    (window,) = run(
+        event(2.0, 'glide'), event(3.5, 'release'), event(3.6, 'aborted'), block(0, 50)
+    )
+    assert window.outcome == Outcome.OK
+
+
+def test_a_lost_sample_is_a_gap_and_not_a_shorter_window():
+    for lost in (24, 30, 34):
+        window = glide(block(0, lost), block(lost + 1, 50))
+        assert window.outcome == Outcome.GAP, lost
+        assert 'samples are missing' in window.reason
+    for lost in (22, 23, 30, 39):
+        assert hold(block(0, lost), block(lost + 1, 50)).outcome == Outcome.GAP, lost
+
+
+def test_a_loss_outside_the_window_does_no_harm():
+    assert glide(block(0, 22), block(23, 12), block(36, 20)).outcome == Outcome.OK
+    assert hold(block(0, 21), block(22, 18), block(41, 20)).outcome == Outcome.OK
+
+
+def test_a_short_loss_is_interpolated_when_allowed_and_stated():
+    config = dataclasses.replace(CONFIG, max_gap_samples=2)
+    window = glide(block(0, 30), block(32, 20), config=config)
+    tension = TENSION_N[23:35].copy()
+    tension[7:9] = tension[6] + (tension[9] - tension[6]) * (np.array([1, 2]) / 3)
+    assert window.outcome == Outcome.OK
+    assert (window.sample_count, window.interpolated_count) == (12, 2)
+    assert window.values.tobytes() == compute_spectrum(tension).tobytes()
+    assert (window.window_start_ns, window.window_end_ns) == (2_300_000_000, 3_400_000_000)
+    window = hold(block(0, 22), block(24, 30), config=config)
+    assert (window.first_sequence, window.sample_count, window.interpolated_count) == (22, 18, 2)
+    assert glide(block(0, 30), block(33, 20), config=config).outcome == Outcome.GAP
+
+
+@pytest.mark.parametrize(
+    ('status', 'word'),
+    [
+        (STATUS_SATURATED, 'saturated'),
+        (STATUS_STUCK, 'stuck'),
+        (STATUS_DEVICE_ERROR, 'faulty'),
+    ],
+)
+def test_bad_samples_in_the_window_refuse_it(status, word):
+    window = glide(block(0, 34), block(34, status=status), block(35, 20))
+    assert window.outcome == Outcome.BAD_SIGNAL
+    assert word in window.reason
+    assert window.status == status
+    window = glide(block(0, 23, status=status), block(23, 12), block(35, 20, status=status))
+    assert window.outcome == Outcome.OK
+    assert window.status == 0
+
+
+def test_harmless_status_is_passed_on():
+    status = STATUS_HOST_TIME | STATUS_RESYNCHRONISED
+    window = glide(block(0, 30), block(30, 20, status=status))
+    assert window.outcome == Outcome.OK
+    assert window.status == status
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_a_value_that_is_no_number_refuses_the_window(value):
+    tension_n = TENSION_N.copy()
+    tension_n[30] = value
+    for window in (
+        glide(block(0, 50, tension_n=tension_n)),
+        hold(block(0, 50, tension_n=tension_n)),
+    ):
+        assert window.outcome == Outcome.BAD_SIGNAL
+        assert len(window.values) == 0
+
+
+def test_a_constant_has_a_spectrum_but_no_correlation():
+    constant = np.full(100, 3.0)
+    assert np.array_equal(glide(block(0, 50, tension_n=constant)).values, np.zeros(7))
+    window = hold(block(0, 50, tension_n=constant))
+    assert window.outcome == Outcome.UNDEFINED
+    assert 'constant' in window.reason
+
+
+def test_samples_at_another_rate_are_refused():
+    fast = StrainBlock(0, 0, S // 15, TENSION_N[:100])
+    slow = StrainBlock(0, 0, S // 8, TENSION_N[:100])
+    for start, samples in (('glide', fast), ('glide', slow), ('hold', fast), ('hold', slow)):
+        (window,) = run(event(2.0, start), samples, event(6.0, 'release'))
+        assert window.outcome == Outcome.BAD_SIGNAL
+        assert 'rate_hz' in window.reason
+
+
+def test_a_reconnection_or_restart_in_the_window_is_a_gap():
+    reconnected = glide(block(0, 30), block(30, status=STATUS_RECONNECTED), block(31, 20))
+    restarted = glide(block(0, 30), block(0, 20, shift_ns=3 * S))
+    for window in (reconnected, restarted):
+        assert window.outcome == Outcome.GAP
+        assert 'began again' in window.reason
+
+
+def test_a_loss_that_the_sequence_does_not_show_is_a_gap():
+    window = glide(block(0, 30), block(30, 20, lost_before=4))
+    assert window.outcome == Outcome.GAP
+
+
+def test_a_restart_before_the_window_does_no_harm():
+    extractor = TrialFeatureExtractor(CONFIG)
+    extractor.add_block(block(0, 20))
+    extractor.add_block(block(0, 40, shift_ns=2 * S))
+    extractor.add_event(event(2.0, 'glide'))
+    (window,) = extractor.add_event(event(3.5, 'release'))
+    assert (window.outcome, window.first_sequence) == (Outcome.OK, 3)
+    assert extractor.restart_count == 1
+
+
+def test_samples_that_come_twice_count_once():
+    extractor = TrialFeatureExtractor(CONFIG)
+    for item in (block(0, 30), block(0, 30), block(28, 4), block(25, 2), block(32, 20)):
+        extractor.add_block(item)
+    extractor.add_event(event(2.0, 'glide'))
+    assert extractor.add_event(event(3.5, 'release')) == [glide(block(0, 50))]
+    assert extractor.late_sample_count == 34
+    assert extractor.restart_count == 0
+
+
+def test_a_stream_that_begins_inside_the_phase():
+    assert glide(block(25, 30), end_s=4.0).first_sequence == 25
+    assert glide(block(25, 30)).outcome == Outcome.GAP
+    assert hold(block(24, 30)).outcome == Outcome.GAP
+
+
+def test_a_stream_that_ends_inside_the_phase():
+    extractor = TrialFeatureExtractor(CONFIG)
+    extractor.add_block(block(0, 30))
+    extractor.add_event(event(2.0, 'hold'))
+    assert extractor.add_event(event(4.0, 'release')) == []
+    (window,) = extractor.finish()
+    assert window.outcome == Outcome.GAP
+    assert extractor.finish() == []
+    assert extractor.window_counts[Outcome.GAP] == 1
+
+
+def test_when_no_samples_come_the_window_says_so_in_the_end():
+    first = (event(2.0, 'glide'), event(3.5, 'done'))
+    assert run(*first, event(23.5, 'approach', 't2')) == []
+    (window,) = run(*first, event(23.6, 'approach', 't2'))
+    assert window.outcome == Outcome.GAP
+    assert 'no samples came' in window.reason
+
+
+def test_events_that_come_after_the_buffer_has_moved_on():
+    (window,) = run(*(block(n) for n in range(500)), event(2.0, 'glide'), event(3.5, 'done'))
+    assert window.outcome == Outcome.GAP
+    assert 'buffer_s' in window.reason
+
+
+def test_a_trial_that_never_ends_is_dropped_by_the_next_one():
+    extractor = TrialFeatureExtractor(CONFIG)
+    for trial_id, time_s in (('a', 1.0), ('b', 2.0), ('c', 3.0)):
+        assert extractor.add_event(event(time_s, 'glide', trial_id)) == []
+    assert extractor.dropped_trial_count == 2
+    assert extractor.add_block(block(0, 100)) == []
+    assert extractor.finish() == []
+
+
+def test_an_event_that_is_repeated_ends_no_phase():
+    start, end = event(2.0, 'glide'), event(3.5, 'done')
+    assert run(block(0, 50), start, start, end, end) == [glide(block(0, 50))]
+
+
+def test_a_recording_played_again_gives_the_same_windows_again():
+    recording = [
+        event(2.0, 'glide'),
+        block(0, 30),
+        event(3.5, 'hold'),
+        block(30, 40),
+        event(5.5, 'done'),
+        block(70, 10),
+    ]
+    once = run(*recording)
+    assert [w.outcome for w in once] == [Outcome.OK, Outcome.OK]
+    assert run(*recording, *recording) == once + once
+    # Broken off in the middle, then played from its start.
+    assert run(*recording[:2], *recording) == once
+
+
+def test_phases_that_wait_when_the_clock_is_set_back_are_refused():
+    extractor = TrialFeatureExtractor(CONFIG)
+    extractor.add_block(block(0, 30))
+    extractor.add_event(event(2.0, 'glide'))
+    extractor.add_event(event(3.5, 'done'))
+    (window,) = extractor.add_block(block(0, 1))
+    assert window.outcome == Outcome.GAP
+    assert 'set back' in window.reason
+
+
+def test_windows_are_equal_when_every_bit_is():
+    window = glide(block(0, 50))
+    assert window == glide(block(0, 50))
+    nudged = window.values.copy()
+    nudged[3] = np.nextafter(nudged[3], 1.0)
+    assert window != dataclasses.replace(window, values=nudged)
+    assert window != dataclasses.replace(window, window_end_ns=window.window_end_ns + 1)
+    assert window != 'window'

@@ -1,0 +1,155 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+from decimal import Decimal, localcontext
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_features import FeatureError, UndefinedFeatureError, compute_regression
+
+EPOCH_NS = 1_760_000_000_000_000_000
+N = 234
+GRID_NS = EPOCH_NS + 16_666_667 * np.arange(N)
+
+
+def reference_regression(time_ns, tension):
+    """Exact least squares in rational numbers; the correlation to 60 digits."""
+    t = [Fraction(int(v) - int(time_ns[0]), 10**9) for v in time_ns]
+    x = [Fraction(float(v)) for v in tension]
+    n = len(t)
+    mean_t, mean_x = sum(t) / n, sum(x) / n
+    s_tt = sum((a - mean_t) ** 2 for a in t)
+    s_xx = sum((b - mean_x) ** 2 for b in x)
+    s_tx = sum((a - mean_t) * (b - mean_x) for a, b in zip(t, x, strict=True))
+    slope = s_tx / s_tt
+    with localcontext() as context:
+        context.prec = 60
+        product = s_tt * s_xx
+        root = (Decimal(product.numerator) / Decimal(product.denominator)).sqrt()
+        r = Decimal(s_tx.numerator) / Decimal(s_tx.denominator) / root
+    return slope, mean_x - slope * mean_t, Fraction(r), s_tt, s_xx
+
+
+def assert_close_to_reference(time_ns, tension, tolerance=4e-15):
+    slope, intercept, r, s_tt, s_xx = reference_regression(time_ns, tension)
+    got = [Fraction(v) for v in compute_regression(time_ns, tension).tolist()]
+    # What the data can say of a slope: spread of tension over spread of time.
+    assert (got[0] - slope) ** 2 <= Fraction(tolerance) ** 2 * s_xx / s_tt
+    assert abs(got[1] - intercept) <= tolerance * max(abs(float(v)) for v in tension)
+    assert abs(got[2] - r) <= tolerance
+    assert abs(got[2]) <= 1
+
+
+def test_agrees_with_exact_arithmetic_on_a_press():
+    rng = np.random.default_rng(0)
+    t = (GRID_NS - EPOCH_NS) / 1e9
+    tension = 12.62 - 0.9 * t + 0.01 * rng.normal(size=N)
+    assert_close_to_reference(GRID_NS, tension)
+    slope, intercept, r = compute_regression(GRID_NS, tension)
+    assert slope == pytest.approx(-0.9, abs=0.01)
+    assert intercept == pytest.approx(12.62, abs=0.01)
+    assert -1.0 <= r < -0.99
+
+
+def test_a_small_slope_under_a_large_offset():
+    tension = 1e6 + 1e-6 * (GRID_NS - EPOCH_NS) / 1e9
+    assert_close_to_reference(GRID_NS, tension)
+
+
+def test_series_of_one_unit_in_the_last_place():
+    tension = np.full(N, 1e6)
+    tension[N // 2 :] = np.nextafter(1e6, 2e6)
+    assert_close_to_reference(GRID_NS, tension)
+    tension = np.full(N, 1e6)
+    tension[-1] = np.nextafter(1e6, 0.0)
+    assert_close_to_reference(GRID_NS, tension)
+
+
+def test_a_first_sample_far_from_the_others():
+    rng = np.random.default_rng(3)
+    tension = rng.normal(size=N)
+    tension[0] = -1e6
+    assert_close_to_reference(GRID_NS, tension)
+
+
+@pytest.mark.parametrize('scale', [5e-324, 1e-300, 1e-160, 1e-30, 1e150, 1e300])
+def test_extreme_magnitudes_neither_overflow_nor_vanish(scale):
+    rng = np.random.default_rng(4)
+    steps = np.round(rng.normal(scale=50.0, size=N)) + np.arange(N)
+    got = compute_regression(GRID_NS, steps * scale)
+    expected = compute_regression(GRID_NS, steps)
+    assert got[2] == pytest.approx(expected[2], rel=1e-12)
+
+
+def test_jittered_times_far_from_zero():
+    rng = np.random.default_rng(5)
+    time_ns = GRID_NS + rng.integers(-8_000_000, 8_000_000, N)
+    tension = 3.0 + 0.2 * (time_ns - EPOCH_NS) / 1e9 + 1e-4 * rng.normal(size=N)
+    assert_close_to_reference(time_ns, tension)
+
+
+def test_a_straight_line_is_found_to_the_last_digits():
+    time_ns = EPOCH_NS + 250_000_000 * np.arange(9)
+    np.testing.assert_allclose(
+        compute_regression(time_ns, 4.0 - 0.5 * np.arange(9)), [-2.0, 4.0, -1.0], rtol=4e-16
+    )
+
+
+def test_no_trend_is_not_taken_for_a_constant():
+    got = compute_regression([0, 10**9, 2 * 10**9], [1.0, 3.0, 1.0])
+    np.testing.assert_allclose(got, [0.0, 5 / 3, 0.0], atol=4e-16)
+
+
+@pytest.mark.parametrize('value', [0.0, 0.1, 1e6, 1e-300])
+def test_the_correlation_of_a_constant_is_undefined(value):
+    with pytest.raises(UndefinedFeatureError, match='constant'):
+        compute_regression(GRID_NS, np.full(N, value))
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 10**10), st.floats(-1e6, 1e6, allow_subnormal=False)),
+        min_size=2,
+        max_size=12,
+        unique_by=lambda pair: pair[0],
+    )
+)
+def test_agrees_with_exact_arithmetic_on_any_series(pairs):
+    time_ns, tension = (np.array(v) for v in zip(*sorted(pairs), strict=True))
+    if len(set(tension.tolist())) == 1:
+        with pytest.raises(UndefinedFeatureError):
+            compute_regression(time_ns, tension)
+    else:
+        assert_close_to_reference(time_ns, tension)
+
+
+@given(st.integers(1, 5), st.integers(2, 40), st.integers(0, 2**32 - 1))
+def test_a_batch_gives_the_bits_of_its_rows(rows, n, seed):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(5.0, 1.0, (rows, n))
+    time_ns = EPOCH_NS + np.cumsum(rng.integers(1, 10**8, n))
+    batch = compute_regression(time_ns, x)
+    assert batch.shape == (rows, 3)
+    for row, expected in zip(x, batch, strict=True):
+        assert compute_regression(time_ns, row.copy()).tobytes() == expected.tobytes()
+    assert compute_regression(time_ns, np.asfortranarray(x)).tobytes() == batch.tobytes()
+
+
+@pytest.mark.parametrize(
+    ('time_ns', 'tension', 'message'),
+    [
+        ([0, 1, 2], [1.0, 2.0], 'shapes'),
+        ([0], [1.0], 'at least 2 samples'),
+        ([0.0, 1.0], [1.0, 2.0], 'integer nanoseconds'),
+        ([5, 5, 5], [1.0, 2.0, 3.0], 'two different times'),
+        ([0, 1], [1.0, np.nan], 'not finite'),
+        ([0, 1], [-1.7e308, 1.7e308], 'too large'),
+        ([0, 1], [0.0, 1e308], 'too large'),
+    ],
+)
+def test_refuses_what_has_no_regression(time_ns, tension, message):
+    with pytest.raises(FeatureError, match=message):
+        compute_regression(time_ns, tension)

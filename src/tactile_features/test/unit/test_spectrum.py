@@ -1,0 +1,129 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tactile_features import FeatureError, compute_spectrum
+from tactile_features.spectrum import spectrum_names
+
+PI = np.longdouble('3.14159265358979323846264338327950288')
+
+
+def reference_spectrum(x):
+    """Discrete Fourier transform by its definition, in extended precision."""
+    x = np.asarray(x, dtype=np.longdouble)
+    n = len(x)
+    x = x - x.sum() / n
+    k = np.arange(n // 2 + 1)[:, None]
+    angle = 2 * PI * ((k * np.arange(n)) % n).astype(np.longdouble) / n
+    amplitude = 2 * np.hypot((x * np.cos(angle)).sum(axis=1), (x * np.sin(angle)).sum(axis=1)) / n
+    if n % 2 == 0:
+        amplitude[-1] /= 2
+    amplitude[0] = 0
+    return amplitude
+
+
+def assert_close_to_reference(x, tolerance):
+    expected = reference_spectrum(x)
+    error = np.abs(compute_spectrum(x) - expected).max()
+    assert error <= tolerance * expected.max(), (error / expected.max(), len(x))
+
+
+@pytest.mark.parametrize('n', [2, 3, 7, 90, 179, 180, 181, 420])
+def test_agrees_with_the_definition(n):
+    rng = np.random.default_rng(n)
+    assert_close_to_reference(rng.normal(5.0, 1.0, n), 2e-15)
+
+
+@pytest.mark.parametrize('amplitude', [1.0, 1e-4, 1e-9])
+def test_a_large_offset_costs_no_precision(amplitude):
+    rng = np.random.default_rng(1)
+    assert_close_to_reference(1e6 + amplitude * rng.normal(size=180), 2e-15)
+
+
+def test_a_first_sample_far_from_the_others_costs_no_precision():
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=180)
+    x[0] = 1e6
+    assert_close_to_reference(x, 2e-15)
+
+
+def test_one_unit_in_the_last_place_is_seen():
+    x = np.full(180, 1e6)
+    x[1::2] = np.nextafter(1e6, 2e6)
+    step = np.nextafter(1e6, 2e6) - 1e6
+    spectrum = compute_spectrum(x)
+    assert spectrum[90] == pytest.approx(step / 2, rel=1e-15)
+    assert np.all(spectrum[:90] <= 1e-15 * step)
+
+
+@pytest.mark.parametrize('value', [0.0, 1e6, 0.1, -3.7e-5, 5e-324])
+def test_a_constant_has_no_spectrum(value):
+    assert np.array_equal(compute_spectrum(np.full(180, value)), np.zeros(91))
+
+
+@pytest.mark.parametrize('k', [1, 15, 89])
+def test_a_sine_shows_its_amplitude_in_its_bin(k):
+    x = 7.0 + 0.25 * np.sin(2 * np.pi * k * np.arange(180) / 180 + 0.3)
+    expected = np.zeros(91)
+    expected[k] = 0.25
+    np.testing.assert_allclose(compute_spectrum(x), expected, atol=2e-15)
+
+
+def test_the_nyquist_component_is_not_doubled():
+    assert compute_spectrum([1.0, -1.0, 1.0, -1.0]).tolist() == [0.0, 0.0, 1.0]
+    assert compute_spectrum([3.0, 1.0]).tolist() == [0.0, 1.0]
+
+
+def test_without_nyquist_component_the_last_one_is_doubled():
+    x = np.cos(2 * np.pi * np.arange(5) * 2 / 5)
+    np.testing.assert_allclose(compute_spectrum(x), [0.0, 0.0, 1.0], atol=1e-15)
+
+
+@given(
+    arrays(
+        np.float64, st.tuples(st.integers(1, 6), st.integers(2, 60)), elements=st.floats(-1e9, 1e9)
+    )
+)
+def test_a_batch_gives_the_bits_of_its_rows(x):
+    batch = compute_spectrum(x)
+    for row, expected in zip(x, batch, strict=True):
+        assert compute_spectrum(row.copy()).tobytes() == expected.tobytes()
+    assert compute_spectrum(x[None]).tobytes() == batch.tobytes()
+    assert compute_spectrum(np.asfortranarray(x)).tobytes() == batch.tobytes()
+
+
+def test_leaves_its_input_alone():
+    x = np.arange(180.0)
+    compute_spectrum(x)
+    assert np.array_equal(x, np.arange(180.0))
+
+
+@pytest.mark.parametrize(
+    ('x', 'message'),
+    [
+        ([1.0, np.nan, 2.0], 'not finite'),
+        ([1.0, np.inf, 2.0], 'not finite'),
+        ([1.0], 'at least 2 samples'),
+        (1.0, 'at least 2 samples'),
+        ([1e308, -1e308, 1e308], 'too large'),
+    ],
+)
+def test_refuses_what_has_no_spectrum(x, message):
+    with pytest.raises(FeatureError, match=message):
+        compute_spectrum(x)
+
+
+def test_names_give_the_frequency():
+    names = spectrum_names(180, 60.0)
+    assert len(names) == len(set(names)) == 91
+    assert names[:4] == (
+        'tension__spectrum__hz_0.000',
+        'tension__spectrum__hz_0.333',
+        'tension__spectrum__hz_0.667',
+        'tension__spectrum__hz_1.000',
+    )
+    assert names[-1] == 'tension__spectrum__hz_30.000'
