@@ -18,7 +18,8 @@ setup(
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     maintainer_email='maintainers@tendon-tactile.example.org',
-    description='Moves the linear guide (Grbl) and the tendon actuator (Dynamixel) as ROS 2 actions.',
+    description='Moves the linear guide (Grbl) and the tendon actuator (Dynamixel) '
+    'as ROS 2 actions.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

@@ -1,0 +1,198 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The control table of the Dynamixel XM430 servos: addresses, units, error words.
+
+Source: ROBOTIS e-Manual, XM430-W350 and XM430-W210 control tables, Protocol 2.0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Register(NamedTuple):
+    """One entry of the control table; values are little-endian."""
+
+    address: int
+    size: int
+    is_signed: bool = False
+
+
+MODEL_NUMBER = Register(0, 2)
+FIRMWARE = Register(6, 1)
+DRIVE_MODE = Register(10, 1)
+OPERATING_MODE = Register(11, 1)
+CURRENT_LIMIT = Register(38, 2)
+VELOCITY_LIMIT = Register(44, 4)
+TORQUE_ENABLE = Register(64, 1)
+STATUS_RETURN_LEVEL = Register(68, 1)
+HARDWARE_ERROR = Register(70, 1)
+BUS_WATCHDOG = Register(98, 1)
+GOAL_CURRENT = Register(102, 2, True)
+PROFILE_ACCELERATION = Register(108, 4)
+PROFILE_VELOCITY = Register(112, 4)
+GOAL_POSITION = Register(116, 4, True)
+PRESENT_CURRENT = Register(126, 2, True)
+PRESENT_VELOCITY = Register(128, 4, True)
+PRESENT_POSITION = Register(132, 4, True)
+PRESENT_VOLTAGE = Register(144, 2)
+PRESENT_TEMPERATURE = Register(146, 1)
+
+MODELS = {1020: 'XM430-W350', 1030: 'XM430-W210'}
+"""Model numbers whose table and units are the ones of this module."""
+
+FIRMWARE_WITH_WATCHDOG = 38
+MODE_CURRENT_BASED_POSITION = 5
+EEPROM_END = 64
+"""Registers below are kept over power cycles and can be written only with torque off."""
+
+STATUS_ALWAYS = 2
+WATCHDOG_STEP_S = 0.02
+WATCHDOG_TRIPPED = 255
+
+COUNTS_PER_TURN = 4096
+VELOCITY_UNIT_RPM = 0.229
+CURRENT_UNIT_A = 2.69e-3
+VOLTAGE_UNIT_V = 0.1
+
+STATUS_ALERT = 0x80
+STATUS_ERRORS = {
+    1: 'the instruction could not be carried out',
+    2: 'unknown instruction',
+    3: 'the checksum of the instruction is wrong',
+    4: 'the value is out of range or the register is locked',
+    5: 'the data is too short',
+    6: 'the value is beyond a limit register',
+    7: 'the register cannot be written now',
+}
+HARDWARE_ERRORS = {
+    0x01: 'supply voltage out of range',
+    0x04: 'overheating',
+    0x08: 'encoder failure',
+    0x10: 'electrical shock or too little power',
+    0x20: 'overload',
+}
+
+
+def describe_status_error(error: int) -> str:
+    """Return what the error byte of a status packet means, the alert bit left out."""
+    code = error & ~STATUS_ALERT
+    return STATUS_ERRORS.get(code, f'unknown error {code}')
+
+
+def describe_hardware_error(word: int) -> str:
+    """Return the reasons in a hardware error word, joined by "and"."""
+    names = [name for bit, name in HARDWARE_ERRORS.items() if word & bit]
+    unknown = word & ~sum(HARDWARE_ERRORS)
+    if unknown:
+        names.append(f'unknown bits 0x{unknown:02x}')
+    return ' and '.join(names)
+
+
+def to_signed(value: int, size: int) -> int:
+    """Return the two's complement value of an unsigned integer of ``size`` bytes."""
+    return int.from_bytes(value.to_bytes(size, 'little'), 'little', signed=True)
+
+
+def to_unsigned(value: int, size: int) -> int:
+    """Return the unsigned integer with the bits of a signed one of ``size`` bytes."""
+    return int.from_bytes(value.to_bytes(size, 'little', signed=True), 'little')
+
+
+def decode_register(register: Register, block: bytes, block_address: int) -> int:
+    """Return one register's value from a block read at ``block_address``.
+
+    Raises
+    ------
+    ValueError
+        When the block does not hold the whole register.
+    """
+    start = register.address - block_address
+    if start < 0 or start + register.size > len(block):
+        raise ValueError(f'register {register.address} is not in the block')
+    return int.from_bytes(
+        block[start : start + register.size], 'little', signed=register.is_signed
+    )
+
+
+# -- units ---------------------------------------------------------------------------------
+
+
+def counts_to_m(counts: float, pulley_radius_m: float) -> float:
+    """Return the tendon length of a turn by ``counts``: 2 pi r counts / 4096 [m]."""
+    return counts / COUNTS_PER_TURN * math.tau * pulley_radius_m
+
+
+def m_to_counts(length_m: float, pulley_radius_m: float) -> int:
+    """Return the nearest position difference for a tendon length [counts]."""
+    return round(length_m / (math.tau * pulley_radius_m) * COUNTS_PER_TURN)
+
+
+def velocity_to_m_s(velocity: int, pulley_radius_m: float) -> float:
+    """Return the tendon speed of a velocity in units of 0.229 rpm [m/s]."""
+    return velocity * VELOCITY_UNIT_RPM / 60 * math.tau * pulley_radius_m
+
+
+def m_s_to_velocity(speed_m_s: float, pulley_radius_m: float) -> int:
+    """Return the nearest velocity in units of 0.229 rpm, 1 or more.
+
+    In the profile velocity 0 means "as fast as possible", so it is never returned.
+    """
+    return max(1, round(speed_m_s / (math.tau * pulley_radius_m) * 60 / VELOCITY_UNIT_RPM))
+
+
+def current_to_a(current: int) -> float:
+    """Return a current in units of 2.69 mA as amperes."""
+    return current * CURRENT_UNIT_A
+
+
+def a_to_current(current_a: float) -> int:
+    """Return the nearest current in units of 2.69 mA."""
+    return round(current_a / CURRENT_UNIT_A)
+
+
+# -- the block that is polled --------------------------------------------------------------
+
+
+class ServoState(NamedTuple):
+    """What one read of `STATE_BLOCK` says, in the servo's units."""
+
+    is_torque_on: bool
+    hardware_error: int
+    watchdog: int
+    current: int
+    velocity: int
+    position_counts: int
+    voltage: int
+    temperature_c: int
+
+
+STATE_BLOCK = Register(
+    TORQUE_ENABLE.address, PRESENT_TEMPERATURE.address + 1 - TORQUE_ENABLE.address
+)
+"""Torque enable to present temperature: one read, 94 bytes on the wire, 0.9 ms at 1 Mbaud."""
+
+
+def decode_state(block: bytes) -> ServoState:
+    """Decode the bytes of `STATE_BLOCK`.
+
+    Raises
+    ------
+    ValueError
+        When the block is too short.
+    """
+
+    def value(register: Register) -> int:
+        return decode_register(register, block, STATE_BLOCK.address)
+
+    return ServoState(
+        is_torque_on=value(TORQUE_ENABLE) != 0,
+        hardware_error=value(HARDWARE_ERROR),
+        watchdog=value(BUS_WATCHDOG),
+        current=value(PRESENT_CURRENT),
+        velocity=value(PRESENT_VELOCITY),
+        position_counts=value(PRESENT_POSITION),
+        voltage=value(PRESENT_VOLTAGE),
+        temperature_c=value(PRESENT_TEMPERATURE),
+    )

@@ -1,0 +1,314 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The conversation with one Grbl controller: commands, status polling, stops, faults."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from linear_guide_driver import grbl_protocol as grbl
+from linear_guide_driver.errors import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    MotionFailedError,
+    MotionStoppedError,
+)
+from linear_guide_driver.serial_link import TICK_S, SerialLink
+
+GREETING_S = 0.3
+"""A controller that was not reset by opening its port answers ``?`` well within this."""
+
+BOOT_S = 2.5
+"""A board that was reset by opening its port needs this for its boot loader."""
+
+RESTART_S = 3.0
+"""From a soft reset to the banner; after an alarm Grbl waits half a second of it."""
+
+STOP_S = 3.0
+"""From a feed hold to rest."""
+
+BRAKING_POLL_S = 0.05
+
+SILENCE_S = 1.0
+"""A controller that leaves status queries unanswered for this long is gone."""
+
+
+class GrblConnection:
+    """One command at a time, its reply matched; faults noticed as they arrive.
+
+    A fault (alarm, restart, silence, lost line) ends the running command and every
+    later one until `reset`.
+
+    Parameters
+    ----------
+    port : str
+    baud : int
+        [bit/s]
+    poll_rate_hz : float
+        Rate of status queries after `start_polling` [Hz].
+    on_report : callable
+        Called with each `StatusReport`, on the reader thread.
+    on_fault : callable
+        Called with a reason, on the reader thread, when the position is lost.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        baud: int,
+        poll_rate_hz: float,
+        *,
+        on_report: Callable[[grbl.StatusReport], None],
+        on_fault: Callable[[str], None],
+    ) -> None:
+        self._name = f'{port} at {baud} baud'
+        self._on_report, self._on_fault = on_report, on_fault
+        self._poll_period_s = 1.0 / poll_rate_hz
+        self._decoder = grbl.GrblDecoder()
+        self._changed = threading.Condition()
+        self._awaiting = False
+        self._reply: grbl.Ok | grbl.Error | None = None
+        self._report: grbl.StatusReport | None = None
+        self._reports = 0
+        self._banners = 0
+        self._expects_banner = True
+        self._settings: dict[int, str] = {}
+        self._fault = ''
+        self._is_quiet = True  # no answers to status queries are expected
+        self._heard_at_s = self._polled_at_s = time.monotonic()
+        self.is_lost = False
+        self.identification = ''
+        self.options = ''
+        self._link = SerialLink(
+            port, baud, on_bytes=self._on_bytes, on_tick=self._poll, on_lost=self._on_lost
+        )
+
+    @property
+    def garbage_lines(self) -> int:
+        return self._decoder.garbage_lines
+
+    def open(self) -> None:
+        """Find the controller, bring it to rest and reset it.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When no Grbl answers.
+        """
+        self._link.start()
+        self._link.write(grbl.STATUS_QUERY)
+        self._wait(lambda: bool(self._reports or self._banners), GREETING_S)
+        if not self._reports:
+            self._wait(lambda: self._banners > 0, BOOT_S)
+        if self._report is not None and self._report.state not in ('Idle', 'Alarm'):
+            self.hold_and_reset()  # left moving by somebody else
+        else:
+            self.reset()
+        self.command(grbl.READ_BUILD_INFO, RESTART_S)
+
+    def start_polling(self) -> None:
+        """Query the status at the poll rate from now on."""
+        self._heard_at_s = time.monotonic()
+        self._is_quiet = False
+
+    def close(self) -> None:
+        self._link.close()
+
+    def read_settings(self) -> dict[int, str]:
+        """Return the answer to ``$$`` by number."""
+        self._settings.clear()
+        self.command(grbl.READ_SETTINGS, RESTART_S)
+        return dict(self._settings)
+
+    def command(
+        self,
+        line: bytes,
+        timeout_s: float,
+        should_stop: Callable[[], bool] = lambda: False,
+        on_wake: Callable[[], None] = lambda: None,
+        *,
+        answers_status: bool = True,
+    ) -> None:
+        """Send one line and wait for its ``ok``.
+
+        Parameters
+        ----------
+        line : bytes
+        timeout_s : float
+            [s]
+        should_stop : callable
+            Ends the wait when it returns True.
+        on_wake : callable
+            Called some fifty times a second while waiting.
+        answers_status : bool
+            False for a command during which Grbl leaves queries unanswered.
+
+        Raises
+        ------
+        MotionStoppedError, DeviceRefusedError, MotionFailedError, DeviceConnectionError
+        """
+        with self._changed:
+            self._reply = None
+            self._awaiting = not self._fault
+            was_quiet = self._is_quiet
+            self._is_quiet = was_quiet or not answers_status
+        try:
+            if not self._fault:
+                self._link.write(line)
+            self._wait_reply(line.decode().strip(), timeout_s, should_stop, on_wake)
+        finally:
+            with self._changed:
+                self._awaiting = False
+                self._heard_at_s = time.monotonic()
+                self._is_quiet = was_quiet
+
+    def wait_report(self, timeout_s: float) -> grbl.StatusReport:
+        """Ask for a status and return the next report [s].
+
+        Raises
+        ------
+        MotionFailedError, DeviceConnectionError
+        """
+        count = self._reports
+        self._link.write(grbl.STATUS_QUERY)
+        self._wait(lambda: self._reports > count or bool(self._fault), timeout_s)
+        if self._fault:
+            raise MotionFailedError(self._fault)
+        if self._report is None or self._reports == count:
+            raise MotionFailedError(f'no status report within {timeout_s} s')
+        return self._report
+
+    def hold(self) -> None:
+        """Begin to brake at once; from any thread. The reader reports a lost line."""
+        with suppress(DeviceConnectionError):
+            self._link.write(grbl.FEED_HOLD)
+
+    def reset(self) -> None:
+        """Restart the controller; forget its faults.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When no banner follows.
+        """
+        with self._changed:
+            self._expects_banner = True
+            count = self._banners
+        try:
+            self._link.write(grbl.SOFT_RESET)
+            if not self._wait(lambda: self._banners > count or self.is_lost, RESTART_S):
+                raise DeviceConnectionError(
+                    f'no Grbl answers on {self._name}; check port, baud and power'
+                )
+        finally:
+            with self._changed:
+                self._expects_banner = False
+        with self._changed:
+            if self.is_lost:
+                raise DeviceConnectionError(self._fault)
+            self._fault = ''
+
+    def hold_and_reset(self) -> None:
+        """Brake, wait for rest, then drop what is planned; keeps the position.
+
+        A reset while moving loses it, so the reset waits for Hold:0.
+        """
+        self._link.write(grbl.FEED_HOLD)
+        deadline_s = time.monotonic() + STOP_S
+        idle_reports = 0
+        while time.monotonic() < deadline_s:
+            state = self.wait_report(STOP_S)
+            if state.state == 'Hold' and state.substate in (0, None):
+                break
+            # A hold in Idle is a Hold:0 in Grbl and nothing in grblHAL; the first
+            # report may still be older than the hold.
+            idle_reports += state.state == 'Idle'
+            if idle_reports > 2 or state.state == 'Alarm':
+                break
+            self._wait(lambda: bool(self._fault), BRAKING_POLL_S)
+        self.reset()
+
+    # -- inside ------------------------------------------------------------------------
+
+    def _wait(self, is_done: Callable[[], bool], timeout_s: float) -> bool:
+        with self._changed:
+            return self._changed.wait_for(is_done, timeout_s)
+
+    def _wait_reply(
+        self,
+        text: str,
+        timeout_s: float,
+        should_stop: Callable[[], bool],
+        on_wake: Callable[[], None],
+    ) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            self._wait(lambda: bool(self._reply or self._fault), TICK_S)
+            if should_stop():
+                raise MotionStoppedError
+            if self._fault:
+                raise MotionFailedError(self._fault)
+            if isinstance(self._reply, grbl.Error):
+                raise DeviceRefusedError(f'the controller refused "{text}" with {self._reply}')
+            if self._reply is not None:
+                return
+            if time.monotonic() > deadline_s:
+                raise MotionFailedError(f'"{text}" was not answered within {timeout_s:.1f} s')
+            on_wake()
+
+    def _on_bytes(self, data: bytes) -> None:
+        for event in self._decoder.feed(data):
+            if isinstance(event, grbl.StatusReport):
+                self._on_report(event)
+            with self._changed:
+                self._take(event)
+                self._changed.notify_all()
+
+    def _take(self, event: grbl.Event) -> None:
+        if isinstance(event, grbl.StatusReport):
+            self._report = event
+            self._reports += 1
+            self._heard_at_s = time.monotonic()
+        elif isinstance(event, grbl.Alarm):
+            self._fail(f'the controller reported {event}')
+        elif isinstance(event, grbl.Banner):
+            self._banners += 1
+            self._awaiting = False
+            if not self._expects_banner:
+                self._fail('the controller restarted by itself')
+        elif isinstance(event, grbl.Setting):
+            self._settings[event.number] = event.value
+        elif isinstance(event, grbl.Message):
+            kind, _, text = event.text.partition(':')
+            if kind == 'VER':
+                self.identification = f'Grbl {text.rstrip(":")}'
+            elif kind == 'OPT':
+                self.options = text.split(',')[0]
+        elif self._awaiting:
+            self._awaiting = False
+            self._reply = event
+
+    def _fail(self, reason: str) -> None:
+        self._fault = self._fault or reason
+        self._on_fault(reason)
+
+    def _poll(self) -> None:
+        now_s = time.monotonic()
+        if self._is_quiet or now_s - self._polled_at_s < self._poll_period_s:
+            return
+        self._polled_at_s = now_s
+        self._link.write(grbl.STATUS_QUERY)
+        # A locked controller (a fault is known then) does not answer either.
+        if now_s - self._heard_at_s > SILENCE_S and not self._fault:
+            with self._changed:
+                self._fail(f'the controller has been silent for {SILENCE_S} s')
+                self._changed.notify_all()
+
+    def _on_lost(self, reason: str) -> None:
+        with self._changed:
+            self.is_lost = True
+            self._fail(reason)
+            self._changed.notify_all()

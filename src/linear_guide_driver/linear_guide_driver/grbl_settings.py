@@ -1,0 +1,128 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The controller's settings that decide whether the guide goes where and as fast as asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from linear_guide_driver.errors import DeviceRefusedError
+from linear_guide_driver.records import LinearGuideConfig
+
+TRAVEL_TOLERANCE_MM = 0.5
+
+
+@dataclass(frozen=True)
+class GuideSettings:
+    """Settings of the X axis, in Grbl's units.
+
+    Attributes
+    ----------
+    reports_inches, has_soft_limits, has_homing : bool
+        $13, $20, $22.
+    homing_feed_mm_min, homing_seek_mm_min, pull_off_mm : float
+        $24, $25, $27 [mm/min, mm/min, mm].
+    max_rate_mm_min, acceleration_mm_s2, travel_mm : float
+        $110, $120, $130 [mm/min, mm/s^2, mm].
+    """
+
+    reports_inches: bool
+    has_soft_limits: bool
+    has_homing: bool
+    homing_feed_mm_min: float
+    homing_seek_mm_min: float
+    pull_off_mm: float
+    max_rate_mm_min: float
+    acceleration_mm_s2: float
+    travel_mm: float
+
+    @classmethod
+    def from_lines(cls, values: Mapping[int, str]) -> GuideSettings:
+        """Read the answer to ``$$``.
+
+        Raises
+        ------
+        DeviceRefusedError
+            When a setting is missing or no number.
+        """
+
+        def number(index: int, is_positive: bool = True) -> float:
+            try:
+                value = float(values[index])
+            except (KeyError, ValueError):
+                value = float('nan')
+            if not (0.0 < value < 1e9 if is_positive else 0.0 <= value < 1e9):
+                raise DeviceRefusedError(
+                    f"the controller's setting ${index} is {values.get(index, 'missing')}; "
+                    f'restore its settings'
+                )
+            return value
+
+        return cls(
+            reports_inches=number(13, False) != 0,
+            has_soft_limits=number(20, False) != 0,
+            has_homing=int(number(22, False)) & 1 == 1,  # a mask in grblHAL, bit 0 is Grbl's
+            homing_feed_mm_min=number(24),
+            homing_seek_mm_min=number(25),
+            pull_off_mm=number(27, False),
+            max_rate_mm_min=number(110),
+            acceleration_mm_s2=number(120),
+            travel_mm=number(130),
+        )
+
+    def check(self, config: LinearGuideConfig, build_options: str) -> None:
+        """Refuse settings that would change a motion without an error.
+
+        Parameters
+        ----------
+        config : LinearGuideConfig
+        build_options : str
+            The letters of the controller's ``[OPT:`` message.
+
+        Raises
+        ------
+        DeviceRefusedError
+            Names the setting and the value that it needs.
+        """
+        if self.reports_inches:
+            raise DeviceRefusedError('the controller reports inches; set $13=0')
+        if not self.has_homing:
+            raise DeviceRefusedError('homing is switched off in the controller; set $22=1')
+        if not self.has_soft_limits:
+            raise DeviceRefusedError('soft limits are switched off in the controller; set $20=1')
+        if 'Z' in build_options:
+            raise DeviceRefusedError(
+                'the firmware sets its origin at the homing switch (option Z), which turns the '
+                'travel around; build it without HOMING_FORCE_SET_ORIGIN'
+            )
+        fastest_mm_min = config.max_speed_m_s * 60e3
+        if self.max_rate_mm_min < fastest_mm_min * (1 - 1e-9):
+            raise DeviceRefusedError(
+                f'the controller caps speed at {self.max_rate_mm_min:g} mm/min, below '
+                f'max_speed_m_s = {config.max_speed_m_s:g}; set $110={fastest_mm_min:g} or '
+                f'max_speed_m_s to {self.max_rate_mm_min / 60e3:g}'
+            )
+        if abs(self.travel_mm - config.travel_m * 1e3) > TRAVEL_TOLERANCE_MM:
+            raise DeviceRefusedError(
+                f"the controller's travel is {self.travel_mm:g} mm and travel_m is "
+                f'{config.travel_m:g}; set $130={config.travel_m * 1e3:g} or travel_m to '
+                f'{self.travel_mm / 1e3:g}'
+            )
+
+    def compute_move_duration_s(self, distance_m: float, speed_m_s: float) -> float:
+        """Return an upper bound on the time of a move from rest to rest [s].
+
+        d/v + v/a: exact for a trapezoid, too long for a move that never reaches v.
+        """
+        return abs(distance_m) / speed_m_s + speed_m_s * 1e3 / self.acceleration_mm_s2
+
+    def compute_homing_timeout_s(self) -> float:
+        """Return how long a homing cycle may take [s].
+
+        Grbl seeks over 1.5 times the travel, then approaches the switch slowly over
+        a few times the pull-off.
+        """
+        seek_s = 1.5 * self.travel_mm / (self.homing_seek_mm_min / 60)
+        locate_s = 10 * self.pull_off_mm / (self.homing_feed_mm_min / 60)
+        return seek_s + locate_s + self.homing_seek_mm_min / 60 / self.acceleration_mm_s2

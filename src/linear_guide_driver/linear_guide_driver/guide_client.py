@@ -1,0 +1,384 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The linear guide: moves a Grbl 1.1 controller's X axis and knows when it is at rest.
+
+Grbl keeps no watch over the line and forgets its position when it is reset while
+moving. Hence the rules here: a move ends with the ``ok`` of a dwell, never with
+a status; a stop is a feed hold, rest, then a reset; and whatever else happens to
+the controller makes the position unknown until the guide has been homed again.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NoReturn
+
+from linear_guide_driver import grbl_protocol as grbl
+from linear_guide_driver.errors import (
+    LinearGuideDriverError,
+    MotionFailedError,
+    MotionRefusedError,
+    MotionStoppedError,
+)
+from linear_guide_driver.grbl_connection import GrblConnection
+from linear_guide_driver.grbl_settings import GuideSettings
+from linear_guide_driver.records import GuideState, LinearGuideConfig
+
+POSITION_TOLERANCE_M = 0.0001
+"""How far from its target a finished move may rest: some motor steps."""
+
+REPLY_TIMEOUT_S = 2.0
+"""For the answer to a line that does not wait for motion."""
+
+SLACK_S = 2.0
+"""Added to the computed duration of a motion before it counts as failed."""
+
+
+NOT_HOMED = 'the guide has not been homed since the driver connected'
+
+
+def _never() -> bool:
+    return False
+
+
+class LinearGuideClient:
+    """Blocking, thread-safe client of the guide's controller; one motion at a time.
+
+    Parameters
+    ----------
+    config : LinearGuideConfig
+    on_state : callable, optional
+        Called with each `GuideState`, on the reader thread.
+    clock_ns : callable, optional
+        Clock that stamps states [ns].
+    """
+
+    def __init__(
+        self,
+        config: LinearGuideConfig,
+        on_state: Callable[[GuideState], None] = lambda _: None,
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._config = config
+        self._on_state = on_state
+        self._clock_ns = clock_ns
+        self._connection: GrblConnection | None = None
+        self._settings: GuideSettings | None = None
+        self._slot = threading.Lock()  # held by the one motion
+        self._gate = threading.Lock()  # makes "a motion runs" and "stop it" one decision
+        self._moving = ''  # what runs: '', 'move' or 'homing'
+        self._stop = threading.Event()
+        self._direction = 0
+        self._last: tuple[grbl.StatusReport, int] | None = None  # and when it came [ns]
+        self._trouble = NOT_HOMED
+
+    # -- what is known -------------------------------------------------------------------
+
+    @property
+    def state(self) -> GuideState | None:
+        """The last state; None before the first report."""
+        return None if self._last is None else self._to_state(*self._last)
+
+    @property
+    def trouble(self) -> str:
+        """Why the guide must be homed before it can move; empty when it need not."""
+        return self._trouble
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the line is lost; homing tries to open it again."""
+        return self._connection is not None and self._connection.is_lost
+
+    @property
+    def identification(self) -> str:
+        """Firmware and build of the controller; empty when not connected."""
+        return self._connection.identification if self._connection else ''
+
+    @property
+    def garbage_lines(self) -> int:
+        """Lines received that were no Grbl."""
+        return self._connection.garbage_lines if self._connection else 0
+
+    # -- life ----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Open the line, bring the controller to rest and check its settings.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When no Grbl answers.
+        DeviceRefusedError
+            When its settings would silently change a glide.
+        """
+        self.close()
+        self._connection, self._settings = self._open()
+
+    def close(self) -> None:
+        """Stop a running motion, then close the line. Harmless when called twice."""
+        connection = self._connection
+        if connection is None:
+            return
+        self.request_stop()
+        # The motion itself brings the guide to rest; take the line away only afterwards.
+        rested = self._slot.acquire(timeout=SLACK_S + 3.0)
+        self._connection = None
+        connection.close()
+        if rested:
+            self._slot.release()
+
+    # -- motion --------------------------------------------------------------------------
+
+    def home(
+        self,
+        on_elapsed: Callable[[float], None] = lambda _: None,
+        should_stop: Callable[[], bool] = _never,
+    ) -> GuideState:
+        """Find the reference switch; return the state at rest.
+
+        Connects anew when the line was lost. Stopping resets the controller, since
+        a homing cycle heeds nothing else.
+
+        Parameters
+        ----------
+        on_elapsed : callable
+            Called now and then with the time since the command [s].
+        should_stop : callable
+            Ends the homing when it returns True.
+
+        Raises
+        ------
+        MotionRefusedError, MotionFailedError, MotionStoppedError, DeviceConnectionError
+        """
+        with self._one_motion():
+            connection, settings = self._require_connection()
+            if connection.is_lost:
+                connection.close()
+                self._connection, self._settings = connection, settings = self._open()
+            self._begin('homing')
+            self._trouble = 'the last homing did not succeed'
+            started_s = time.monotonic()
+            try:
+                connection.reset()
+                connection.command(
+                    grbl.HOME,
+                    settings.compute_homing_timeout_s() + SLACK_S,
+                    lambda: should_stop() or self._stop.is_set(),
+                    lambda: on_elapsed(time.monotonic() - started_s),
+                    answers_status=False,
+                )
+                report = connection.wait_report(REPLY_TIMEOUT_S)
+            except MotionStoppedError:
+                connection.reset()
+                raise MotionStoppedError(
+                    'Homing was stopped; home before the next move.'
+                ) from None
+            except LinearGuideDriverError as error:
+                raise MotionFailedError(f'Homing failed: {error}.') from error
+            position = self._to_position_m(report)
+            if position is None or not -1e-6 <= position <= self._config.travel_m + 1e-6:
+                raise MotionFailedError(
+                    f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
+                    f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
+                )
+            self._trouble = ''
+            return self._to_state(report, self._clock_ns())
+
+    def move_to(
+        self,
+        position_m: float,
+        speed_m_s: float,
+        on_state: Callable[[GuideState], None] = lambda _: None,
+        should_stop: Callable[[], bool] = _never,
+    ) -> GuideState:
+        """Move; return the state at rest.
+
+        Parameters
+        ----------
+        position_m : float
+            Target in the guide's frame [m].
+        speed_m_s : float
+            Speed [m/s].
+        on_state : callable
+            Called with each new state while the guide moves.
+        should_stop : callable
+            Stops the guide, with braking and position kept, when it returns True.
+
+        Raises
+        ------
+        MotionRefusedError
+            Not homed, out of travel, too fast, or busy; nothing has moved.
+        MotionFailedError
+            Ended by a fault; the guide must be homed again.
+        MotionStoppedError
+            Ended by ``should_stop`` or `request_stop`; the position is still known.
+        """
+        with self._one_motion():
+            connection, settings = self._require_connection()
+            start_m = self._check_move(position_m, speed_m_s)
+            self._begin('move')
+            self._direction = 1 if position_m >= start_m else -1
+            try:
+                connection.command(grbl.encode_modes(), REPLY_TIMEOUT_S)
+                connection.command(
+                    grbl.encode_move((position_m - self._config.travel_m) * 1e3, speed_m_s * 60e3),
+                    REPLY_TIMEOUT_S,
+                )
+                connection.command(
+                    grbl.encode_dwell(),
+                    settings.compute_move_duration_s(position_m - start_m, speed_m_s) + SLACK_S,
+                    lambda: should_stop() or self._stop.is_set(),
+                    lambda: self._watch(on_state),
+                )
+                report = connection.wait_report(REPLY_TIMEOUT_S)
+                rest_m = self._to_position_m(report)
+                if self._end():
+                    raise MotionStoppedError
+                if (
+                    report.state != 'Idle'
+                    or rest_m is None
+                    or abs(rest_m - position_m) > POSITION_TOLERANCE_M
+                ):
+                    raise MotionFailedError(f'it ended as {report.state} at {rest_m} m')
+            except MotionStoppedError:
+                self._come_to_rest(connection, position_m)
+            except LinearGuideDriverError as error:
+                self._give_up(connection, str(error))
+                raise MotionFailedError(
+                    f'The move to {position_m:.4f} m failed: {error}; home the guide.'
+                ) from error
+            return self._to_state(report, self._clock_ns())
+
+    def request_stop(self) -> bool:
+        """Begin to stop at once and return; the running motion ends when at rest.
+
+        Returns
+        -------
+        bool
+            Whether a motion was running.
+        """
+        with self._gate:
+            if not self._moving or self._connection is None:
+                return False
+            self._stop.set()
+            if self._moving == 'move':  # homing heeds a reset only, which it does by itself
+                self._connection.hold()
+            return True
+
+    # -- inside --------------------------------------------------------------------------
+
+    def _open(self) -> tuple[GrblConnection, GuideSettings]:
+        connection = GrblConnection(
+            self._config.port,
+            self._config.baud,
+            self._config.poll_rate_hz,
+            on_report=self._on_report,
+            on_fault=self._on_fault,
+        )
+        try:
+            connection.open()
+            settings = GuideSettings.from_lines(connection.read_settings())
+            settings.check(self._config, connection.options)
+            self._trouble = NOT_HOMED
+            connection.start_polling()
+            connection.wait_report(REPLY_TIMEOUT_S)
+        except LinearGuideDriverError:
+            connection.close()
+            raise
+        return connection, settings
+
+    @contextmanager
+    def _one_motion(self) -> Iterator[None]:
+        if not self._slot.acquire(blocking=False):
+            raise MotionRefusedError('The guide is busy with another motion; stop it first.')
+        try:
+            yield
+        finally:
+            self._end()
+            self._direction = 0
+            self._slot.release()
+
+    def _begin(self, motion: str) -> None:
+        with self._gate:
+            self._stop.clear()
+            self._moving = motion
+
+    def _end(self) -> bool:
+        """Let no further stop in; return whether one has come."""
+        with self._gate:
+            self._moving = ''
+            return self._stop.is_set()
+
+    def _require_connection(self) -> tuple[GrblConnection, GuideSettings]:
+        if self._connection is None or self._settings is None:
+            raise MotionRefusedError('The guide is not connected; connect it first.')
+        return self._connection, self._settings
+
+    def _check_move(self, position_m: float, speed_m_s: float) -> float:
+        config, state = self._config, self.state
+        if not 0.0 <= position_m <= config.travel_m:
+            raise MotionRefusedError(
+                f'Position {position_m} m is outside of the travel 0 to {config.travel_m} m.'
+            )
+        if not 0.0 < speed_m_s <= config.max_speed_m_s:
+            raise MotionRefusedError(
+                f'Speed {speed_m_s} m/s must be above 0 and at most {config.max_speed_m_s} m/s.'
+            )
+        if self._trouble or state is None or state.position_m is None:
+            raise MotionRefusedError(
+                f'The position is unknown: {self._trouble or "no report yet"}; home the guide.'
+            )
+        return state.position_m
+
+    def _watch(self, on_state: Callable[[GuideState], None]) -> None:
+        state = self.state
+        if state is None:
+            return
+        if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
+            raise MotionFailedError(f'the controller went to {state.state} by itself')
+        on_state(state)
+
+    def _come_to_rest(self, connection: GrblConnection, target_m: float) -> NoReturn:
+        try:
+            connection.hold_and_reset()
+            position = self._to_position_m(connection.wait_report(REPLY_TIMEOUT_S))
+        except LinearGuideDriverError as error:
+            self._give_up(connection, str(error))
+            raise MotionFailedError(f'Stopping failed: {error}; home the guide.') from error
+        if self._trouble or position is None:
+            raise MotionFailedError(
+                f'Stopping lost the position: {self._trouble}; home the guide.'
+            )
+        raise MotionStoppedError(
+            f'Stopped at {position:.4f} m on the way to {target_m:.4f} m; the position is kept.'
+        ) from None
+
+    def _give_up(self, connection: GrblConnection, reason: str) -> None:
+        self._trouble = self._trouble or reason
+        connection.hold()
+
+    def _on_fault(self, reason: str) -> None:
+        # The first reason is the cause; what follows are its consequences.
+        self._trouble = self._trouble or reason
+
+    def _on_report(self, report: grbl.StatusReport) -> None:
+        if report.state == 'Alarm':
+            self._on_fault('the controller is locked in Alarm')
+        self._last = (report, self._clock_ns())
+        self._on_state(self._to_state(*self._last))
+
+    def _to_position_m(self, report: grbl.StatusReport) -> float | None:
+        if report.mpos_mm is None:
+            return None
+        return report.mpos_mm[0] / 1e3 + self._config.travel_m
+
+    def _to_state(self, report: grbl.StatusReport, received_at_ns: int) -> GuideState:
+        return GuideState(
+            position_m=None if self._trouble else self._to_position_m(report),
+            velocity_m_s=self._direction * (report.feed_mm_min or 0.0) / 60e3,
+            state=report.state,
+            received_at_ns=received_at_ns,
+        )

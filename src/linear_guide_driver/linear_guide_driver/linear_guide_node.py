@@ -1,0 +1,184 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The linear guide as a ROS 2 node: actions to home and to move, a service to stop."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from tactile_msgs.action import HomeGuide, MoveGuide
+
+from linear_guide_driver.conversions import joint_state_to_msg
+from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
+from linear_guide_driver.guide_client import LinearGuideClient
+from linear_guide_driver.records import GuideState, LinearGuideConfig
+from linear_guide_driver.throttle import Throttle
+from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
+from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.lifecycle import TactileNode, run_node
+from tactile_ros.qos import STREAM
+
+FEEDBACK_PERIOD_S = 0.1
+
+
+class LinearGuideNode(TactileNode):
+    """Drives the linear guide.
+
+    Actions ``~/move`` and ``~/home``, service ``~/stop``, topic ``~/joint_states``
+    (only while the position is known), health on ``/diagnostics``.
+    """
+
+    def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
+        super().__init__(node_name, LinearGuideConfig, **node_options)
+        self._client: LinearGuideClient | None = None
+        self._runners: list[GoalRunner] = []
+        self._joint_states: Any = None
+        self._stop_service: Any = None
+        self._diagnostics: Diagnostics | None = None
+
+    def set_up(self, config: LinearGuideConfig) -> None:
+        self._joint_states = self.create_lifecycle_publisher(JointState, '~/joint_states', STREAM)
+        self._client = LinearGuideClient(
+            config, self._on_state, lambda: int(self.get_clock().now().nanoseconds)
+        )
+        self._client.connect()
+        self._runners = [
+            GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self._accepting),
+            GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self._accepting),
+        ]
+        self._stop_service = self.create_service(Trigger, '~/stop', self._on_stop)
+        self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
+
+    def stop(self) -> None:
+        self._end_motion()
+
+    def tear_down(self) -> None:
+        self._end_motion()
+        for runner in self._runners:
+            runner.close()
+        self._runners = []
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
+        if self._stop_service is not None:
+            self.destroy_service(self._stop_service)
+            self._stop_service = None
+        if self._joint_states is not None:
+            self.destroy_publisher(self._joint_states)
+            self._joint_states = None
+
+    # -- goals -------------------------------------------------------------------------------
+
+    def _accepting(self) -> str:
+        if not self.is_active:
+            return 'The linear guide is not active; activate its node first.'
+        if any(runner.is_busy for runner in self._runners):
+            return 'The guide is busy with another motion; stop it first.'
+        return ''
+
+    def _move(self, goal: Goal) -> MoveGuide.Result:
+        assert self._client is not None
+        throttle = Throttle(FEEDBACK_PERIOD_S)
+
+        def on_state(state: GuideState) -> None:
+            if state.position_m is not None and throttle.is_due():
+                goal.feedback(position_m=state.position_m, speed_m_s=abs(state.velocity_m_s))
+
+        started_s = time.monotonic()
+        try:
+            state = self._client.move_to(
+                goal.request.position_m,
+                goal.request.speed_m_s,
+                on_state,
+                lambda: goal.end_requested,
+            )
+        except MotionStoppedError as error:
+            raise GoalCanceled(str(error)) from error
+        except LinearGuideDriverError as error:
+            raise GoalAborted(str(error)) from error
+        return MoveGuide.Result(
+            message=f'The guide rests at {state.position_m:.4f} m.',
+            position_m=state.position_m,
+            duration_s=time.monotonic() - started_s,
+        )
+
+    def _home(self, goal: Goal) -> HomeGuide.Result:
+        assert self._client is not None
+        throttle = Throttle(FEEDBACK_PERIOD_S)
+
+        def on_elapsed(elapsed_s: float) -> None:
+            if throttle.is_due():
+                goal.feedback(elapsed_s=elapsed_s)
+
+        try:
+            state = self._client.home(on_elapsed, lambda: goal.end_requested)
+        except MotionStoppedError as error:
+            raise GoalCanceled(str(error)) from error
+        except LinearGuideDriverError as error:
+            raise GoalAborted(str(error)) from error
+        return HomeGuide.Result(
+            message=f'The guide is homed and rests at {state.position_m:.4f} m.',
+            position_m=state.position_m,
+        )
+
+    # -- the rest ----------------------------------------------------------------------------
+
+    def _end_motion(self) -> bool:
+        was_busy = any(runner.is_busy for runner in self._runners)
+        for runner in self._runners:
+            runner.end_goal()
+        if self._client is not None:
+            self._client.request_stop()
+        return was_busy
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = True
+        response.message = (
+            'The guide brakes; the running goal ends when it is at rest.'
+            if self._end_motion()
+            else 'The guide was not moving.'
+        )
+        return response
+
+    def _on_state(self, state: GuideState) -> None:
+        if state.position_m is not None and self._joint_states is not None:
+            self._joint_states.publish(
+                joint_state_to_msg(
+                    self.config.joint_name,
+                    self.config.frame_id,
+                    state.position_m,
+                    state.velocity_m_s,
+                    state.received_at_ns,
+                )
+            )
+
+    def _hardware_id(self) -> str:
+        return '' if self._client is None else self._client.identification
+
+    def _health(self) -> Health:
+        client = self._client
+        state = None if client is None else client.state
+        if client is None or state is None:
+            return Health(ERROR, 'The guide is not connected.', {})
+        values = {
+            'state': state.state,
+            'position_m': 'unknown' if state.position_m is None else f'{state.position_m:.6f}',
+            'garbage_lines': client.garbage_lines,
+            'port': self.config.port,
+        }
+        if client.is_lost:
+            return Health(ERROR, f'{client.trouble}; plug it in and home the guide', values)
+        if client.trouble:
+            return Health(WARN, f'{client.trouble}; home the guide', values)
+        return Health(OK, 'The position is known.', values)
+
+
+def main() -> int:
+    """Run the node; return the process's exit code."""
+    return run_node(LinearGuideNode)

@@ -1,0 +1,172 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration and states of the linear guide and of the tendon actuator."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+
+def _parameter(default: Any, description: str, **metadata: Any) -> Any:
+    return dataclasses.field(default=default, metadata={'description': description, **metadata})
+
+
+def _check_ranges(config: Any) -> None:
+    for field in dataclasses.fields(config):
+        if 'range' not in field.metadata:
+            continue
+        low, high = field.metadata['range']
+        value = getattr(config, field.name)
+        if not low <= value <= high:
+            raise ValueError(f'{field.name} is {value}; it must be between {low} and {high}')
+
+
+@dataclass(frozen=True)
+class LinearGuideConfig:
+    """How to reach the guide's Grbl controller and what it may do.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    port: str = _parameter('/dev/ttyUSB0', 'serial port of the Grbl controller')
+    baud: int = _parameter(
+        115200, 'speed of the serial line', unit='bit/s', range=(9600, 1_000_000)
+    )
+    travel_m: float = _parameter(
+        0.2, "travel of the guide; must equal the controller's $130", unit='m', range=(0.001, 5.0)
+    )
+    max_speed_m_s: float = _parameter(
+        0.1, 'fastest speed that a goal may ask for', unit='m/s', range=(0.0001, 1.0)
+    )
+    poll_rate_hz: float = _parameter(
+        10.0,
+        'rate of status reports and joint states; Grbl documents 10 as its limit, '
+        '20 works on most boards',
+        unit='Hz',
+        range=(1.0, 20.0),
+    )
+    joint_name: str = _parameter('linear_guide_joint', 'name of the joint in joint states')
+    frame_id: str = _parameter('linear_guide_link', 'frame of the joint states')
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+
+
+@dataclass(frozen=True)
+class TendonActuatorConfig:
+    """How to reach the tendon's Dynamixel servo and what it may do.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range, or the servo's watchdog would trip
+        between two polls.
+    """
+
+    port: str = _parameter('/dev/ttyUSB1', 'serial port of the Dynamixel bus')
+    baud: int = _parameter(
+        1_000_000, 'speed of the serial line', unit='bit/s', range=(9600, 4_000_000)
+    )
+    device_id: int = _parameter(1, 'ID of the servo on the bus', range=(0, 252))
+    pulley_radius_m: float = _parameter(
+        0.01, 'radius at which the tendon winds up', unit='m', range=(0.001, 0.1)
+    )
+    reverse: bool = _parameter(
+        False, "true when the tendon winds in as the servo's position count falls"
+    )
+    speed_m_s: float = _parameter(
+        0.01, 'tendon speed of a goal that names none', unit='m/s', range=(0.0005, 0.5)
+    )
+    max_displacement_m: float = _parameter(
+        0.02, 'longest displacement that a goal may ask for', unit='m', range=(0.0, 0.5)
+    )
+    current_limit_a: float = _parameter(
+        0.3,
+        'largest motor current; limits the pull even when no sensor is there',
+        unit='A',
+        range=(0.02, 3.0),
+    )
+    flexion_limit_n: float = _parameter(
+        15.0, 'tension at which a flexion pull is released', unit='N', range=(0.1, 200.0)
+    )
+    abduction_limit_n: float = _parameter(
+        3.0, 'tension at which an abduction pull is released', unit='N', range=(0.1, 200.0)
+    )
+    guard_timeout_s: float = _parameter(
+        0.25,
+        'a pull with a stop tension ends when no strain sample came for this long',
+        unit='s',
+        range=(0.02, 10.0),
+    )
+    watchdog_s: float = _parameter(
+        0.2,
+        'the servo stops by itself when it hears nothing for this long; steps of 0.02',
+        unit='s',
+        range=(0.06, 2.54),
+    )
+    poll_rate_hz: float = _parameter(
+        60.0, 'rate of state reads and joint states', unit='Hz', range=(5.0, 200.0)
+    )
+    joint_name: str = _parameter('tendon_joint', 'name of the joint in joint states')
+    frame_id: str = _parameter('tendon_link', 'frame of the joint states')
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+        if self.watchdog_s * self.poll_rate_hz < 3.0:
+            raise ValueError(
+                f'watchdog_s is {self.watchdog_s} s, shorter than three polls at '
+                f'{self.poll_rate_hz} Hz; raise one of them'
+            )
+
+
+class GuideState(NamedTuple):
+    """The guide as of its last status report.
+
+    Attributes
+    ----------
+    position_m : float or None
+        In the guide's frame, 0 at the negative end of travel [m]; None when not homed.
+    velocity_m_s : float
+        Reported speed with the sign of the running move [m/s].
+    state : str
+        The controller's word for it: Idle, Run, Hold, Alarm, ...
+    received_at_ns : int
+        When the report arrived, on the client's clock [ns].
+    """
+
+    position_m: float | None
+    velocity_m_s: float
+    state: str
+    received_at_ns: int
+
+
+class TendonState(NamedTuple):
+    """The tendon actuator as of its last poll.
+
+    Attributes
+    ----------
+    displacement_m : float
+        Tendon wound in from the slack reference [m].
+    velocity_m_s : float
+        Positive when winding in [m/s].
+    current_a : float
+        Motor current, positive when pulling; an estimate with friction in it [A].
+    voltage_v : float
+        Supply voltage [V].
+    temperature_c : float
+        Temperature of the servo [degree Celsius].
+    received_at_ns : int
+        When the values arrived, on the client's clock [ns].
+    """
+
+    displacement_m: float
+    velocity_m_s: float
+    current_a: float
+    voltage_v: float
+    temperature_c: float
+    received_at_ns: int

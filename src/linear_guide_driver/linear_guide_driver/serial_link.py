@@ -1,0 +1,108 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A serial line with one thread that reads it."""
+
+from __future__ import annotations
+
+import termios
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+
+import serial
+
+from linear_guide_driver.errors import DeviceConnectionError
+
+LINE_ERRORS = (OSError, termios.error, TypeError)
+"""What pyserial raises when a line goes away: SerialException is an OSError, flushing a
+lost tty gives termios.error, and closing during a read gives TypeError."""
+
+TICK_S = 0.02
+
+
+class SerialLink:
+    """An open serial line.
+
+    Parameters
+    ----------
+    port : str
+    baud : int
+        [bit/s]
+    on_bytes : callable
+        Called on the reader thread with what has arrived.
+    on_tick : callable
+        Called on the reader thread after each read, at least every 20 ms.
+    on_lost : callable
+        Called once, on the reader thread, with a sentence, when the line is lost.
+
+    Raises
+    ------
+    DeviceConnectionError
+        When the port cannot be opened.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        baud: int,
+        *,
+        on_bytes: Callable[[bytes], None],
+        on_tick: Callable[[], None],
+        on_lost: Callable[[str], None],
+    ) -> None:
+        try:
+            self._serial = serial.Serial(
+                port, baud, timeout=TICK_S, write_timeout=1.0, exclusive=True
+            )
+        except (*LINE_ERRORS, ValueError) as error:
+            raise DeviceConnectionError(
+                f'cannot open {port}: {error}; check that the device is plugged in, that the '
+                f'parameter port names it and that no other program uses it'
+            ) from error
+        self._port = port
+        self._on_bytes, self._on_tick, self._on_lost = on_bytes, on_tick, on_lost
+        self._write_lock = threading.Lock()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._read, name='serial reader', daemon=True)
+
+    def start(self) -> None:
+        """Start to read."""
+        self._thread.start()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When the line is lost.
+        """
+        try:
+            with self._write_lock:
+                self._serial.write(data)
+        except LINE_ERRORS as error:
+            raise DeviceConnectionError(f'the line to {self._port} is lost: {error}') from error
+
+    def close(self) -> None:
+        """Stop reading and close the port. Harmless when called twice."""
+        self._closing.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(2.0)
+        with suppress(*LINE_ERRORS):  # it may be gone already
+            self._serial.close()
+
+    def _read(self) -> None:
+        try:
+            while not self._closing.is_set():
+                data = self._read_available()
+                if data:
+                    self._on_bytes(data)
+                self._on_tick()
+        except DeviceConnectionError as error:
+            self._on_lost(str(error))
+
+    def _read_available(self) -> bytes:
+        try:
+            return bytes(self._serial.read(self._serial.in_waiting or 1))
+        except LINE_ERRORS as error:
+            raise DeviceConnectionError(f'the line to {self._port} is lost: {error}') from error

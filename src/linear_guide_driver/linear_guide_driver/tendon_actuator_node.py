@@ -1,0 +1,223 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The tendon actuator as a ROS 2 node: an action to pull, guarded by the measured tension."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from tactile_msgs.action import PullTendon
+from tactile_msgs.msg import StrainBlock
+
+from linear_guide_driver.conversions import joint_state_to_msg
+from linear_guide_driver.errors import (
+    LinearGuideDriverError,
+    MotionRefusedError,
+    MotionStoppedError,
+)
+from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.tendon_client import TendonActuatorClient
+from linear_guide_driver.tension_guard import TensionGuard, Verdict
+from linear_guide_driver.throttle import Throttle
+from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
+from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.lifecycle import TactileNode, run_node
+from tactile_ros.qos import STREAM
+
+FEEDBACK_PERIOD_S = 0.1
+NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
+
+
+class TendonActuatorNode(TactileNode):
+    """Drives the tendon actuator.
+
+    Action ``~/pull``, service ``~/stop``, topic ``~/joint_states``, health on
+    ``/diagnostics``; listens to ``tendon_sensor/strain`` and releases the tendon
+    when the tension exceeds the limit of the contact, also between goals.
+    """
+
+    def __init__(self, node_name: str = 'tendon_actuator', **node_options: Any) -> None:
+        super().__init__(node_name, TendonActuatorConfig, **node_options)
+        self._client: TendonActuatorClient | None = None
+        self._guard: TensionGuard | None = None
+        self._runner: GoalRunner | None = None
+        self._joint_states: Any = None
+        self._strain: Any = None
+        self._stop_service: Any = None
+        self._diagnostics: Diagnostics | None = None
+
+    def set_up(self, config: TendonActuatorConfig) -> None:
+        self._joint_states = self.create_lifecycle_publisher(JointState, '~/joint_states', STREAM)
+        self._guard = TensionGuard(
+            {'flexion': config.flexion_limit_n, 'abduction': config.abduction_limit_n},
+            config.guard_timeout_s,
+        )
+        self._client = TendonActuatorClient(
+            config, self._on_state, lambda: int(self.get_clock().now().nanoseconds)
+        )
+        self._client.connect()
+        self._strain = self.create_subscription(
+            StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM
+        )
+        self._runner = GoalRunner(
+            self, PullTendon, '~/pull', self._pull, accepting=self._accepting
+        )
+        self._stop_service = self.create_service(Trigger, '~/stop', self._on_stop)
+        self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
+
+    def stop(self) -> None:
+        self._end_motion()
+
+    def tear_down(self) -> None:
+        if self._runner is not None:
+            self._runner.close()
+            self._runner = None
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
+        if self._stop_service is not None:
+            self.destroy_service(self._stop_service)
+            self._stop_service = None
+        if self._strain is not None:
+            self.destroy_subscription(self._strain)
+            self._strain = None
+        if self._joint_states is not None:
+            self.destroy_publisher(self._joint_states)
+            self._joint_states = None
+
+    # -- goals -------------------------------------------------------------------------------
+
+    def _accepting(self) -> str:
+        return '' if self.is_active else 'The actuator is not active; activate its node first.'
+
+    def _pull(self, goal: Goal) -> PullTendon.Result:
+        client, guard, request = self._client, self._guard, goal.request
+        assert client is not None
+        assert guard is not None
+        throttle = Throttle(FEEDBACK_PERIOD_S)
+        started_s = time.monotonic()
+
+        def on_state(state: TendonState) -> None:
+            if throttle.is_due():
+                goal.feedback(displacement_m=state.displacement_m, current_a=state.current_a)
+
+        def should_stop() -> bool:
+            return goal.end_requested or guard.check(time.monotonic_ns()) is not Verdict.CONTINUE
+
+        def result(message: str, stopped_by_tension: bool) -> PullTendon.Result:
+            return PullTendon.Result(
+                message=message,
+                displacement_m=0.0 if client.state is None else client.state.displacement_m,
+                duration_s=time.monotonic() - started_s,
+                stopped_by_tension=stopped_by_tension,
+            )
+
+        try:
+            present_m = 0.0 if client.state is None else client.state.displacement_m
+            is_release = request.displacement_m <= max(0.0, present_m)
+            guard.begin(request.contact, request.stop_tension_n, is_release, time.monotonic_ns())
+            state = client.pull_to(
+                request.displacement_m, request.speed_m_s, on_state, should_stop
+            )
+            return result(f'The tendon rests at {state.displacement_m:.4f} m.', False)
+        except MotionRefusedError as error:
+            raise GoalAborted(str(error)) from error
+        except MotionStoppedError as error:
+            verdict = guard.check(time.monotonic_ns())
+            if goal.end_requested:
+                raise GoalCanceled(f'{error} The tendon is held there.') from error
+            if verdict is Verdict.REACHED:
+                return result(f'{guard.describe()} The tendon is held there.', True)
+            if verdict is Verdict.CONTINUE:
+                raise GoalAborted(str(error)) from error
+            self._release()
+            raise GoalAborted(f'{guard.describe()} The tendon is released.') from error
+        except LinearGuideDriverError as error:
+            raise GoalAborted(str(error)) from error
+        finally:
+            guard.end()
+
+    # -- the rest ----------------------------------------------------------------------------
+
+    def _on_strain(self, block: StrainBlock) -> None:
+        guard = self._guard
+        if guard is None or block.status & NO_MEASUREMENT:
+            return
+        now_ns = time.monotonic_ns()
+        is_saturated = bool(block.status & StrainBlock.STATUS_SATURATED)
+        # Not any(): each sample must be taken.
+        if sum([guard.add_sample(n, is_saturated, now_ns) for n in block.tension_n]):
+            self.get_logger().error(f'{guard.describe()} Releasing the tendon.')
+            self._release()
+
+    def _release(self) -> None:
+        client = self._client
+        if client is None:
+            return
+        try:
+            client.request_release()
+        except LinearGuideDriverError as error:
+            self.get_logger().error(f'cannot release the tendon: {error}')
+
+    def _end_motion(self) -> str:
+        """End the goal and hold the tendon; return what went wrong, or nothing."""
+        if self._runner is not None:
+            self._runner.end_goal()
+        if self._client is not None:
+            try:
+                self._client.hold_here()
+            except LinearGuideDriverError as error:
+                return str(error)
+        return ''
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        problem = self._end_motion()
+        response.success = not problem
+        response.message = problem or 'The tendon is held where it is.'
+        return response
+
+    def _on_state(self, state: TendonState) -> None:
+        if self._joint_states is not None:
+            self._joint_states.publish(
+                joint_state_to_msg(
+                    self.config.joint_name,
+                    self.config.frame_id,
+                    state.displacement_m,
+                    state.velocity_m_s,
+                    state.received_at_ns,
+                )
+            )
+
+    def _hardware_id(self) -> str:
+        return '' if self._client is None else self._client.identification
+
+    def _health(self) -> Health:
+        client, guard = self._client, self._guard
+        state = None if client is None else client.state
+        if client is None or guard is None or state is None:
+            return Health(ERROR, 'The tendon actuator is not connected.', {})
+        values = {
+            'displacement_m': f'{state.displacement_m:.6f}',
+            'current_a': f'{state.current_a:.3f}',
+            'voltage_v': f'{state.voltage_v:.1f}',
+            'temperature_c': f'{state.temperature_c:.0f}',
+            'tension_limit_n': guard.limit_n,
+            'tension_n': 'unknown' if guard.tension_n is None else f'{guard.tension_n:.3f}',
+            'port': self.config.port,
+        }
+        if client.trouble:
+            return Health(ERROR, client.trouble, values)
+        if guard.tension_n is None:
+            return Health(WARN, 'No strain sample yet: the tension is not guarded.', values)
+        return Health(OK, 'The actuator is ready.', values)
+
+
+def main() -> int:
+    """Run the node; return the process's exit code."""
+    return run_node(TendonActuatorNode)

@@ -1,0 +1,121 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Brings a Dynamixel servo into the state in which it may pull a tendon."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import NamedTuple
+
+from linear_guide_driver import dynamixel_registers as registers
+from linear_guide_driver.dynamixel_bus import DynamixelBus
+from linear_guide_driver.errors import DeviceRefusedError
+from linear_guide_driver.records import TendonActuatorConfig
+
+SETTLING_S = 3.0
+SETTLING_PERIOD_S = 0.1
+SETTLED_COUNTS = 2
+
+
+class TendonServo(NamedTuple):
+    """A servo that is ready and holds its position, in its own units."""
+
+    identification: str
+    velocity_limit: int
+    position_counts: int
+
+
+def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> TendonServo:
+    """Check the servo, set its mode and limits, hold it where it stands.
+
+    Parameters
+    ----------
+    bus : DynamixelBus
+    config : TendonActuatorConfig
+
+    Raises
+    ------
+    DeviceConnectionError
+        When the servo does not answer.
+    DeviceRefusedError
+        When it is not a supported servo, is too old, reports a hardware error, or
+        its limits are below those of the configuration.
+    """
+    identification = _check_servo(bus, config.device_id)
+    velocity_limit = bus.read(registers.VELOCITY_LIMIT)
+    if registers.m_s_to_velocity(config.speed_m_s, config.pulley_radius_m) > velocity_limit:
+        fastest_m_s = registers.velocity_to_m_s(velocity_limit, config.pulley_radius_m)
+        raise DeviceRefusedError(
+            f'speed_m_s is {config.speed_m_s} and the servo allows {fastest_m_s:.4f} m/s; lower it'
+        )
+    current = registers.a_to_current(config.current_limit_a)
+    current_limit = bus.read(registers.CURRENT_LIMIT)
+    if current > current_limit:
+        raise DeviceRefusedError(
+            f'current_limit_a is {config.current_limit_a} and the servo allows '
+            f'{registers.current_to_a(current_limit):.3f} A; lower it'
+        )
+
+    bus.write(registers.BUS_WATCHDOG, 0)  # a tripped watchdog locks the goals
+    if bus.read(registers.TORQUE_ENABLE):
+        bus.write(registers.TORQUE_ENABLE, 0)
+        _wait_settled(bus)
+    for register, value in (
+        (registers.DRIVE_MODE, 0),
+        (registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION),
+    ):
+        if bus.read(register) != value:  # EEPROM wears out
+            bus.write(register, value)
+    # A change of mode resets these, so they come after it.
+    bus.write(registers.GOAL_CURRENT, current)
+    bus.write(registers.PROFILE_ACCELERATION, 0)
+    position_counts = bus.read(registers.PRESENT_POSITION)
+    bus.write(registers.GOAL_POSITION, position_counts)
+    bus.write(registers.TORQUE_ENABLE, 1)
+    arm_watchdog(bus, config.watchdog_s)  # works only with the torque on
+    return TendonServo(identification, velocity_limit, position_counts)
+
+
+def arm_watchdog(bus: DynamixelBus, watchdog_s: float) -> None:
+    """Make the servo stop by itself when it hears nothing for ``watchdog_s`` [s]."""
+    bus.write(registers.BUS_WATCHDOG, math.ceil(watchdog_s / registers.WATCHDOG_STEP_S - 1e-9))
+
+
+def _check_servo(bus: DynamixelBus, device_id: int) -> str:
+    model = bus.ping()
+    if model not in registers.MODELS:
+        raise DeviceRefusedError(
+            f'servo {device_id} has model number {model}; supported are '
+            f'{", ".join(registers.MODELS.values())}'
+        )
+    firmware = bus.read(registers.FIRMWARE)
+    if firmware < registers.FIRMWARE_WITH_WATCHDOG:
+        raise DeviceRefusedError(
+            f'servo {device_id} has firmware {firmware} without bus watchdog; update it to '
+            f'{registers.FIRMWARE_WITH_WATCHDOG} or later'
+        )
+    if word := bus.read(registers.HARDWARE_ERROR):
+        raise DeviceRefusedError(
+            f'servo {device_id} has shut down: {registers.describe_hardware_error(word)}; '
+            'remove the cause and power-cycle the servo'
+        )
+    if bus.read(registers.STATUS_RETURN_LEVEL) != registers.STATUS_ALWAYS:
+        raise DeviceRefusedError(
+            f'servo {device_id} does not answer every instruction; set its status return level '
+            f'to {registers.STATUS_ALWAYS}'
+        )
+    return f'Dynamixel {registers.MODELS[model]} firmware {firmware}'
+
+
+def _wait_settled(bus: DynamixelBus) -> None:
+    # The finger's spring unwinds a tendon that was held; slack is where that ends.
+    deadline_s = time.monotonic() + SETTLING_S
+    last = bus.read(registers.PRESENT_POSITION)
+    while time.monotonic() < deadline_s:
+        time.sleep(SETTLING_PERIOD_S)
+        now = bus.read(registers.PRESENT_POSITION)
+        if abs(now - last) <= SETTLED_COUNTS:
+            return
+        last = now
+    raise DeviceRefusedError('the tendon does not come to rest with the torque off')
