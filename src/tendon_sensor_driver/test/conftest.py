@@ -1,0 +1,61 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor on a real pty, and waiting on conditions."""
+
+import os
+import time
+import tty
+
+import pytest
+
+from tendon_sensor_driver import encode_reading
+
+
+class PtySensor:
+    """Stands where a load-cell board stands: bytes go in, the client reads them.
+
+    ``port`` is a symlink, so that the sensor can be plugged in again as another pty
+    under the same name.
+    """
+
+    def __init__(self, port):
+        self.port = str(port)
+        self.plug_in()
+
+    def plug_in(self):
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.symlink(os.ttyname(self._slave), self.port)
+
+    def unplug(self):
+        if self._master is None:
+            return
+        os.unlink(self.port)
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = None
+
+    def write(self, data):
+        while data:
+            data = data[os.write(self._master, data) :]
+
+    def write_reading(self, device_ticks, value=0.5):
+        self.write(encode_reading(device_ticks, value))
+
+
+@pytest.fixture
+def sensor(tmp_path):
+    sensor = PtySensor(tmp_path / 'sensor')
+    yield sensor
+    sensor.unplug()
+
+
+@pytest.fixture(scope='session')
+def wait_for():
+    def wait(condition, timeout_s=10.0):
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline, 'the condition did not come true in time'
+            time.sleep(0.002)
+
+    return wait

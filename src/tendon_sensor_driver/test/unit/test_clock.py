@@ -1,0 +1,249 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The clock against an exact model of sampling, ticks and delays, all in integers."""
+
+import random
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tendon_sensor_driver.clock import DeviceClock, HostClock
+
+SECOND_NS = 1_000_000_000
+MS_NS = 1_000_000
+PERIOD_NS = 16_666_667
+EPOCH_NS = 1_700_000_000 * SECOND_NS
+WRAP = 2**32
+
+
+class Model:
+    """A device whose millisecond counter runs ``drift_ppm`` fast against the host."""
+
+    def __init__(self, drift_ppm=0, first_ticks=5000, delay_ns=2 * MS_NS):
+        self.drift_ppm = drift_ppm
+        self.first_ticks = first_ticks
+        self.delay_ns = delay_ns  # the least delay from sample to arrival
+
+    def ticks(self, elapsed_ns):
+        device_ns = elapsed_ns * (1_000_000 + self.drift_ppm) // 1_000_000
+        return (self.first_ticks + device_ns // MS_NS) % WRAP
+
+    def true_stamp(self, elapsed_ns):
+        """Time of the sample plus the constant delay, which no clock can see."""
+        return EPOCH_NS + elapsed_ns + self.delay_ns
+
+
+def run(model, seconds, extra_delay_ns=lambda elapsed_ns: 0, clock=None):
+    """Return (elapsed, ticks, Instant) of every sample; arrivals never overtake."""
+    clock = clock or DeviceClock(0.001)
+    arrived_ns = 0
+    rows = []
+    for i in range(seconds * 60):
+        elapsed_ns = i * SECOND_NS // 60
+        delay_ns = model.delay_ns + extra_delay_ns(elapsed_ns)
+        arrived_ns = max(arrived_ns, EPOCH_NS + elapsed_ns + delay_ns)
+        ticks = model.ticks(elapsed_ns)
+        rows.append((elapsed_ns, ticks, clock.place(ticks, arrived_ns)))
+    return rows
+
+
+def check(model, rows):
+    known = 0
+    for elapsed_ns, _, instant in rows:
+        if instant.stamp_error_s >= 0:
+            known += 1
+            error_ns = instant.stamp_ns - model.true_stamp(elapsed_ns)
+            assert abs(error_ns) <= instant.stamp_error_s * SECOND_NS
+    assert known > 0.9 * len(rows) - 61
+    check_steps(rows)
+
+
+def check_steps(rows):
+    for (_, _, before), (_, _, after) in pairwise(rows):
+        step_ns = after.stamp_ns - before.stamp_ns
+        device_step_ns = after.device_ns - before.device_ns
+        assert 20 * abs(step_ns - device_step_ns) <= device_step_ns
+
+
+def jitter(seed, most_ns):
+    source = random.Random(seed)
+    return lambda _: source.randrange(most_ns)
+
+
+@pytest.mark.parametrize('drift_ppm', [-100, -37, 0, 100])
+def test_jitter_and_drift_stay_within_the_stated_error(drift_ppm):
+    model = Model(drift_ppm)
+    rows = run(model, 120, jitter(drift_ppm, 8 * MS_NS))
+    check(model, rows)
+    # One tick, 100 ppm of ten seconds, and what jitter leaves of the envelope.
+    assert max(instant.stamp_error_s for _, _, instant in rows[1200:]) < 0.005
+
+
+@pytest.mark.parametrize('drift_ppm', [-100, 100])
+def test_bursts_do_not_move_the_stamps(drift_ppm):
+    """Every 10 s the host stalls, and everything since then arrives at once, 3 s late."""
+
+    def burst(elapsed_ns):
+        into_ns = elapsed_ns % (10 * SECOND_NS)
+        return max(0, 3 * SECOND_NS - into_ns) if elapsed_ns > 10 * SECOND_NS else 0
+
+    model = Model(drift_ppm)
+    rows = run(model, 120, burst)
+    check(model, rows)
+    # One tick, and 100 ppm of the 13 s that hold ten seconds with arrivals.
+    for elapsed_ns, _, instant in rows:
+        assert abs(instant.stamp_ns - model.true_stamp(elapsed_ns)) <= 2.4 * MS_NS
+
+
+def test_without_jitter_stamps_differ_by_what_the_device_says():
+    model = Model()
+    rows = run(model, 30)
+    # Once the envelope has met a sample at the very end of a tick it moves no more.
+    settled = rows[120:]
+    assert {
+        (after[2].stamp_ns - before[2].stamp_ns) - (after[1] - before[1]) * MS_NS
+        for before, after in pairwise(settled)
+    } == {0}
+
+
+def test_a_first_line_that_came_late_is_made_good_without_going_back():
+    model = Model()
+    late_ns = 200 * MS_NS
+    rows = run(model, 30, lambda elapsed_ns: late_ns if elapsed_ns == 0 else 0)
+    assert rows[0][2].stamp_error_s < 0
+    check_steps(rows)
+    # 1/20 of the time makes 200 ms good in 4 s; until then the error says what is left.
+    check(model, rows)
+    for elapsed_ns, _, instant in rows:
+        if elapsed_ns > 5 * SECOND_NS:
+            assert abs(instant.stamp_ns - model.true_stamp(elapsed_ns)) <= 1.1 * MS_NS
+
+
+@pytest.mark.parametrize('first_ticks', [WRAP - 1, WRAP - 10, WRAP - 4000])
+def test_the_wrap_of_a_32_bit_counter_leaves_no_trace(first_ticks):
+    plain = run(Model(first_ticks=1000), 10)
+    wrapped = run(Model(first_ticks=first_ticks), 10)
+    assert [row[2].stamp_ns for row in wrapped] == [row[2].stamp_ns for row in plain]
+    assert min(ticks for _, ticks, _ in wrapped) < 100
+    assert not any(instant.is_restart for _, _, instant in wrapped)
+
+
+def test_a_wrap_in_a_gap_is_understood():
+    clock = DeviceClock(0.001)
+    model = Model(first_ticks=WRAP - 1000)
+    before_ns, _, before = run(model, 1, clock=clock)[-1]
+    later_ns = 500 * SECOND_NS
+    after = clock.place(model.ticks(later_ns), model.true_stamp(later_ns))
+    assert not after.is_restart
+    assert abs((after.device_ns - before.device_ns) - (later_ns - before_ns)) <= MS_NS
+
+
+def test_a_restarted_device_is_believed_from_its_second_line_on():
+    clock = DeviceClock(0.001)
+    run(Model(first_ticks=100_000), 30, clock=clock)
+    start_ns = EPOCH_NS + 32 * SECOND_NS
+    assert clock.place(10, start_ns) is None
+    again = clock.place(27, start_ns + 17 * MS_NS)
+    assert again.is_restart
+    assert again.stamp_ns == start_ns + 17 * MS_NS
+    assert not clock.place(43, start_ns + 33 * MS_NS).is_restart
+    assert clock.outliers == 1
+
+
+@pytest.mark.parametrize('ticks', [3, 20_000, 350_001, WRAP - 1, 10**18])
+def test_one_broken_time_changes_nothing(ticks):
+    model = Model(first_ticks=30_000)
+    clock, undisturbed = DeviceClock(0.001), DeviceClock(0.001)
+    run(model, 5, clock=clock)
+    run(model, 5, clock=undisturbed)
+    elapsed_ns = 5 * SECOND_NS
+    assert clock.place(ticks, model.true_stamp(elapsed_ns)) is None
+    assert clock.outliers == 1
+    for _ in range(3):
+        elapsed_ns += PERIOD_NS
+        line = model.ticks(elapsed_ns), model.true_stamp(elapsed_ns)
+        assert clock.place(*line) == undisturbed.place(*line)
+
+
+@pytest.mark.parametrize('back', [0, 1, 17, 249])
+def test_duplicates_and_late_samples_have_no_place(back):
+    clock = DeviceClock(0.001)
+    run(Model(), 5, clock=clock)
+    last_ticks = Model().ticks(299 * SECOND_NS // 60)
+    assert clock.place(last_ticks - back, EPOCH_NS + 5 * SECOND_NS) is None
+    assert (clock.late_samples, clock.outliers) == (1, 0)
+
+
+def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():
+    for ticks, is_restart in [(45_010, False), (45_000 - 2000, True), (20, True), (5017, True)]:
+        clock = DeviceClock(0.001)
+        run(Model(first_ticks=5000), 10, clock=clock)
+        clock.note_reconnection()
+        instant = clock.place(ticks, EPOCH_NS + 40 * SECOND_NS + 12 * MS_NS)
+        assert instant.is_restart is is_restart
+        assert clock.outliers == clock.late_samples == 0
+
+
+def test_a_host_clock_set_forward_is_followed():
+    clock = DeviceClock(0.001)
+    run(Model(), 20, clock=clock)
+    set_forward_ns = 3600 * SECOND_NS
+    stamps = [
+        clock.place(5000 + ms, EPOCH_NS + set_forward_ns + ms * MS_NS).stamp_ns
+        for ms in range(20_000, 40_000, 16)
+    ]
+    assert all(after > before for before, after in pairwise(stamps))
+    assert abs(stamps[-1] - (EPOCH_NS + set_forward_ns + 40_000 * MS_NS)) < 20 * MS_NS
+
+
+def test_a_host_clock_set_back_never_takes_the_stamps_back():
+    clock = DeviceClock(0.001)
+    *_, (_, _, before) = run(Model(), 20, clock=clock)
+    instants = [
+        clock.place(5000 + ms, EPOCH_NS - 30 * SECOND_NS + ms * MS_NS)
+        for ms in range(20_000, 60_000, 16)
+    ]
+    placed = [instant for instant in instants if instant is not None]
+    assert len(placed) == len(instants) - 1
+    assert all(b.stamp_ns > a.stamp_ns for a, b in pairwise([before, *placed]))
+    assert sum(instant.is_restart for instant in placed) == 1
+    # What is still wrong is said: 30 s less 1/20 of the time since.
+    ahead_ns = placed[-1].stamp_ns - (EPOCH_NS + 30 * SECOND_NS)
+    assert ahead_ns > 27 * SECOND_NS
+    assert placed[-1].stamp_error_s > ahead_ns / 1e9
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, WRAP + 5) | st.integers(0, 2000), st.integers(0, 3 * SECOND_NS)),
+        max_size=60,
+    ),
+    st.integers(0, 2**60),
+)
+def test_stamps_increase_whatever_the_device_says(lines, start_ns):
+    clock = DeviceClock(0.001)
+    now_ns, last_ns = start_ns, None
+    for ticks, pause_ns in lines:
+        now_ns += pause_ns
+        instant = clock.place(ticks, now_ns)
+        if instant is not None:
+            assert last_ns is None or instant.stamp_ns > last_ns
+            last_ns = instant.stamp_ns
+
+
+def test_ticks_that_are_no_whole_nanoseconds_stay_exact():
+    clock = DeviceClock(1 / 32768)
+    clock.place(0, 0)
+    days = 86400 * 30
+    instant = clock.place(32768 * days, days * SECOND_NS)
+    assert instant.device_ns == days * SECOND_NS
+
+
+def test_without_a_device_clock_arrival_counts_and_the_error_is_unknown():
+    clock = HostClock()
+    stamps = [clock.place(None, at_ns) for at_ns in (5, 5, 5, 20, 19)]
+    assert [instant.stamp_ns for instant in stamps] == [5, 6, 7, 20, 21]
+    assert {instant.stamp_error_s for instant in stamps} == {-1.0}

@@ -1,0 +1,261 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+from itertools import pairwise
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from tendon_sensor_driver import LineDecoder, TendonSensorConfig, encode_reading
+from tendon_sensor_driver.line_protocol import MAX_LINE_BYTES, MAX_VALUE
+
+CONFIG = TendonSensorConfig()
+LINE = b'1204,0.53000,kg,\r\n'
+
+
+def decode(data, config=CONFIG, *, is_opened_mid_line=False):
+    decoder = LineDecoder(config)
+    readings = decoder.feed(data if is_opened_mid_line else b'\n' + data, 7)
+    return decoder, [(r.device_ticks, r.value) for r in readings]
+
+
+# -- lines that are readings -------------------------------------------------------------
+
+
+@pytest.mark.parametrize('end', [b'\n', b'\r', b'\r\n', b'\n\r', b'\r\r\n'])
+def test_any_line_end(end):
+    decoder, readings = decode(end.join([b'1,0.5,kg', b'2,0.6,kg', b'']))
+    assert readings == [(1, 0.5), (2, 0.6)]
+    assert decoder.rejected_lines == 0
+
+
+@pytest.mark.parametrize(
+    'line',
+    [
+        b'12,0.5',
+        b'12;0.5',
+        b'12\t0.5',
+        b'12 0.5',
+        b'  12   0.5  ',
+        b'12, 0.5,',
+        b'12 ; 0.5 ;;',
+        b'12,+0.5,kg,24.75,',
+        b'12,.5',
+        b'12,5e-1,lorem \xe9\xff ipsum',
+    ],
+)
+def test_any_separator_and_further_columns(line):
+    assert decode(line + b'\n')[1] == [(12, 0.5)]
+
+
+def test_the_columns_are_configured():
+    config = TendonSensorConfig(time_column=2, value_column=0)
+    assert decode(b'0.5,x,99\n', config)[1] == [(99, 0.5)]
+    config = TendonSensorConfig(time_column=-1, value_column=0)
+    assert decode(b'-7\n', config)[1] == [(None, -7.0)]
+
+
+# -- lines that are not ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    'value',
+    [
+        b'',
+        b'nan',
+        b'inf',
+        b'-infinity',
+        b'1e999',
+        b'1e16',
+        b'1_0',
+        b'0x1f',
+        b'1.2.3',
+        b'--1',
+        b'1e',
+        b'.',
+        b'\xd9\xa1',
+        '٣'.encode(),
+        b'0.5\x00',
+        b'1 ',
+    ],
+)
+def test_what_is_no_plain_finite_number_is_rejected(value):
+    line = b'12,' + value + b',kg' if value != b'1 ' else b'12,,1,kg'
+    decoder, readings = decode(line + b'\n')
+    assert readings == []
+    assert decoder.rejected_lines == 1
+    assert decoder.last_rejected == line
+
+
+@pytest.mark.parametrize('ticks', [b'', b'-1', b'1.5', b'+1', b'1_0', b'1e3', b'9' * 20])
+def test_what_is_no_plain_count_is_rejected_as_time(ticks):
+    assert decode(ticks + b',0.5,kg\n')[1] == []
+
+
+def test_the_banner_is_skipped_and_counted():
+    banner = (
+        b'\r\nSerial Load Cell Converter version 1.2\r\nBy SparkFun Electronics\r\n'
+        b'Minimum time between reports: 14\r\nPress x to bring up settings\r\nReadings:\r\n'
+    )
+    decoder, readings = decode(banner + LINE)
+    assert readings == [(1204, 0.53)]
+    assert (decoder.lines, decoder.readings, decoder.rejected_lines) == (6, 1, 5)
+
+
+def test_a_reading_after_dropped_bytes_says_so():
+    decoder = LineDecoder(CONFIG)
+    readings = decoder.feed(b'04,0.5,kg,\n' + LINE + b'what?\n' + LINE + LINE, 7)
+    assert [r.resynchronised for r in readings] == [False, True, False]
+
+
+def test_a_line_in_another_unit_is_rejected():
+    decoder, readings = decode(b'1204,0.53,lbs,\n')
+    assert readings == []
+    assert decoder.last_rejected == b'1204,0.53,lbs,'
+    assert decode(b'1204,0.53,lbs,\n', dataclasses.replace(CONFIG, unit='lbf'))[1]
+
+
+def test_the_line_that_the_port_was_opened_in_is_dropped_but_not_held_against_it():
+    decoder, readings = decode(b'4,0.53000,kg,\r\n' + LINE, is_opened_mid_line=True)
+    assert readings == [(1204, 0.53)]
+    assert decoder.rejected_lines == 0
+    decoder.feed(b'1221,0.5', 8)
+    decoder.reset()
+    assert decoder.feed(b'4000,kg,\r\n', 9) == []
+    assert decoder.rejected_lines == 0
+
+
+@pytest.mark.parametrize('length', range(1, len(LINE) - 2))
+def test_a_cut_line_is_no_reading(length):
+    decoder, readings = decode(LINE + LINE[:length] + b'\r\n' + LINE)
+    assert readings == [(1204, 0.53)] * 2
+    assert decoder.rejected_lines == 1
+
+
+@pytest.mark.parametrize('kept', range(1, len(LINE)))
+def test_two_lines_melted_into_one_give_no_value_of_neither(kept):
+    _, readings = decode(LINE + LINE[:kept] + b'1221,0.64000,kg,\r\n' + LINE)
+    assert {value for _, value in readings} <= {0.53, 0.64}
+
+
+def test_a_device_with_new_columns_is_believed_from_the_second_line_on():
+    decoder, readings = decode(b'1,0.5,kg,\n' + b'2,0.6,kg,24.5,\n' * 3)
+    assert readings == [(1, 0.5), (2, 0.6), (2, 0.6)]
+    assert decoder.rejected_lines == 1
+
+
+def test_an_endless_line_costs_one_count_and_no_memory():
+    decoder = LineDecoder(CONFIG)
+    decoder.feed(b'\n', 1)
+    for _ in range(1000):
+        assert decoder.feed(b'7' * 999, 1) == []
+        assert len(decoder._rest) <= MAX_LINE_BYTES
+    assert [r.value for r in decoder.feed(b'7\n' + LINE, 2)] == [0.53]
+    assert decoder.rejected_lines == 1
+    assert decoder.bytes == 1 + 1000 * 999 + 2 + len(LINE)
+
+
+# -- any bytes --------------------------------------------------------------------------------
+
+WORDS = b'12|0.5|-3|1e2|1_0|nan|,|,|;|\t| |kg|lbs|\n|\n|\r|\r\n|\xff|\x00'.split(b'|')
+pieces = st.sampled_from([*WORDS, LINE, LINE, b'x' * 300, b' ' * 250])
+streams = st.lists(pieces | st.binary(max_size=8), max_size=40).map(b''.join)
+
+
+def is_plain_number(text):
+    mantissa, mark, exponent = text.lower().partition('e')
+    whole, _, part = mantissa.removeprefix('-' if mantissa[:1] == '-' else '+').partition('.')
+    digits = set('0123456789')
+    if mark:
+        exponent = exponent.removeprefix('-' if exponent[:1] == '-' else '+')
+        if not exponent or len(exponent) > 3 or set(exponent) - digits:
+            return False
+    return bool(whole + part) and not set(whole + part) - digits
+
+
+def read_slowly(data):
+    """The same format, told once more in the plainest words: character by character."""
+    lines = data.decode('latin-1').replace('\r', '\n').split('\n')[1:-1]
+    columns, odd, found = 0, 0, []
+    for line in lines:
+        if len(line) > MAX_LINE_BYTES:
+            continue
+        line, blanks = line.strip(' \t'), ' \t'
+        texts, i = [''], 0
+        while i < len(line):
+            j = i
+            while line[j] in blanks:
+                j += 1
+            if line[j] in ',;':
+                j += 1
+                while j < len(line) and line[j] in blanks:
+                    j += 1
+            if j > i:
+                texts.append('')
+                i = j
+            else:
+                texts[-1] += line[i]
+                i += 1
+        if len(texts) < 2 or not texts[0] or set(texts[0]) - set('0123456789'):
+            continue
+        if len(texts[0]) > 19 or not is_plain_number(texts[1]):
+            continue
+        if not abs(float(texts[1])) <= MAX_VALUE or (texts[2:] or [''])[0] in ('lbs', 'g', 'N'):
+            continue
+        if columns and len(texts) not in (columns, odd):
+            odd = len(texts)
+            continue
+        columns, odd = len(texts), 0
+        found.append((int(texts[0]), float(texts[1])))
+    return found
+
+
+@settings(max_examples=400, deadline=None)
+@given(streams)
+@example(b'\n12,0.5\n12,0.5,\n12,0.5\n12,0.5,\n')
+@example(b'\n' + b' ' * 300 + b'\n' + LINE)
+def test_only_what_the_format_calls_a_reading_is_one(data):
+    _, readings = decode(data, is_opened_mid_line=True)
+    assert readings == read_slowly(data)
+
+
+@settings(max_examples=400, deadline=None)
+@given(streams, st.lists(st.integers(0, 2000), max_size=30))
+@example(b'\n' + b'x' * 257 + b'\n' + LINE, [200])
+@example(b'\n' + b' ' * 257 + b'\n' + LINE, [258])
+def test_the_chunking_makes_no_difference(data, cuts):
+    whole = LineDecoder(CONFIG)
+    expected = whole.feed(data, 7)
+    bounds = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
+    for step in (bounds, range(len(data) + 1)):
+        split = LineDecoder(CONFIG)
+        readings = []
+        for start, end in pairwise(step):
+            readings += split.feed(data[start:end], 7)
+        assert readings == expected
+        for counter in ('bytes', 'lines', 'readings', 'last_rejected', 'rejected_lines'):
+            assert getattr(split, counter) == getattr(whole, counter)
+
+
+# -- encode ---------------------------------------------------------------------------------------
+
+
+def test_encode_writes_the_line_of_an_openscale():
+    assert encode_reading(1204, 0.53) == LINE
+    assert encode_reading(None, -1.5, 'lbf', 2) == b'-1.50,lbs,\r\n'
+    with pytest.raises(ValueError, match='finite'):
+        encode_reading(0, float('nan'))
+
+
+@given(
+    st.none() | st.integers(0, 2**32 - 1),
+    st.floats(-1e6, 1e6),
+    st.sampled_from(['kg', 'g', 'N', 'lbf']),
+    st.integers(0, 9),
+)
+def test_what_encode_writes_decode_reads(ticks, value, unit, decimals):
+    time_column = -1 if ticks is None else 0
+    config = TendonSensorConfig(time_column=time_column, value_column=time_column + 1, unit=unit)
+    _, readings = decode(encode_reading(ticks, value, unit, decimals), config)
+    assert readings == [(ticks, float(f'{value:.{decimals}f}'))]

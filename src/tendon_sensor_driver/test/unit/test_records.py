@@ -1,0 +1,49 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
+import pytest
+from tactile_msgs.msg import StrainBlock
+
+from tendon_sensor_driver import StrainStatus, TendonSensorConfig
+
+
+def test_defaults_fit_the_usual_line_at_60_hz():
+    config = TendonSensorConfig()
+    assert (config.time_column, config.value_column, config.unit) == (0, 1, 'kg')
+    assert config.period_ns == 16_666_667
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'named'),
+    [
+        ({'rate_hz': 0.0}, 'rate_hz'),
+        ({'rate_hz': float('nan')}, 'rate_hz'),
+        ({'scale': float('inf')}, 'scale'),
+        ({'scale': 0.0}, 'scale'),
+        ({'samples_per_block': 1001}, 'samples_per_block'),
+        ({'value_column': -1}, 'value_column'),
+        ({'unit': 'stone'}, 'unit'),
+        ({'time_column': 1}, 'time_column'),
+        ({'port': ''}, 'port'),
+        ({'time_unit_s': 0.0}, 'time_unit_s'),
+    ],
+)
+def test_a_wrong_value_is_refused_by_name(wrong, named):
+    with pytest.raises(ValueError, match=named):
+        TendonSensorConfig(**wrong)
+
+
+def test_every_field_is_described():
+    for field in dataclasses.fields(TendonSensorConfig):
+        assert field.metadata['description']
+
+
+def test_status_bits_are_those_of_the_message():
+    constants = {
+        name.removeprefix('STATUS_'): getattr(StrainBlock, name)
+        for name in dir(type(StrainBlock))
+        if name.startswith('STATUS_')
+    }
+    assert constants == {name: int(bit) for name, bit in StrainStatus.__members__.items()}
+    assert len(constants) == 7
