@@ -1,0 +1,238 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The client over real ptys: silence, garbage, unplugging, slow consumers."""
+
+import threading
+import time
+
+import pytest
+
+from tendon_sensor_driver import (
+    LinkError,
+    StrainStatus,
+    TendonSensorClient,
+    TendonSensorConfig,
+    TendonSensorError,
+    encode_reading,
+)
+
+
+@pytest.fixture
+def blocks():
+    return []
+
+
+@pytest.fixture
+def make_client(sensor, blocks):
+    clients = []
+
+    def make(on_block=blocks.append, **options):
+        config = TendonSensorConfig(port=sensor.port, **options)
+        clients.append(TendonSensorClient(config, on_block, time.time_ns))
+        clients[-1].open()
+        return clients[-1]
+
+    yield make
+    for client in clients:
+        client.close()
+
+
+def test_readings_come_out_as_blocks(sensor, make_client, blocks, wait_for):
+    before_ns = time.time_ns()
+    client = make_client()
+    sensor.write(b'34,kg,\r\n')
+    for i in range(10):
+        sensor.write_reading(1000 + i * 1000 // 60, i / 100)
+    wait_for(lambda: len(blocks) == 10)
+    assert [block.sequence for block in blocks] == list(range(10))
+    assert [block.tension_n.tolist() for block in blocks] == [
+        [i / 100 * 9.80665] for i in range(10)
+    ]
+    assert {block.status for block in blocks} == {StrainStatus.OK}
+    assert before_ns < blocks[0].stamp_ns < time.time_ns()
+    health = client.health()
+    assert health.is_connected
+    assert (health.lines, health.readings, health.rejected_lines) == (10, 10, 0)
+
+
+def test_a_missing_port_is_named_with_a_remedy(tmp_path):
+    client = TendonSensorClient(
+        TendonSensorConfig(port=str(tmp_path / 'absent')), print, time.time_ns
+    )
+    with pytest.raises(LinkError, match=r'absent.*check the cable'):
+        client.open()
+    client.close()
+
+
+def test_a_file_is_no_port(tmp_path):
+    (tmp_path / 'file').write_text('1,2\n')
+    config = TendonSensorConfig(port=str(tmp_path / 'file'))
+    with pytest.raises(LinkError, match='file'):
+        TendonSensorClient(config, print, time.time_ns).open()
+
+
+def test_a_port_in_use_is_refused(make_client):
+    make_client()
+    with pytest.raises(LinkError, match='another program'):
+        make_client()
+
+
+def test_a_client_is_opened_once(make_client):
+    client = make_client()
+    with pytest.raises(TendonSensorError, match='make a new one'):
+        client.open()
+    client.close()
+    with pytest.raises(TendonSensorError, match='make a new one'):
+        client.open()
+
+
+def test_close_lets_go_of_the_port_and_hands_out_what_arrived(
+    sensor, make_client, blocks, wait_for, monkeypatch
+):
+    monkeypatch.setattr('tendon_sensor_driver.transport.READ_TIMEOUT_S', 30.0)
+    client = make_client(samples_per_block=100)
+    sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.6))
+    wait_for(lambda: client.health().readings == 2)
+    assert blocks == []
+    started = time.monotonic()
+    client.close()
+    client.close()
+    assert time.monotonic() - started < 3.0
+    assert [len(block.tension_n) for block in blocks] == [2]
+    assert not client.health().is_connected
+    make_client()
+
+
+def test_it_is_a_context_manager(sensor, blocks, wait_for):
+    config = TendonSensorConfig(port=sensor.port)
+    with TendonSensorClient(config, blocks.append, time.time_ns) as client:
+        sensor.write(b'\n' + encode_reading(0, 0.5))
+        wait_for(lambda: blocks)
+    assert not client.health().is_connected
+
+
+def test_an_unfinished_block_does_not_wait_out_a_silence(sensor, make_client, blocks, wait_for):
+    client = make_client(samples_per_block=100, silence_s=0.05)
+    sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.6))
+    wait_for(lambda: blocks)
+    assert len(blocks[0].tension_n) == 2
+    assert client.health().is_connected
+
+
+def test_garbage_is_counted_and_told_but_never_a_sample(sensor, make_client, blocks, wait_for):
+    client = make_client()
+    sensor.write(b'\n\x00\xff\xfe7,7\r\n' + b'y' * 5000 + b'\r\n')
+    sensor.write(encode_reading(0, 0.5) + b'1,nan,kg,\r\n' + encode_reading(17, 0.5))
+    wait_for(lambda: len(blocks) == 2)
+    assert {block.status for block in blocks} == {StrainStatus.RESYNCHRONISED}
+    assert client.health().rejected_lines == 3
+    assert client.health().last_rejected == '1,nan,kg,'
+
+
+def test_a_lost_line_is_a_gap(sensor, make_client, blocks, wait_for):
+    make_client()
+    sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(50, 0.5))
+    wait_for(lambda: len(blocks) == 2)
+    assert (blocks[1].sequence, blocks[1].lost_before) == (3, 2)
+
+
+def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, blocks, wait_for):
+    started_ns = time.monotonic_ns()
+
+    def device_ms():
+        return 10_000 + (time.monotonic_ns() - started_ns) // 1_000_000
+
+    client = make_client()
+    sensor.write(b'\n' + encode_reading(device_ms(), 0.25) + b'10100,0.7')
+    wait_for(lambda: len(blocks) == 1)
+    sensor.unplug()
+    wait_for(lambda: not client.health().is_connected)
+    assert 'lost serial port' in client.health().last_error
+    wait_for(lambda: 'no such device' in client.health().last_error)
+
+    sensor.plug_in()
+    wait_for(lambda: client.health().reconnects == 1)
+    sensor.write(b'5000,kg,\r\n' + encode_reading(device_ms(), 0.5))
+    wait_for(lambda: len(blocks) == 2)
+    assert blocks[1].tension_n.tolist() == [0.5 * 9.80665]
+    assert blocks[1].status == StrainStatus.RECONNECTED
+    # The device's clock ran on, so what was lost meanwhile is known.
+    gap = (blocks[1].stamp_ns - blocks[0].stamp_ns) / blocks[0].period_ns
+    assert blocks[1].lost_before == pytest.approx(gap - 1, abs=1)
+    assert blocks[1].sequence == 1 + blocks[1].lost_before > 10
+    assert client.health().rejected_lines == 0
+
+
+def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, blocks, wait_for):
+    client = make_client()
+    sensor.write(b'\n' + encode_reading(90_000, 0.5))
+    wait_for(lambda: len(blocks) == 1)
+    sensor.unplug()
+    wait_for(lambda: not client.health().is_connected)
+    sensor.plug_in()
+    wait_for(lambda: client.health().reconnects == 1)
+    sensor.write(b'\nReadings:\r\n' + encode_reading(12, 0.5) + encode_reading(29, 0.5))
+    wait_for(lambda: len(blocks) == 3)
+    assert blocks[1].status == StrainStatus.RECONNECTED | StrainStatus.RESYNCHRONISED
+    assert [(b.sequence, b.lost_before) for b in blocks] == [(0, 0), (1, 0), (2, 0)]
+    assert blocks[0].stamp_ns < blocks[1].stamp_ns < blocks[2].stamp_ns
+
+
+def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, wait_for, monkeypatch):
+    monkeypatch.setattr('tendon_sensor_driver.client.FIRST_DELAY_S', 30.0)
+    client = make_client()
+    sensor.unplug()
+    wait_for(lambda: not client.health().is_connected)
+    started = time.monotonic()
+    client.close()
+    assert time.monotonic() - started < 3.0
+
+
+def test_a_consumer_that_is_too_slow_loses_samples_visibly(
+    sensor, make_client, blocks, wait_for, monkeypatch
+):
+    monkeypatch.setattr('tendon_sensor_driver.client._QUEUED_CHUNKS', 4)
+    gate = threading.Event()
+
+    def on_block(block):
+        gate.wait()
+        blocks.append(block)
+
+    client = make_client(on_block)
+    sensor.write(b'\n')
+    sent = 0
+    while client.health().overruns < 3:
+        sensor.write_reading(sent * 1000 // 60)
+        sent += 1
+        time.sleep(0.001)
+    gate.set()
+    wait_for(lambda: len(blocks) >= 4)
+    sensor.write(b'\n' + encode_reading(sent * 1000 // 60, 0.5))
+    wait_for(lambda: blocks[-1].sequence == sent)
+    lost = sum(block.lost_before for block in blocks)
+    assert lost == sent + 1 - len(blocks) >= 3
+    assert any(block.status & StrainStatus.RESYNCHRONISED for block in blocks)
+
+
+def test_a_consumer_that_fails_does_not_end_the_stream(sensor, make_client, blocks, wait_for):
+    def on_block(block):
+        blocks.append(block)
+        raise RuntimeError('disk full')
+
+    client = make_client(on_block)
+    sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.5))
+    wait_for(lambda: len(blocks) == 2)
+    wait_for(lambda: 'disk full' in client.health().last_error)
+
+
+def test_the_consumer_may_close_the_client(sensor, make_client, wait_for):
+    done = threading.Event()
+
+    def on_block(_):
+        client.close()
+        done.set()
+
+    client = make_client(on_block)
+    sensor.write(b'\n' + encode_reading(0, 0.5))
+    wait_for(done.is_set)
+    assert not client.health().is_connected
