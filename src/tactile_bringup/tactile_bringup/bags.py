@@ -23,7 +23,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
-from rosbags.rosbag2.errors import ReaderError, WriterError
+from rosbags.rosbag2.errors import WriterError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -230,7 +230,7 @@ class TactileBag:
         try:
             self._reader = Reader(self.path)
             self._reader.open()
-        except (ReaderError, OSError) as error:
+        except Exception as error:  # a damaged file makes the parser raise anything
             raise BagError(f'{self.path} is not a readable bag: {error}') from error
         try:
             self._check_types()
@@ -292,6 +292,11 @@ class TactileBag:
             Only messages of these types; all of them when left out.
         namespace : str, optional
             Only topics below this namespace.
+
+        Raises
+        ------
+        BagError
+            When the file is damaged; what came before has been given.
         """
         prefix = None if namespace is None else join_topic(namespace, '')
         chosen = [
@@ -302,7 +307,14 @@ class TactileBag:
         ]
         if not chosen:
             return
-        for connection, received_at_ns, data in self._reader.messages(chosen):
+        messages = self._reader.messages(chosen)
+        while True:
+            try:
+                connection, received_at_ns, data = next(messages)
+            except StopIteration:
+                return
+            except Exception as error:
+                raise BagError(f'{self.path} is damaged: {error}') from error
             yield BagMessage(
                 connection.topic, connection.msgtype, received_at_ns, bytes(data), self._store
             )

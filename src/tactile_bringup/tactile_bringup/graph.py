@@ -8,8 +8,11 @@ are both made from it.
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 from tactile_bringup.records import CONTACTS, PROTOCOLS
@@ -107,6 +110,34 @@ def rig_graph(
         *sensing_graph(ports.sensor, models, parameters),
         *(_merged(node, parameters) for node in motion),
     ]
+
+
+def recorder_node(
+    bag: Path,
+    models: Path | None,
+    classifiers: tuple[str, ...],
+    feature_parameters: Mapping[str, Any],
+    *,
+    namespace: str = '',
+    simulated: bool,
+) -> NodeDescription:
+    """Return the recorder node for a rig; it notes what a replay needs to know."""
+    facts = {
+        'simulated': simulated,
+        'feature_config': asdict(FeatureConfig(**feature_parameters)),
+        'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
+    }
+    return NodeDescription(
+        'tactile_bringup',
+        'bag_recorder_node',
+        'bag_recorder',
+        {
+            'bag': str(bag),
+            'namespaces': (namespace,),
+            'classifiers': classifiers,
+            'facts': json.dumps(facts),
+        },
+    )
 
 
 def classifier_name(task: str, contact: str) -> str:

@@ -17,11 +17,10 @@ from domain_coordinator import domain_id
 from tactile_bringup.bags import TactileBag
 from tactile_bringup.commands.output import Output
 from tactile_bringup.commands.replay import ReplayReport, print_report, replay_and_compare
-from tactile_bringup.commands.rig import recorder
 from tactile_bringup.commands.simulate import make_bags
 from tactile_bringup.commands.train import TrainedModel, read_with_progress, train_models
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import Ports, rig_graph
+from tactile_bringup.graph import Ports, recorder_node, rig_graph
 from tactile_bringup.graph_runner import ros_context, running_graph
 from tactile_bringup.model_folder import find_models
 from tactile_bringup.operator_node import OperatorNode
@@ -134,7 +133,7 @@ def run_live_trials(
         ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
         graph = rig_graph(ports, models, {}, simulated=True)
         graph.append(
-            recorder(folder / 'recording', folder / 'models', classifiers, {}, simulated=True)
+            recorder_node(folder / 'recording', folder / 'models', classifiers, {}, simulated=True)
         )
         operator = OperatorNode(classifiers, context)
         with running_graph(graph, context, others=[operator]) as nodes:

@@ -4,13 +4,11 @@
 
 from __future__ import annotations
 
-import json
-import os
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +16,9 @@ import yaml
 
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import NodeDescription, Ports, check_names, rig_graph
+from tactile_bringup.graph import Ports, check_names, recorder_node, rig_graph
 from tactile_bringup.graph_runner import ros_context, running_graph
 from tactile_bringup.model_folder import find_models
-from tactile_features.records import FeatureConfig
 from tactile_sim.rig_process import SimulatedRig
 
 
@@ -53,7 +50,7 @@ def run_rig(request: RigRequest) -> None:
         nodes = rig_graph(ports, models, parameters, simulated=request.simulated)
         if request.record:
             nodes.append(
-                recorder(
+                recorder_node(
                     request.record,
                     request.models,
                     tuple(models),
@@ -68,34 +65,6 @@ def run_rig(request: RigRequest) -> None:
         simulated = 'SIMULATED rig' if request.simulated else 'rig'
         output.say(f'{simulated} running: {", ".join(n.name for n in nodes)}. Ctrl-C ends it.')
         stop.wait()
-
-
-def recorder(
-    bag: Path,
-    models: Path | None,
-    classifiers: tuple[str, ...],
-    feature_parameters: Mapping[str, Any],
-    *,
-    namespace: str = '',
-    simulated: bool,
-) -> NodeDescription:
-    """Return the recorder node for a rig; it notes what a replay needs to know."""
-    facts = {
-        'simulated': simulated,
-        'feature_config': asdict(FeatureConfig(**feature_parameters)),
-        'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
-    }
-    return NodeDescription(
-        'tactile_bringup',
-        'bag_recorder_node',
-        'bag_recorder',
-        {
-            'bag': str(bag),
-            'namespaces': (namespace,),
-            'classifiers': classifiers,
-            'facts': json.dumps(facts),
-        },
-    )
 
 
 def read_parameters(path: Path) -> dict[str, dict[str, Any]]:

@@ -1,0 +1,9 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The rig for the texture protocol: ``ros2 launch tactile_bringup texture.launch.py``."""
+
+from tactile_bringup.launching import protocol_launch_description
+
+
+def generate_launch_description():
+    return protocol_launch_description('texture')

@@ -1,0 +1,40 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A small recording, made once a test run, and a ROS context for node tests."""
+
+import pytest
+from domain_coordinator import domain_id
+
+from tactile_bringup.graph_runner import ros_context
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.simulated_bags import SimulationPlan, write_simulated_bag
+from tactile_features.records import FeatureConfig
+
+
+@pytest.fixture
+def context():
+    with domain_id() as domain, ros_context(int(domain)) as context:
+        yield context
+
+
+@pytest.fixture(scope='session')
+def stiffness_bag(tmp_path_factory):
+    """Return a bag of simulated stiffness trials: 3 on each of the 5 objects."""
+    plan = SimulationPlan('stiffness', 'flexion', 3, seed=7)
+    folder = tmp_path_factory.mktemp('bags')
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig())
+
+
+@pytest.fixture(scope='session')
+def trained(stiffness_bag, tmp_path_factory):
+    """Return a folder with a model that was trained on the small recording."""
+    from tactile_bringup.bag_tables import read_tables
+    from tactile_bringup.model_folder import model_path
+    from tactile_classifier.model_file import write_model
+    from tactile_classifier.training import train
+
+    folder = tmp_path_factory.mktemp('models')
+    for (task, contact), table in read_tables([stiffness_bag]).tables.items():
+        estimator, manifest = train(table, 'knn')
+        write_model(model_path(folder, task, contact), estimator, manifest, table.values)
+    return folder

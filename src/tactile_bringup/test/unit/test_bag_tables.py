@@ -1,0 +1,81 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from tactile_bringup.bag_tables import read_tables
+from tactile_bringup.bags import EVENT, STRAIN, BagWriter, RecordedTopic, TactileBag
+from tactile_bringup.errors import BagError
+
+
+def rewrite(source, target, change):
+    """Copy a bag, message by message; ``change`` returns the message, or None to lose it."""
+    with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+        for name, (type_name, _) in bag.topics.items():
+            writer.add_topic(RecordedTopic(name.strip('/'), type_name))
+        for message in bag.messages():
+            new = change(message.type_name, message.decode())
+            if new is not None:
+                writer.write(message.topic, message.received_at_ns, new)
+    return target
+
+
+def test_table_has_one_row_a_trial_with_its_label(stiffness_bag):
+    found = read_tables([stiffness_bag])
+    assert found.left_out == ()
+    (table,) = found.tables.values()
+    assert list(found.tables) == [('stiffness', 'flexion')]
+    assert table.values.shape == (15, 3)
+    labels, counts = np.unique(table.labels, return_counts=True)
+    assert labels.tolist() == ['none', 'pla', 'rubber_shell', 'solid_rubber', 'sponge']
+    assert set(counts) == {3}
+    assert table.column('simulated').all()
+    assert len(set(table.column('trial_id'))) == 15
+
+
+def test_lost_samples_leave_their_trial_out_and_say_so(stiffness_bag, tmp_path):
+    seen = []
+
+    def lose_one_block(type_name, message):
+        if type_name == STRAIN:
+            seen.append(message.sequence)
+            # Inside the hold of the first trial: it lasts from about 1 s to 5 s.
+            if message.sequence == 12 * 12:
+                return None
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'lossy', lose_one_block)])
+    (table,) = found.tables.values()
+    assert len(table) == 14
+    assert len(found.left_out) == 1
+    assert '12 samples are missing' in found.left_out[0]
+
+
+def test_trials_without_a_label_are_left_out(stiffness_bag, tmp_path):
+    def forget(type_name, message):
+        if type_name == EVENT and message.object_label == 'pla':
+            message.object_label = ''
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'unlabelled', forget)])
+    (table,) = found.tables.values()
+    assert len(table) == 12
+    assert all('no label' in sentence for sentence in found.left_out)
+
+
+def test_bag_without_trials_is_refused_with_the_reason(stiffness_bag, tmp_path):
+    path = rewrite(
+        stiffness_bag, tmp_path / 'silent', lambda kind, m: m if kind == STRAIN else None
+    )
+    with pytest.raises(BagError, match='no labelled trial'):
+        read_tables([path])
+
+
+def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
+    with TactileBag(stiffness_bag) as bag:
+        facts = {**bag.facts, 'feature_config': {'stiffness_settle_s': 1.0}}
+        with BagWriter(tmp_path / 'other', facts) as writer:
+            for name, (type_name, _) in bag.topics.items():
+                writer.add_topic(RecordedTopic(name.strip('/'), type_name))
+    with pytest.raises(BagError, match='other feature parameters'):
+        read_tables([stiffness_bag, tmp_path / 'other'])

@@ -1,0 +1,116 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import shutil
+
+import numpy as np
+import pytest
+
+from tactile_bringup.bags import (
+    EVENT,
+    EVENT_TOPIC,
+    STRAIN,
+    STRAIN_TOPIC,
+    BagWriter,
+    TactileBag,
+    join_topic,
+)
+from tactile_bringup.errors import BagError
+
+
+def block(store, sequence, values):
+    types = store.types
+    stamp = types['builtin_interfaces/msg/Time'](sec=1, nanosec=sequence)
+    return types[STRAIN](
+        header=types['std_msgs/msg/Header'](stamp=stamp, frame_id='tendon_sensor_link'),
+        sequence=sequence,
+        period_ns=16_666_667,
+        tension_n=np.array(values, dtype=np.float64),
+        lost_before=0,
+        stamp_error_s=-1.0,
+        status=0,
+    )
+
+
+@pytest.fixture
+def bag_path(tmp_path):
+    path = tmp_path / 'bag'
+    with BagWriter(path, {'simulated': True, 'note': 'two fingers'}) as writer:
+        for namespace in ('thumb', 'index'):
+            name = writer.add_topic(STRAIN_TOPIC, namespace)
+            for i in range(3):
+                writer.write(name, 100 + i, block(writer.store, i, [1.5, -2.25e-9]))
+        writer.add_topic(EVENT_TOPIC, 'thumb')
+    return path
+
+
+def test_what_is_written_is_read_bit_for_bit(bag_path):
+    with TactileBag(bag_path) as bag:
+        assert bag.facts == {'simulated': True, 'note': 'two fingers'}
+        assert bag.namespaces == ('index', 'thumb')
+        assert bag.topics['/thumb/tendon_sensor/strain'] == (STRAIN, 3)
+        messages = list(bag.messages(STRAIN, namespace='thumb'))
+        assert [m.received_at_ns for m in messages] == [100, 101, 102]
+        decoded = messages[2].decode()
+        assert decoded.sequence == 2
+        assert decoded.tension_n.tolist() == [1.5, -2.25e-9]
+        assert list(bag.messages(EVENT)) == []
+
+
+def test_latched_topics_are_offered_as_such(bag_path):
+    metadata = (bag_path / 'metadata.yaml').read_text()
+    assert 'transient_local' in metadata
+
+
+@pytest.mark.parametrize(
+    ('namespace', 'expected'), [('', '/a/b'), ('/', '/a/b'), ('f', '/f/a/b'), ('/f/', '/f/a/b')]
+)
+def test_join_topic(namespace, expected):
+    assert join_topic(namespace, 'a/b') == expected
+
+
+def test_existing_folder_is_not_overwritten(bag_path):
+    with pytest.raises(BagError, match='exist'):
+        BagWriter(bag_path, {})
+
+
+def test_writer_that_is_closed_says_so(tmp_path):
+    writer = BagWriter(tmp_path / 'bag', {})
+    writer.close()
+    writer.close()
+    with pytest.raises(BagError, match='closed'):
+        writer.add_topic(STRAIN_TOPIC)
+
+
+def test_no_bag_is_one_sentence(tmp_path):
+    with pytest.raises(BagError, match='not a readable bag'):
+        TactileBag(tmp_path / 'nothing')
+    (tmp_path / 'file.txt').write_text('hello')
+    with pytest.raises(BagError, match='not a readable bag'):
+        TactileBag(tmp_path / 'file.txt')
+
+
+def test_bag_without_strain_is_refused(tmp_path):
+    with BagWriter(tmp_path / 'bag', {}) as writer:
+        writer.add_topic(EVENT_TOPIC)
+    with pytest.raises(BagError, match='StrainBlock'):
+        TactileBag(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize('keep', [0, 10, 100, 2000])
+def test_truncated_bag_is_refused_with_a_sentence(bag_path, tmp_path, keep):
+    damaged = tmp_path / 'damaged'
+    shutil.copytree(bag_path, damaged)
+    (data,) = damaged.glob('*.mcap')
+    data.write_bytes(data.read_bytes()[:keep])
+    with pytest.raises(BagError):
+        TactileBag(damaged)
+
+
+def test_recording_of_another_message_definition_is_refused(bag_path):
+    path = bag_path / 'metadata.yaml'
+    text = path.read_text()
+    with TactileBag(bag_path) as bag:
+        digest = bag._store.hash_rihs01(STRAIN)
+    path.write_text(text.replace(digest, 'RIHS01_' + '0' * 64))
+    with pytest.raises(BagError, match='another definition'):
+        TactileBag(bag_path)

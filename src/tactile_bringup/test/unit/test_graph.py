@@ -1,0 +1,86 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from tactile_bringup.graph import (
+    Ports,
+    all_classifier_names,
+    check_names,
+    classifier_name,
+    parse_classifier_name,
+    recorder_node,
+    rig_graph,
+)
+from tactile_bringup.graph_runner import NODE_CLASSES
+
+PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
+MODELS = {classifier_name('texture', 'flexion'): '/models/texture_flexion.onnx'}
+
+
+def by_name(nodes):
+    return {node.name: node for node in nodes}
+
+
+def test_rig_has_every_node_with_its_port():
+    nodes = by_name(rig_graph(PORTS, MODELS, {}, simulated=True))
+    assert sorted(nodes) == [
+        'linear_guide',
+        'tactile_features',
+        'tendon_actuator',
+        'tendon_sensor',
+        'texture_flexion_classifier',
+        'trial_runner',
+    ]
+    assert nodes['linear_guide'].parameters['port'] == '/dev/guide'
+    assert nodes['tendon_actuator'].parameters['port'] == '/dev/tendon'
+    assert nodes['tendon_sensor'].parameters['port'] == '/dev/sensor'
+    assert nodes['trial_runner'].parameters['simulated'] is True
+
+
+def test_classifier_is_told_what_the_feature_node_is_told():
+    parameters = {'tactile_features': {'rate_hz': 100.0, 'texture_samples': 300, 'buffer_s': 60.0}}
+    nodes = by_name(rig_graph(PORTS, MODELS, parameters, simulated=False))
+    classifier = nodes['texture_flexion_classifier'].parameters
+    assert classifier['rate_hz'] == 100.0
+    assert classifier['texture_samples'] == 300
+    assert 'buffer_s' not in classifier
+    assert classifier['task'] == 'texture'
+    assert classifier['contact'] == 'flexion'
+
+
+def test_given_parameters_win():
+    nodes = by_name(
+        rig_graph(PORTS, {}, {'tendon_sensor': {'port': '/dev/other'}}, simulated=False)
+    )
+    assert nodes['tendon_sensor'].parameters['port'] == '/dev/other'
+
+
+def test_parameters_for_a_node_that_is_not_there_are_refused():
+    nodes = rig_graph(PORTS, {}, {}, simulated=False)
+    with pytest.raises(ValueError, match='tendon_senser'):
+        check_names(nodes, {'tendon_senser': {}})
+
+
+def test_classifier_names_round_trip():
+    assert len(all_classifier_names()) == 4
+    for name in all_classifier_names():
+        assert classifier_name(*parse_classifier_name(name)) == name
+    with pytest.raises(ValueError, match='smell'):
+        parse_classifier_name('smell_flexion_classifier')
+
+
+def test_every_described_node_can_be_created_here():
+    nodes = rig_graph(PORTS, MODELS, {}, simulated=True)
+    nodes.append(recorder_node(Path('bag'), None, (), {}, simulated=True))
+    for node in nodes:
+        module, _, name = NODE_CLASSES[node.executable].partition(':')
+        assert hasattr(import_module(module), name)
+        assert module == f'{node.package}.{node.executable}'
+
+
+def test_recording_notes_where_its_models_are(tmp_path):
+    node = recorder_node(tmp_path / 'recording', tmp_path / 'models', (), {}, simulated=True)
+    assert '"models": "../models"' in node.parameters['facts']

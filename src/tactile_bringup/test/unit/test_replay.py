@@ -1,0 +1,90 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_bringup.bags import TactileBag
+from tactile_bringup.errors import BagError
+from tactile_bringup.model_folder import find_models
+from tactile_bringup.replay import (
+    TactileResults,
+    compare,
+    load_models,
+    recorded_config,
+    replay_through_core,
+)
+from tactile_classifier.errors import ClassifierError
+
+NAMES = ('one', 'other')
+
+
+@pytest.fixture
+def results(stiffness_bag, trained):
+    with TactileBag(stiffness_bag) as bag:
+        return replay_through_core(bag, load_models(find_models(trained)), recorded_config(bag))
+
+
+def changed(results, **fields):
+    windows = list(results.windows)
+    windows[3] = dataclasses.replace(windows[3], **fields)
+    return TactileResults(windows, list(results.classifications))
+
+
+def test_every_trial_gives_a_window_and_an_answer(results):
+    assert len(results.windows) == len(results.classifications) == 15
+    assert all(c.label for c in results.classifications)
+
+
+def test_two_passes_are_equal(results, stiffness_bag, trained):
+    with TactileBag(stiffness_bag) as bag:
+        again = replay_through_core(bag, load_models(find_models(trained)), recorded_config(bag))
+    comparison = compare(results, again, NAMES)
+    assert comparison.is_equal
+    assert comparison.window_count == 15
+
+
+def test_a_difference_in_the_last_bit_is_reported(results):
+    values = results.windows[3].values.copy()
+    values[1] = np.nextafter(values[1], np.inf)
+    comparison = compare(results, changed(results, values=values), NAMES)
+    assert not comparison.is_equal
+    assert results.windows[3].trial_id in comparison.first_difference
+    assert 'values' in comparison.first_difference
+
+
+def test_a_shifted_stamp_is_reported(results):
+    stamp = results.windows[3].window_start_ns + 1
+    assert (
+        'window_start_ns'
+        in compare(results, changed(results, window_start_ns=stamp), NAMES).first_difference
+    )
+
+
+def test_a_missing_window_is_reported(results):
+    fewer = TactileResults(results.windows[:-1], results.classifications)
+    assert (
+        '15 feature windows in one, 14 in other' in compare(results, fewer, NAMES).first_difference
+    )
+
+
+def test_a_changed_label_is_reported(results):
+    answers = list(results.classifications)
+    answers[0] = dataclasses.replace(answers[0], label='granite')
+    other = TactileResults(list(results.windows), answers)
+    assert 'granite' in compare(results, other, NAMES).first_difference
+
+
+def test_model_for_other_windows_is_refused(stiffness_bag, trained):
+    with TactileBag(stiffness_bag) as bag:
+        config = dataclasses.replace(recorded_config(bag), stiffness_settle_s=1.0)
+        with pytest.raises(ClassifierError, match='settle'):
+            replay_through_core(bag, load_models(find_models(trained)), config)
+
+
+def test_unknown_feature_parameters_are_refused(stiffness_bag):
+    with TactileBag(stiffness_bag) as bag:
+        bag.facts['feature_config'] = {'colour': 1}
+        with pytest.raises(BagError, match='colour'):
+            recorded_config(bag)
