@@ -95,7 +95,7 @@ def _compute_one(
         raise FeatureError('a regression needs at least two different times; all are equal')
     slope = s_tx / s_tt
     intercept = mean_x - slope * mean_t
-    correlation = max(-1.0, min(1.0, s_tx / (math.sqrt(s_tt) * math.sqrt(s_xx))))
+    correlation = max(-1.0, min(1.0, s_tx / math.sqrt(s_tt * s_xx)))
     with np.errstate(over='ignore', under='ignore'):
         slope, intercept = np.ldexp([slope * 1e9, intercept], exponent)
     return float(slope), first + float(intercept), correlation

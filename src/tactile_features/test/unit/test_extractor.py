@@ -316,6 +316,14 @@ def test_events_that_come_after_the_buffer_has_moved_on():
     assert 'buffer_s' in window.reason
 
 
+def test_the_buffer_holds_a_window_to_the_last_sample():
+    # Sample 22 is the first of the hold; the buffer reaches back 200 samples.
+    for count, outcome in ((223, Outcome.OK), (224, Outcome.GAP)):
+        blocks = (block(n) for n in range(count))
+        (window,) = run(*blocks, event(2.0, 'hold'), event(4.0, 'done'))
+        assert window.outcome == outcome
+
+
 def test_a_trial_that_never_ends_is_dropped_by_the_next_one():
     extractor = TrialFeatureExtractor(CONFIG)
     for trial_id, time_s in (('a', 1.0), ('b', 2.0), ('c', 3.0)):

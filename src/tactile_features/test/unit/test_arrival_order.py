@@ -1,0 +1,162 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The same samples and events give the same windows, in whatever order and grouping they come."""
+
+from collections import Counter
+from itertools import pairwise
+from random import Random
+from typing import NamedTuple
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_features import (
+    FeatureConfig,
+    Outcome,
+    StrainBlock,
+    TrialEvent,
+    TrialFeatureExtractor,
+)
+from tactile_features.records import STATUS_RECONNECTED, STATUS_RESYNCHRONISED, STATUS_STUCK
+
+S = 1_000_000_000
+PERIOD_NS = 50_000_000
+PHASES = ['approach', 'contact', 'glide', 'hold', 'release', 'done', 'aborted']
+
+
+class Sample(NamedTuple):
+    stamp_ns: int
+    sequence: int
+    tension_n: float
+    status: int
+    lost_before: int
+
+
+@st.composite
+def configs(draw):
+    return FeatureConfig(
+        rate_hz=20.0,
+        texture_samples=draw(st.sampled_from([2, 10, 21])),
+        texture_crop_start_s=draw(st.sampled_from([0.0, 0.2])),
+        texture_crop_end_s=draw(st.sampled_from([0.0, 0.1])),
+        stiffness_settle_s=draw(st.sampled_from([0.0, 0.2])),
+        stiffness_crop_end_s=0.1,
+        stiffness_min_s=draw(st.sampled_from([0.2, 1.0])),
+        max_gap_samples=draw(st.sampled_from([0, 2])),
+        buffer_s=60.0,
+    )
+
+
+@st.composite
+def streams(draw, count=160):
+    """Samples from 0 s to about 8 s with losses, jitter, bad status and a restart."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    places = st.integers(1, count - 1)
+    lost = set()
+    for start in draw(st.lists(places, max_size=3)):
+        lost.update(range(start, start + draw(st.integers(1, 4))))
+    jitter_ns = dict(
+        draw(st.lists(st.tuples(places, st.integers(-80_000_000, 80_000_000)), max_size=3))
+    )
+    status_at = {}
+    for start in draw(st.lists(places, max_size=2)):
+        bit = draw(st.sampled_from([STATUS_STUCK, STATUS_RECONNECTED, STATUS_RESYNCHRONISED]))
+        status_at.update(dict.fromkeys(range(start, start + draw(st.integers(1, 20))), bit))
+    restart_at = draw(st.none() | places)
+    is_constant = draw(st.booleans())
+    tension = np.full(count, 2.0) if is_constant else rng.normal(size=count)
+    samples, sequence, lost_before = [], 0, 0
+    for n in range(count):
+        sequence = 0 if n == restart_at else sequence + 1
+        if n in lost:
+            lost_before += 1
+            continue
+        stamp_ns = n * PERIOD_NS + jitter_ns.get(n, 0)
+        samples.append(Sample(stamp_ns, sequence, tension[n], status_at.get(n, 0), lost_before))
+        lost_before = 0
+    return samples
+
+
+@st.composite
+def trial_events(draw):
+    """A few trials of a few phases each, in order of time, some without an end."""
+    resolution_ns = draw(st.sampled_from([1, PERIOD_NS]))
+    trial, stamp_ns = 0, 0
+    events = []
+    for duration_ns in draw(st.lists(st.integers(0, 3 * S), min_size=3, max_size=8)):
+        trial += draw(st.sampled_from([0, 0, 0, 0, 1]))
+        stamp_ns += duration_ns // resolution_ns * resolution_ns
+        phase = draw(st.sampled_from([*PHASES, 'glide', 'glide', 'hold', 'hold']))
+        events.append(TrialEvent(stamp_ns, f't{trial}', 's1', 'texture', 'flexion', '', phase))
+    return events
+
+
+def group(samples, is_end_of_block):
+    """Blocks of samples that one block can express, ended wherever asked for."""
+    blocks, i = [], 0
+    while i < len(samples):
+        first = samples[i]
+        step_ns = PERIOD_NS
+        if i + 1 < len(samples):
+            step_ns = samples[i + 1].stamp_ns - first.stamp_ns
+        j = i + 1
+        while (
+            j < len(samples)
+            and not is_end_of_block()
+            and samples[j].sequence == samples[j - 1].sequence + 1
+            and samples[j].stamp_ns == first.stamp_ns + (j - i) * step_ns
+            and samples[j].status == first.status
+        ):
+            j += 1
+        tension_n = np.array([s.tension_n for s in samples[i:j]])
+        blocks.append(
+            StrainBlock(
+                first.stamp_ns, first.sequence, step_ns, tension_n, first.lost_before, first.status
+            )
+        )
+        i = j
+    return blocks
+
+
+def extract(config, inputs):
+    extractor = TrialFeatureExtractor(config)
+    windows = []
+    for item in inputs:
+        add = extractor.add_block if isinstance(item, StrainBlock) else extractor.add_event
+        windows += add(item)
+    return windows + extractor.finish()
+
+
+outcomes: Counter[Outcome] = Counter()
+
+
+@settings(max_examples=400, deadline=None)
+@given(configs(), streams(), trial_events(), st.integers(0, 2**32 - 1))
+def test_any_interleaving_and_grouping_gives_the_same_bits(config, samples, events, seed):
+    random = Random(seed)
+    expected = extract(config, [*events, *group(samples, lambda: True)])
+    finished = [
+        begun
+        for begun, end in pairwise(events)
+        if begun.trial_id == end.trial_id and begun != end and begun.phase in ('glide', 'hold')
+    ]
+    assert [w.trial_id for w in expected] == [begun.trial_id for begun in finished]
+
+    chance = random.choice([0.0, 0.1, 0.5])
+    blocks = group(samples, lambda: random.random() < chance)
+    assert extract(config, [*blocks, *events]) == expected
+
+    queues = [list(reversed(blocks)), list(reversed(events))]
+    mixed = []
+    while any(queues):
+        bias = random.choice([1, 5, 20])
+        queue = queues[random.choices([0, 1], [bias, 1])[0]]
+        if queue:
+            mixed.append(queue.pop())
+    assert extract(config, mixed) == expected
+    outcomes.update(w.outcome for w in expected)
+
+
+def test_the_examples_above_met_every_outcome():
+    assert set(outcomes) == set(Outcome), outcomes
