@@ -32,7 +32,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-STEP_S = 1e-3
+STEP_S = 5e-4
 
 
 @dataclass(frozen=True)

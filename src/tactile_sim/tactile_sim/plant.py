@@ -21,10 +21,11 @@ from tactile_sim.surface import Surface
 FloatArray = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.80665
-TOLERANCE_NM = 1e-10
+TOLERANCE_NM = 1e-9
 MAX_ITERATIONS = 80
 _SETTLING_S = 1e12
 _LOWEST_RAD, _HIGHEST_RAD = -1.0, 3.0
+_TINY_RAD = 1e-3  # below it, series instead of quotients that cancel
 
 
 @dataclass(frozen=True)
@@ -78,13 +79,14 @@ def compute_tip(length_m: float, bend_rad: FloatArray) -> tuple[FloatArray, ...]
     tuple of ndarray
         z, z', z'', x, x', x'' for z = L (1 - cos q) / q and x = L sin q / q [m, m/rad, m/rad^2].
     """
-    q = np.where(np.abs(bend_rad) < 1e-3, 1e-3, bend_rad)
+    tiny = np.abs(bend_rad) < _TINY_RAD
+    some_tiny = tiny.any()
+    q = np.where(tiny, _TINY_RAD, bend_rad) if some_tiny else bend_rad
     sine, cosine = length_m * np.sin(q), length_m * np.cos(q)
     z, x = (length_m - cosine) / q, sine / q
     dz, dx = (sine - z) / q, (cosine - x) / q
     ddz, ddx = (cosine - 2 * dz) / q, -(sine + 2 * dx) / q
-    tiny = np.abs(bend_rad) < 1e-3
-    if tiny.any():
+    if some_tiny:
         q, ell = bend_rad, length_m
         z = np.where(tiny, ell * q * (1 / 2 - q * q / 24), z)
         dz = np.where(tiny, ell * (1 / 2 - q * q / 8), dz)
@@ -96,19 +98,21 @@ def compute_tip(length_m: float, bend_rad: FloatArray) -> tuple[FloatArray, ...]
 
 
 def compute_gravity_moment(
-    finger: Finger, bend_rad: FloatArray, reach_m: FloatArray, tip_slope: FloatArray
+    finger: Finger, bend_rad: FloatArray, tip: tuple[FloatArray, ...]
 ) -> FloatArray:
-    """Moment of the weight on the bend angle [N m]: d/dq of what the weight can give.
+    """Moment of the weight on the bend angle [N m], given `compute_tip`'s answer.
 
-    The mean drop of the arc is (L - x) / q; its derivative is (-x' - (L - x) / q) / q.
+    The arc's mean drop is (L - x) / q; its derivative is (-x' - (L - x) / q) / q.
     """
-    q = np.where(np.abs(bend_rad) < 1e-3, 1e-3, bend_rad)
-    mean_slope = ((2 * reach_m - finger.length_m) / q - finger.length_m * np.cos(q) / q) / q
-    tiny = np.abs(bend_rad) < 1e-3
-    if tiny.any():
+    _, dz, _, x, dx, _ = tip
+    tiny = np.abs(bend_rad) < _TINY_RAD
+    some_tiny = tiny.any()
+    q = np.where(tiny, _TINY_RAD, bend_rad) if some_tiny else bend_rad
+    mean_slope = ((x - finger.length_m) / q - dx) / q
+    if some_tiny:
         series = finger.length_m * (1 / 6 - bend_rad * bend_rad / 40)
         mean_slope = np.where(tiny, series, mean_slope)
-    moment: FloatArray = finger.mass_kg * mean_slope + finger.tip_mass_kg * tip_slope
+    moment: FloatArray = finger.mass_kg * mean_slope + finger.tip_mass_kg * dz
     return GRAVITY_M_S2 * moment
 
 
@@ -145,7 +149,7 @@ class Plant:
         self.tension_n: FloatArray = np.zeros(count)
         self.contact_force_n: FloatArray = np.zeros(count)
         self._creep_rad: FloatArray = np.zeros(count)
-        self._last_bend_rad = self.bend_rad
+        self._last_bend_rad: FloatArray = self.bend_rad
         self.exchange(mount, variation, guide_m, tendon_m)
 
     def exchange(
@@ -164,7 +168,7 @@ class Plant:
         )
         self._clearance_m = z[0] - variation.contact_height_m
         self._offset_m = mount.lead_m - mount.guide_m - x[0] + variation.placement_m
-        self._friction = mount.body.friction * variation.friction
+        self._friction: FloatArray = mount.body.friction * variation.friction
         self._stiffness = mount.body.stiffness_n_m * variation.stiffness
         self._branch_stiffness = mount.body.branch_stiffness_n_m * variation.stiffness
         count = len(variation.placement_m)
@@ -221,7 +225,8 @@ class Plant:
     def _evaluate(self, q: FloatArray) -> tuple[FloatArray, ...]:
         """Residual moment, its slope, tension, contact force, place, compression of the object."""
         finger, arm = self._finger, self._finger.moment_arm_m
-        z, dz, ddz, x, dx, ddx = compute_tip(finger.length_m, q)
+        tip = compute_tip(finger.length_m, q)
+        z, dz, ddz, x, dx, ddx = tip
         tension = finger.tendon_stiffness_n_m * np.maximum(self._tendon_m - arm * q, 0.0)
         drag = np.tanh(self._tendon_rate * (q - self.bend_rad))
         pulling = tension * np.exp(-self._wrap * drag)
@@ -232,7 +237,7 @@ class Plant:
             + self._bending * q
             - self._creep_moment
             + stop
-            - compute_gravity_moment(finger, q, x, dz)
+            - compute_gravity_moment(finger, q, tip)
             - arm * pulling
         )
         slope = (
@@ -262,7 +267,8 @@ class Plant:
         return residual, slope, tension, force, place, np.maximum(indentation, 0.0) * self._share
 
     def _solve(self) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-        q = np.clip(2 * self.bend_rad - self._last_bend_rad, _LOWEST_RAD, _HIGHEST_RAD)
+        q = 2 * self.bend_rad - self._last_bend_rad
+        q = np.minimum(np.maximum(q, _LOWEST_RAD), _HIGHEST_RAD)
         low, high = np.full_like(q, _LOWEST_RAD), np.full_like(q, _HIGHEST_RAD)
         for _ in range(MAX_ITERATIONS):
             evaluation = self._evaluate(q)

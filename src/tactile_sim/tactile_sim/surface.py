@@ -38,8 +38,8 @@ class Surface:
     def sample(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Height [m], slope [1] and curvature [1/m] at ``x_m``; level beyond the grid."""
         cell = (x_m - self.origin_m) / self.spacing_m
-        index = np.clip(np.floor(cell), 0, len(self.table) - 1)
-        part = np.clip(cell - index, 0.0, 1.0)
+        index = np.minimum(np.maximum(np.floor(cell), 0), len(self.table) - 1)
+        part = np.minimum(np.maximum(cell - index, 0.0), 1.0)
         height, rise, slope, bend = self.table[index.astype(np.intp)].T
         return height + part * rise, slope + part * bend, bend / self.spacing_m
 
