@@ -1,0 +1,134 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from hypothesis import given
+from hypothesis import strategies as st
+from std_msgs.msg import Header
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+
+from tactile_features import FeatureWindow, Outcome, records
+from tactile_features.conversions import (
+    event_from_msg,
+    feature_window_from_msg,
+    feature_window_to_msg,
+    strain_block_from_msg,
+)
+
+uint32 = st.integers(0, 2**32 - 1)
+uint64 = st.integers(0, 2**64 - 1)
+stamps_ns = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
+# A ROS string ends at its first zero.
+text = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=20)
+
+windows = st.builds(
+    FeatureWindow,
+    feature_set=text,
+    feature_set_version=uint32,
+    trial_id=text,
+    contact=text,
+    simulated=st.booleans(),
+    outcome=st.sampled_from(Outcome),
+    reason=text,
+    values=st.lists(st.floats(allow_nan=False), max_size=5).map(
+        lambda v: np.array(v, dtype=np.float64)
+    ),
+    window_start_ns=stamps_ns,
+    window_end_ns=stamps_ns,
+    first_sequence=uint64,
+    rate_hz=st.floats(0, 1e5),
+    sample_count=uint32,
+    interpolated_count=uint32,
+    status=uint32,
+    frame_id=text,
+)
+
+
+@given(windows)
+def test_a_window_comes_back_bit_for_bit(window):
+    msg = feature_window_to_msg(window)
+    assert isinstance(msg, TactileFeatures)
+    assert feature_window_from_msg(msg) == window
+    assert msg.header.stamp == msg.window_end
+
+
+def as_rosbags(msg):
+    """The shape of a message that rosbags has deserialised: plain fields, NumPy arrays."""
+    fields = {}
+    for name, kind in msg.get_fields_and_field_types().items():
+        value = getattr(msg, name)
+        if hasattr(value, 'get_fields_and_field_types'):
+            value = as_rosbags(value)
+        elif kind == 'sequence<double>':
+            value = np.array(value, dtype=np.float64)
+        fields[name] = value
+    return SimpleNamespace(**fields)
+
+
+@pytest.mark.parametrize('shape', [lambda msg: msg, as_rosbags])
+def test_reads_messages_of_either_library(shape):
+    header = Header(stamp=Time(sec=1_760_000_000, nanosec=999_999_999), frame_id='cell_link')
+    msg = StrainBlock(
+        header=header,
+        sequence=2**64 - 1,
+        period_ns=16_666_667,
+        tension_n=[0.1, -2.5],
+        lost_before=3,
+        stamp_error_s=0.01,
+        status=StrainBlock.STATUS_STUCK,
+    )
+    block = strain_block_from_msg(shape(msg))
+    assert block.tension_n.tolist() == [0.1, -2.5]
+    assert block.tension_n.dtype == np.float64
+    assert (block.stamp_ns, block.sequence, block.period_ns, block.lost_before, block.status) == (
+        1_760_000_000_999_999_999,
+        2**64 - 1,
+        16_666_667,
+        3,
+        4,
+    )
+
+    msg = TrialEvent(
+        header=header,
+        trial_id='t1',
+        session_id='s1',
+        protocol='texture',
+        contact='abduction',
+        object_label='R2',
+        phase='aborted',
+        message='stopped',
+        glide_speed_m_s=0.015,
+        simulated=True,
+    )
+    event = event_from_msg(shape(msg))
+    for field in dataclasses.fields(event):
+        if field.name != 'stamp_ns':
+            assert getattr(event, field.name) == getattr(msg, field.name)
+    assert event.stamp_ns == 1_760_000_000_999_999_999
+
+    window = feature_window_from_msg(as_rosbags(TactileFeatures(values=[1.0, 0.1])))
+    assert window.values.tolist() == [1.0, 0.1]
+    assert isinstance(window.outcome, Outcome)
+
+
+@pytest.mark.parametrize(
+    ('message', 'prefix', 'ours'),
+    [
+        (TrialEvent, 'PROTOCOL_', vars(records)),
+        (TrialEvent, 'CONTACT_', vars(records)),
+        (TrialEvent, 'PHASE_', vars(records)),
+        (StrainBlock, 'STATUS_', vars(records)),
+        (TactileFeatures, 'SET_', vars(records)),
+        (TactileFeatures, 'OUTCOME_', {f'OUTCOME_{o.name}': o.value for o in Outcome}),
+    ],
+)
+def test_constants_are_those_of_the_messages(message, prefix, ours):
+    theirs = {
+        name: getattr(message, name) for name in dir(type(message)) if name.startswith(prefix)
+    }
+    assert theirs
+    assert {name: value for name, value in ours.items() if name.startswith(prefix)} == theirs

@@ -1,0 +1,210 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The node over DDS: what it publishes is what the core computes."""
+
+import time
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Header
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+
+from tactile_features import FeatureConfig, Outcome, TrialFeatureExtractor
+from tactile_features.conversions import (
+    event_from_msg,
+    feature_window_from_msg,
+    strain_block_from_msg,
+)
+from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+PERIOD_NS = 16_666_667
+START_NS = 1_760_000_000_123_456_789
+TENSION_N = np.random.default_rng(0).normal(5.0, 1.0, 1000)
+DEADLINE_S = 20.0
+
+
+def header(stamp_ns):
+    return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9))
+
+
+def block(sequence, count=1):
+    return StrainBlock(
+        header=header(START_NS + sequence * PERIOD_NS),
+        sequence=sequence,
+        period_ns=PERIOD_NS,
+        tension_n=TENSION_N[sequence : sequence + count].tolist(),
+    )
+
+
+def event(time_s, phase, trial_id='t1'):
+    return TrialEvent(
+        header=header(START_NS + round(time_s * 1e9)),
+        trial_id=trial_id,
+        protocol='texture',
+        contact='flexion',
+        phase=phase,
+        simulated=True,
+    )
+
+
+TRIAL = [event(1.0, 'approach'), event(2.0, 'glide'), event(7.0, 'hold'), event(11.0, 'done')]
+
+
+class Bench:
+    """The node, and a peer that plays sensor, trial runner and listener."""
+
+    def __init__(self, context, namespace='finger', **parameters):
+        self.peer = Node('peer', context=context, namespace=namespace)
+        self.strain = self.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+        self.events = self.peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+        self.windows = []
+        self.peer.create_subscription(
+            TactileFeatures,
+            'tactile_features/features',
+            lambda msg: self.windows.append(feature_window_from_msg(msg)),
+            RESULTS,
+        )
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.node = TactileFeaturesNode(
+            context=context, namespace=namespace, parameter_overrides=overrides
+        )
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.peer)
+        self.executor.add_node(self.node)
+
+    def spin_until(self, condition):
+        deadline = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < deadline, 'condition not met in time'
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def bring_up(self):
+        assert self.node.bring_up()
+        self.wait_for_match()
+
+    def wait_for_match(self):
+        self.spin_until(
+            lambda: self.strain.get_subscription_count() == 1
+            and self.events.get_subscription_count() == 1
+            and self.peer.count_publishers(self.node.resolve_topic_name('~/features')) == 1
+        )
+
+    def send_blocks(self, first, count):
+        seen = self.node.extractor.block_count
+        for sequence in range(first, first + count):
+            self.strain.publish(block(sequence))
+        self.spin_until(lambda: self.node.extractor.block_count == seen + count)
+
+    def close(self):
+        self.node.take_down()
+        self.executor.shutdown()
+        self.peer.destroy_node()
+
+
+@pytest.fixture
+def make_bench(context):
+    benches = []
+
+    def make(**parameters):
+        benches.append(Bench(context, **parameters))
+        return benches[-1]
+
+    yield make
+    for bench in benches:
+        bench.close()
+
+
+def compute_expected(count=1000):
+    """The core's answer to the trial, over the same messages in another order."""
+    extractor = TrialFeatureExtractor(FeatureConfig())
+    windows = extractor.add_block(strain_block_from_msg(block(0, count)))
+    for msg in TRIAL:
+        windows += extractor.add_event(event_from_msg(msg))
+    return windows
+
+
+def test_publishes_the_bits_of_the_core(make_bench):
+    bench = make_bench()
+    bench.bring_up()
+    for i, msg in enumerate(TRIAL):
+        bench.send_blocks(200 * i, 200)
+        bench.events.publish(msg)
+    bench.spin_until(lambda: len(bench.windows) == 2)
+    assert bench.windows == compute_expected()
+    assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.OK]
+    extractor = bench.node.extractor
+    assert (extractor.block_count, extractor.sample_count, extractor.event_count) == (800, 800, 4)
+    assert extractor.window_counts[Outcome.OK] == 2
+
+
+def test_hears_the_events_that_came_before_it(make_bench):
+    bench = make_bench()
+    for msg in TRIAL:
+        bench.events.publish(msg)
+    bench.bring_up()
+    bench.send_blocks(0, 700)
+    bench.spin_until(lambda: len(bench.windows) == 2)
+    assert bench.windows == compute_expected()
+
+
+def test_listens_when_configured_and_speaks_when_active(make_bench):
+    bench = make_bench()
+    assert bench.node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    bench.wait_for_match()
+    for msg in TRIAL:
+        bench.events.publish(msg)
+    bench.send_blocks(0, 500)
+    bench.spin_until(lambda: bench.node.extractor.event_count == 4)
+    assert bench.node.extractor.window_counts[Outcome.OK] == 1
+    assert bench.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    bench.send_blocks(500, 200)
+    bench.spin_until(lambda: bench.windows)
+    # The glide was over before the node became active.
+    assert bench.windows == compute_expected()[1:]
+
+
+def test_says_what_is_missing_when_it_stops(make_bench):
+    bench = make_bench()
+    bench.bring_up()
+    bench.send_blocks(0, 500)
+    for msg in TRIAL:
+        bench.events.publish(msg)
+    bench.spin_until(lambda: len(bench.windows) == 1)
+    assert bench.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+    bench.spin_until(lambda: len(bench.windows) == 2)
+    assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.GAP]
+    assert bench.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    bench.spin_until(lambda: bench.strain.get_subscription_count() == 0)
+
+
+def test_starts_afresh_after_cleanup(make_bench):
+    bench = make_bench()
+    bench.bring_up()
+    bench.send_blocks(0, 10)
+    bench.node.trigger_deactivate()
+    bench.node.trigger_cleanup()
+    bench.bring_up()
+    assert bench.node.extractor.block_count == 0
+    bench.send_blocks(10, 10)
+
+
+def test_parameters_reach_the_core(make_bench):
+    bench = make_bench(frame_id='left_cell_link', texture_samples=60, max_gap_samples=1)
+    bench.bring_up()
+    assert bench.node.extractor.config == FeatureConfig(
+        frame_id='left_cell_link', texture_samples=60, max_gap_samples=1
+    )
+
+
+def test_parameters_that_cannot_work_are_refused(make_bench):
+    with pytest.raises(InvalidParameterValueException):
+        make_bench(rate_hz=0.0)
+    bench = make_bench(buffer_s=2.0)
+    assert not bench.node.bring_up()

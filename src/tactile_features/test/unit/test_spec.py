@@ -1,0 +1,122 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+import json
+import re
+
+import pytest
+
+from tactile_features import FeatureConfig, FeatureError, FeatureSpec, spec_for
+from tactile_features.spec import array_spec
+
+CONFIG = FeatureConfig()
+
+
+def test_texture_has_91_features_up_to_30_hz():
+    spec = spec_for('texture', CONFIG)
+    assert (spec.feature_set, spec.version) == ('texture_spectrum', 1)
+    assert (spec.rate_hz, spec.sample_count) == (60.0, 180)
+    assert len(spec.names) == len(spec.units) == 91
+    assert spec.names[-1] == 'tension__spectrum__hz_30.000'
+    assert set(spec.units) == {'N'}
+
+
+def test_stiffness_has_three_features_over_the_hold():
+    spec = spec_for('stiffness', CONFIG)
+    assert (spec.feature_set, spec.version) == ('stiffness_regression', 1)
+    assert (spec.rate_hz, spec.sample_count) == (60.0, 0)
+    assert spec.names == (
+        'tension__regression__slope',
+        'tension__regression__intercept',
+        'tension__regression__correlation',
+    )
+    assert spec.units == ('N/s', 'N', '1')
+
+
+def test_names_are_distinct_in_the_longest_window_that_a_config_allows():
+    config = FeatureConfig(rate_hz=1000.0, texture_samples=599_000, buffer_s=600.0)
+    names = spec_for('texture', config).names
+    assert len(set(names)) == len(names)
+
+
+def test_another_task_is_refused():
+    with pytest.raises(FeatureError, match='weight'):
+        spec_for('weight', CONFIG)
+
+
+@pytest.mark.parametrize('task', ['texture', 'stiffness'])
+def test_survives_json(task):
+    spec = spec_for(task, FeatureConfig(rate_hz=7000.1, stiffness_settle_s=0.3))
+    again = FeatureSpec.from_dict(json.loads(json.dumps(spec.to_dict())))
+    assert again == spec
+    assert again.mismatch(spec) == ''
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        (lambda d: d.pop('names'), "no entry 'names'"),
+        (lambda d: d.update(rate_hz='fast'), 'cannot be read'),
+        (lambda d: d.update(parameters=[1]), 'cannot be read'),
+        (lambda d: d.update(names=3), 'cannot be read'),
+    ],
+)
+def test_a_damaged_specification_is_refused(change, message):
+    data = spec_for('texture', CONFIG).to_dict()
+    change(data)
+    with pytest.raises(FeatureError, match=message):
+        FeatureSpec.from_dict(data)
+
+
+@pytest.mark.parametrize(
+    ('change', 'what'),
+    [
+        ({'feature_set': 'texture_wavelets'}, 'feature set'),
+        ({'version': 2}, 'version'),
+        ({'rate_hz': 120.0}, 'rate'),
+        ({'sample_count': 360}, 'window in samples'),
+        ({'parameters': {'texture_crop_start_s': 0.5}}, r'window \(texture_crop_start_s\)'),
+        ({'names': ('a',) * 91}, 'names'),
+        ({'units': ('mN',) * 91}, 'units'),
+    ],
+)
+def test_a_mismatch_names_what_differs(change, what):
+    spec = spec_for('texture', CONFIG)
+    other = dataclasses.replace(spec, **change)
+    assert spec.mismatch(spec) == ''
+    for reason in (spec.mismatch(other), other.mismatch(spec)):
+        assert 'differ' in reason
+        assert re.search(what, reason)
+
+
+def test_ready_cut_windows_fit_whatever_they_were_cut_from():
+    for task, sample_count in (('texture', 180), ('stiffness', 240)):
+        spec = array_spec(task, sample_count, 60.0)
+        assert spec.parameters == {}
+        assert spec.mismatch(spec_for(task, CONFIG)) == ''
+        assert spec_for(task, CONFIG).mismatch(spec) == ''
+    assert 'window' in array_spec('texture', 181, 60.0).mismatch(spec_for('texture', CONFIG))
+    assert 'rate' in array_spec('stiffness', 240, 80.0).mismatch(spec_for('stiffness', CONFIG))
+
+
+@pytest.mark.parametrize(
+    ('fields', 'message'),
+    [
+        ({'rate_hz': 0.0}, 'rate_hz is 0.0'),
+        ({'rate_hz': float('nan')}, 'rate_hz is nan'),
+        ({'texture_samples': 1}, 'texture_samples is 1'),
+        ({'max_gap_samples': -1}, 'max_gap_samples'),
+        ({'texture_samples': 7200}, 'raise buffer_s'),
+        ({'stiffness_min_s': 5.0, 'buffer_s': 5.0}, 'raise buffer_s'),
+    ],
+)
+def test_a_config_that_cannot_work_is_refused(fields, message):
+    with pytest.raises(FeatureError, match=message):
+        FeatureConfig(**fields)
+
+
+def test_every_parameter_is_described():
+    for field in dataclasses.fields(FeatureConfig):
+        assert field.metadata['description']
+        if field.name.endswith('_s'):
+            assert field.metadata['unit'] == 's'
