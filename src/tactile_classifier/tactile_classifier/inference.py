@@ -25,6 +25,9 @@ __all__ = ['ClassificationResult', 'TactileModel']
 MAX_MODEL_BYTES = 64 * 2**20
 """Larger files are not read [byte]."""
 
+ROWS_AT_ONCE = 64
+"""Kernels take memory in proportion to rows."""
+
 INPUT, OUTPUT = 'features', 'scores'
 
 
@@ -114,8 +117,11 @@ class TactileModel:
             Larger is likelier; the answer is the first largest.
         """
         rows = np.ascontiguousarray(values, dtype=np.float64)
-        (scores,) = self._session.run([OUTPUT], {INPUT: rows})
-        return np.asarray(scores, dtype=np.float64)
+        blocks = [
+            self._session.run([OUTPUT], {INPUT: rows[i : i + ROWS_AT_ONCE]})[0]
+            for i in range(0, len(rows), ROWS_AT_ONCE)
+        ]
+        return np.asarray(np.concatenate(blocks), dtype=np.float64)
 
     def predict(self, values: npt.ArrayLike) -> list[str]:
         """Return the answers for many windows, shape as in `compute_scores`."""

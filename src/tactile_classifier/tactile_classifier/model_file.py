@@ -16,7 +16,7 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import INPUT, OUTPUT, TactileModel
 from tactile_classifier.manifest import Manifest
 from tactile_classifier.onnx_container import seal
-from tactile_classifier.records import MARGIN
+from tactile_classifier.svm_graph import build_svm_model
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 __all__ = ['TactileModel', 'write_model']
 
 TARGET_OPSET = {'': 18, 'ai.onnx.ml': 3}
-"""Operator versions that onnxruntime reads since 1.14."""
+IR_VERSION = 8
+"""Versions of operators and file format that onnxruntime reads since 1.14."""
 
 
 def write_model(
@@ -35,9 +36,9 @@ def write_model(
 ) -> TactileModel:
     """Convert, check and write a model; return it as loaded from the written bytes.
 
-    Input and scaling are computed in doubles. The operators of support vector
-    machines and trees hold single-precision numbers, so the converted model must
-    give the estimator's label for every training trial, or it is not written.
+    Everything is computed in doubles, but for trees, whose thresholds scikit-learn
+    too compares in single precision. The converted model must give the
+    estimator's label for every training trial, or it is not written.
 
     Parameters
     ----------
@@ -79,28 +80,35 @@ def write_model(
 
 def _convert(estimator: Pipeline, manifest: Manifest) -> bytes:
     try:
-        from skl2onnx import to_onnx
-        from skl2onnx.common.data_types import DoubleTensorType
-        from skl2onnx.helpers.onnx_helper import select_model_inputs_outputs
-        from skl2onnx.sklapi import CastTransformer
+        if manifest.classifier in ('svm_linear', 'svm_rbf'):
+            opset = TARGET_OPSET['']
+            model = build_svm_model(estimator, INPUT, OUTPUT, opset, IR_VERSION)
+        else:
+            model = _convert_by_skl2onnx(estimator, manifest)
     except ImportError as error:
         raise ModelFileError(
             f'writing a model needs skl2onnx ({error}): pip install skl2onnx'
         ) from error
+    data: bytes = model.SerializeToString()
+    return data
+
+
+def _convert_by_skl2onnx(estimator: Pipeline, manifest: Manifest) -> Any:
+    from skl2onnx import to_onnx
+    from skl2onnx.common.data_types import DoubleTensorType
+    from skl2onnx.helpers.onnx_helper import select_model_inputs_outputs
+    from skl2onnx.sklapi import CastTransformer
 
     steps: list[tuple[str, Any]] = list(estimator.steps)
     if manifest.classifier == 'tree':
         # scikit-learn's trees compare in single precision, whatever they are given.
         steps.insert(-1, ('cast', CastTransformer(dtype=np.float32).fit(np.zeros((1, 1)))))
     pipeline = type(estimator)(steps)
-    options: dict[str, Any] = {'zipmap': False}
-    if manifest.score_kind == MARGIN:
-        options['raw_scores'] = True
     try:
         model = to_onnx(
             pipeline,
             initial_types=[(INPUT, DoubleTensorType([None, len(manifest.spec.names)]))],
-            options={id(pipeline): options},
+            options={id(pipeline): {'zipmap': False}},
             target_opset=TARGET_OPSET,
         )
         # Only the scores: the label is the largest, by one rule for all classifiers.
@@ -110,11 +118,11 @@ def _convert(estimator: Pipeline, manifest: Manifest) -> bytes:
         raise ModelFileError(
             f'skl2onnx cannot convert it ({cause}): pip install "skl2onnx>=1.20"'
         ) from error
+    model.ir_version = IR_VERSION
     for node in model.graph.node:
         node.output[:] = [OUTPUT if name == 'probabilities' else name for name in node.output]
     model.graph.output[0].name = OUTPUT
-    data: bytes = model.SerializeToString()
-    return data
+    return model
 
 
 def _replace(path: Path, data: bytes) -> None:

@@ -1,0 +1,100 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Small tables of features with known answers, and models trained on them."""
+
+import numpy as np
+import pytest
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.model_file import write_model
+from tactile_classifier.training import train
+from tactile_features.records import FeatureConfig, FeatureWindow, Outcome
+from tactile_features.spec import spec_for
+from tactile_features.spectrum import compute_spectrum
+
+
+def make_texture_table(classes=8, each=60, noise_n=0.1):
+    """Sines of the class's own frequencies under noise, through the real spectrum."""
+    rng = np.random.default_rng(7)
+    time_s = np.arange(180) / 60.0
+    rows, labels = [], []
+    for k in range(classes):
+        frequencies_hz = rng.uniform(1.0, 25.0, 4)
+        amplitudes_n = rng.uniform(0.01, 0.1, 4)
+        for _ in range(each):
+            phases = rng.uniform(0.0, 2 * np.pi, 4)
+            waves = np.sin(2 * np.pi * np.outer(time_s, frequencies_hz) + phases)
+            rows.append(3.0 + waves @ amplitudes_n + rng.normal(0.0, noise_n, 180))
+            labels.append(f'plate {k}')
+    trials = len(rows)
+    return FeatureTable(
+        compute_spectrum(np.array(rows)),
+        np.array(labels),
+        spec_for('texture', FeatureConfig()),
+        {
+            'contact': np.full(trials, 'flexion'),
+            'simulated': np.ones(trials, dtype=bool),
+            'session_id': np.array([f's{i % 3}' for i in range(trials)]),
+        },
+    )
+
+
+def make_stiffness_table(each=12):
+    rng = np.random.default_rng(3)
+    centres = np.array([[-0.9, 12.6, -0.99], [-0.3, 10.0, -0.9], [-0.1, 6.0, -0.7]])
+    values = np.repeat(centres, each, axis=0) * rng.normal(1.0, 0.05, (3 * each, 3))
+    return FeatureTable(
+        np.clip(values, [-9, 0, -1], [9, 99, 1]),
+        np.repeat(['pla', 'rubber', 'sponge'], each),
+        spec_for('stiffness', FeatureConfig()),
+    )
+
+
+@pytest.fixture(scope='session')
+def texture_table():
+    return make_texture_table()
+
+
+@pytest.fixture(scope='session')
+def small_table():
+    return make_texture_table(classes=3, each=12)
+
+
+@pytest.fixture(scope='session')
+def stiffness_table():
+    return make_stiffness_table()
+
+
+@pytest.fixture(scope='session')
+def model_path(small_table, tmp_path_factory):
+    path = tmp_path_factory.mktemp('models') / 'texture.onnx'
+    write_model(path, *train(small_table, 'svm_linear'), small_table.values)
+    return path
+
+
+@pytest.fixture
+def make_window(small_table):
+    """Return a maker of windows that hold the features of one trial of `small_table`."""
+
+    def make(trial=0, **changes):
+        fields = {
+            'feature_set': 'texture_spectrum',
+            'feature_set_version': 1,
+            'trial_id': f'trial-{trial}',
+            'contact': 'flexion',
+            'simulated': False,
+            'outcome': Outcome.OK,
+            'reason': '',
+            'values': small_table.values[trial],
+            'window_start_ns': 10**18 + 1,
+            'window_end_ns': 10**18 + 2_983_333_334,
+            'first_sequence': 60,
+            'rate_hz': 60.0,
+            'sample_count': 180,
+            'interpolated_count': 0,
+            'status': 0,
+            'frame_id': 'tendon_sensor_link',
+        }
+        return FeatureWindow(**{**fields, **changes})
+
+    return make

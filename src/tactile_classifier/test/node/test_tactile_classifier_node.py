@@ -1,0 +1,156 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The node over real DDS: features in, classifications out."""
+
+import time
+
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from tactile_msgs.msg import Classification, TactileFeatures
+
+from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.records import ClassifierConfig, Outcome
+from tactile_classifier.tactile_classifier_node import TactileClassifierNode, load_fitting_model
+from tactile_features.conversions import feature_window_to_msg
+from tactile_features.records import Outcome as FeatureOutcome
+from tactile_ros.qos import RESULTS
+
+DEADLINE_S = 10.0
+
+
+class Graph:
+    """The node under test beside one that sends features and collects answers."""
+
+    def __init__(self, context, parameters):
+        overrides = [Parameter(k, value=v) for k, v in parameters.items()]
+        self.node = TactileClassifierNode(
+            context=context, namespace='/finger', parameter_overrides=overrides
+        )
+        self.peer = Node('peer', context=context, namespace='/finger')
+        self.answers = []
+        self.peer.create_subscription(
+            Classification, 'tactile_classifier/classification', self.answers.append, RESULTS
+        )
+        self.features = self.peer.create_publisher(
+            TactileFeatures, 'tactile_features/features', RESULTS
+        )
+        self.executor = SingleThreadedExecutor(context=context)
+        for node in (self.node, self.peer):
+            self.executor.add_node(node)
+
+    def spin_until(self, condition, what):
+        deadline = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < deadline, f'{what} took too long'
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def connect(self):
+        self.spin_until(
+            lambda: (
+                self.features.get_subscription_count()
+                and self.peer.count_publishers('tactile_classifier/classification')
+            ),
+            'discovery',
+        )
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.take_down()
+        self.peer.destroy_node()
+
+
+@pytest.fixture
+def make_graph(context):
+    graphs = []
+
+    def make(**parameters):
+        graphs.append(Graph(context, parameters))
+        return graphs[-1]
+
+    yield make
+    for graph in graphs:
+        graph.close()
+
+
+def test_windows_are_classified_over_the_wire(make_graph, model_path, make_window):
+    graph = make_graph(model=str(model_path), contact='flexion')
+    assert graph.node.bring_up()
+    graph.connect()
+    windows = [
+        make_window(0),
+        make_window(20, contact='abduction'),
+        make_window(0, feature_set='stiffness_regression'),
+        make_window(3, rate_hz=100.0),
+        make_window(4, outcome=FeatureOutcome.GAP, reason='12 samples are missing'),
+        make_window(30),
+    ]
+    for window in windows:
+        graph.features.publish(feature_window_to_msg(window))
+    graph.spin_until(lambda: graph.node.seen_count == 6, 'the windows')
+    graph.spin_until(lambda: len(graph.answers) == 4, 'the answers')
+    answers = [classification_from_msg(message) for message in graph.answers]
+    model = TactileModel.load(model_path)
+    assert answers == [model.classify(windows[i]) for i in (0, 3, 4, 5)]
+    assert [a.outcome for a in answers] == [
+        Outcome.LABEL,
+        Outcome.NO_FEATURES,
+        Outcome.NO_FEATURES,
+        Outcome.LABEL,
+    ]
+    assert [a.label for a in answers] == ['plate 0', '', '', 'plate 2']
+    assert 'rate in Hz is 100.0' in answers[1].reason
+    assert (graph.node.ignored_count, graph.node.published_count) == (2, 4)
+    assert graph.node.model.model_id == model.model_id
+
+
+def test_nothing_is_answered_while_inactive(make_graph, model_path, make_window):
+    graph = make_graph(model=str(model_path))
+    graph.node.trigger_configure()
+    graph.connect()
+    graph.features.publish(feature_window_to_msg(make_window(0)))
+    for _ in range(5):
+        graph.executor.spin_once(timeout_sec=0.1)
+    graph.node.trigger_activate()
+    graph.features.publish(feature_window_to_msg(make_window(30)))
+    graph.spin_until(lambda: graph.answers, 'the answer')
+    assert [a.trial_id for a in graph.answers] == ['trial-30']
+    assert graph.node.seen_count == 1
+
+
+def test_node_can_be_cleaned_up_and_configured_again(make_graph, model_path, make_window):
+    graph = make_graph(model=str(model_path))
+    assert graph.node.bring_up()
+    graph.node.trigger_deactivate()
+    graph.node.trigger_cleanup()
+    assert graph.node.bring_up()
+    graph.connect()
+    graph.features.publish(feature_window_to_msg(make_window(0)))
+    graph.spin_until(lambda: graph.answers, 'the answer')
+
+
+def test_wrong_model_refuses_to_configure_and_says_why(make_graph, model_path, capfd):
+    graph = make_graph(model=str(model_path), rate_hz=100.0)
+    assert not graph.node.bring_up()
+    assert 'rate in Hz differs: 60.0 here, 100.0 there' in capfd.readouterr().err
+    graph.node.set_parameters([Parameter('rate_hz', value=60.0)])
+    assert graph.node.bring_up()
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sentence'),
+    [
+        ({'model': ''}, 'the parameter model is empty'),
+        ({'model': '/nowhere/m.onnx'}, 'cannot read model /nowhere/m.onnx'),
+        ({'task': 'stiffness'}, 'is for texture; the parameter task is stiffness'),
+        ({'contact': 'abduction'}, 'trained on flexion; the parameter contact is abduction'),
+        ({'texture_samples': 90}, 'window in samples differs: 180 here, 90 there'),
+        ({'texture_crop_start_s': 2.0}, 'texture_crop_start_s'),
+    ],
+)
+def test_model_that_does_not_fit_the_parameters(model_path, changes, sentence):
+    with pytest.raises(ModelFileError, match=sentence):
+        load_fitting_model(ClassifierConfig(**{'model': str(model_path), **changes}))

@@ -1,0 +1,77 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Accuracies on public recordings, against those measured when they were collected.
+
+The recordings are not part of the project: see their README for origin and licence.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_classifier.archive import load_archive
+from tactile_classifier.dataset import table_from_trials
+from tactile_classifier.estimators import CLASSIFIERS, SCALINGS
+from tactile_classifier.evaluation import evaluate
+from tactile_classifier.model_file import write_model
+from tactile_classifier.training import train
+
+REPOSITORY = Path(__file__).resolve().parents[4]
+FOLDER = Path(os.environ.get('TACTILE_DATA', REPOSITORY.parent / 'shared' / 'data'))
+
+
+def find(name):
+    path = FOLDER / name
+    if not path.exists():
+        pytest.skip(f'{name} is not in {FOLDER}; set TACTILE_DATA to the folder that has it')
+    return path
+
+
+@pytest.fixture(scope='module')
+def fabrics():
+    return table_from_trials('texture', load_archive(find('fabric_slide.npz')).where('balanced'))
+
+
+@pytest.fixture(scope='module')
+def holds():
+    return table_from_trials('stiffness', load_archive(find('phac_hold.npz')).between(1.0, 5.0))
+
+
+def percent(evaluation, classifier, scaling):
+    return 100 * evaluation.score(classifier, scaling).mean
+
+
+def test_fabrics(fabrics):
+    assert fabrics.values.shape == (252, 91)
+    evaluation = evaluate(fabrics, repetitions=3)
+    for classifier, expected in zip(CLASSIFIERS, (60, 64, 57, 67), strict=True):
+        assert percent(evaluation, classifier, 'standard') == pytest.approx(expected, abs=5)
+    assert percent(evaluation, 'knn', 'none') == pytest.approx(91, abs=3)
+
+
+def test_a_speed_that_training_never_saw(fabrics):
+    evaluation = evaluate(fabrics, ['knn'], ['none'], hold_out=['speed_mm_s'])
+    assert percent(evaluation, 'knn', 'none') == pytest.approx(29, abs=1)
+
+
+def test_holds(holds):
+    assert holds.values.shape == (60, 3)
+    evaluation = evaluate(holds, repetitions=3)
+    for classifier, expected in zip(CLASSIFIERS, (80, 73, 69, 75), strict=True):
+        assert percent(evaluation, classifier, 'standard') == pytest.approx(expected, abs=8)
+    assert percent(evaluation, 'svm_rbf', 'none') == pytest.approx(17, abs=4)
+
+
+@pytest.mark.parametrize('table', ['fabrics', 'holds'])
+def test_model_files_keep_every_label(request, tmp_path, table):
+    table = request.getfixturevalue(table)
+    for classifier in CLASSIFIERS:
+        for scaling in SCALINGS:
+            estimator, manifest = train(table, classifier, scaling)
+            model = write_model(tmp_path / 'm.onnx', estimator, manifest, table.values)
+            # Unseen, and between the trials: where labels change first.
+            mixed = (table.values + table.values[::-1]) / 2
+            changed = np.sum(np.array(model.predict(mixed)) != estimator.predict(mixed))
+            assert changed == 0, f'{classifier}, scaling {scaling}'

@@ -1,0 +1,196 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import io
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_classifier import archive
+from tactile_classifier.archive import load_archive
+from tactile_classifier.errors import DatasetError
+
+
+def good_arrays(trials=12, samples=100):
+    rng = np.random.default_rng(0)
+    return {
+        'x': rng.integers(0, 1000, (trials, 2, samples)).astype(np.uint16),
+        'label': np.array(['denim', 'linen'] * (trials // 2)),
+        'rate_hz': np.array(50.0),
+        'balanced': np.arange(trials) < 8,
+        'speed_mm_s': np.tile([10.0, 20.0], trials // 2),
+    }
+
+
+@pytest.fixture
+def save(tmp_path):
+    def save(remove=(), **changes):
+        arrays = {**good_arrays(), **changes}
+        path = tmp_path / 'trials.npz'
+        np.savez(path, **{k: v for k, v in arrays.items() if k not in remove})
+        return path
+
+    return save
+
+
+def test_archive_loads_with_its_columns(save):
+    trials = load_archive(save())
+    assert len(trials) == 12
+    assert trials.rate_hz == 50.0
+    assert set(trials.columns) == {'balanced', 'speed_mm_s'}
+
+
+def test_signal_is_one_channel_or_the_mean_of_all(save):
+    trials = load_archive(save())
+    x = good_arrays()['x'].astype(float)
+    np.testing.assert_array_equal(trials.signal(1), x[:, 1])
+    np.testing.assert_array_equal(trials.signal(), x.mean(axis=1))
+    assert trials.signal(0).dtype == np.float64
+    with pytest.raises(DatasetError, match='no channel 2: the archive has 2'):
+        trials.signal(2)
+
+
+def test_where_keeps_the_trials_and_their_columns(save):
+    trials = load_archive(save())
+    assert len(trials.where('balanced')) == 8
+    slow = trials.where('balanced').where('speed_mm_s', 10.0)
+    assert len(slow) == 4
+    assert set(slow.columns['speed_mm_s']) == {10.0}
+    with pytest.raises(DatasetError, match='no column "balance"; there are: balanced'):
+        trials.where('balance')
+    with pytest.raises(DatasetError, match='no trial has speed_mm_s = 30'):
+        trials.where('speed_mm_s', 30.0)
+
+
+def test_between_takes_samples_by_time(save):
+    trials = load_archive(save())  # 100 samples at 50 Hz
+    cut = trials.between(0.5, 1.5)
+    np.testing.assert_array_equal(cut.x, trials.x[:, :, 25:75])
+    assert trials.between(0.0, 2.0).x.shape[2] == 100
+    for start_s, stop_s in ((1.0, 1.0), (1.5, 1.0), (-0.1, 1.0), (0.0, 2.1)):
+        with pytest.raises(DatasetError, match='the trials last 2 s'):
+            trials.between(start_s, stop_s)
+
+
+def test_between_is_exact_where_times_are_not(save):
+    trials = load_archive(save(rate_hz=np.array(10.0)))
+    # 0.7 * 10 is 7.000000000000001 in floating point.
+    assert trials.between(0.7, 0.9).x.shape[2] == 2
+
+
+BAD = [
+    ({'remove': ('label', 'rate_hz')}, 'has no label and no rate_hz'),
+    ({'x': np.zeros((12, 100))}, r'of shape \(12, 100\); it must be numbers of shape \(trials,'),
+    ({'x': np.full((12, 2, 5), 'a')}, 'x in .* it must be numbers'),
+    ({'x': np.zeros((12, 2, 0))}, 'it must be numbers of shape'),
+    ({'label': np.array(['a', 'b'])}, r'it must be strings or integers of shape \(12,\)'),
+    ({'label': np.arange(12.0)}, 'it must be strings or integers'),
+    ({'label': np.full(12, 'denim')}, 'one class only, "denim"'),
+    ({'speed_mm_s': np.zeros(11)}, r'column speed_mm_s in .* has shape \(11,\)'),
+    ({'rate_hz': np.array(0.0)}, 'rate_hz in .* must be one positive number'),
+    ({'rate_hz': np.array([1.0, 2.0])}, 'rate_hz in .* must be one positive number'),
+    ({'rate_hz': np.array(np.nan)}, 'rate_hz in .* must be one positive number'),
+    ({'note': np.array([None] * 12, dtype=object)}, 'array note in .* holds pickled objects'),
+]
+
+
+@pytest.mark.parametrize(('change', 'message'), BAD)
+def test_bad_archive_is_refused_with_a_sentence(save, change, message):
+    with pytest.raises(DatasetError, match=message):
+        load_archive(save(**change))
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_values_that_are_not_finite_name_the_trial(save, value):
+    x = good_arrays()['x'].astype(float)
+    x[7, 1, 3] = value
+    with pytest.raises(DatasetError, match='not finite in 1 of 12 trials, first in trial 7'):
+        load_archive(save(x=x))
+
+
+def test_fewer_trials_than_folds(save):
+    assert len(load_archive(save(), folds=12)) == 12
+    with pytest.raises(DatasetError, match='12 trials, fewer than the 13 folds'):
+        load_archive(save(), folds=13)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(DatasetError, match='does not exist'):
+        load_archive(tmp_path / 'nowhere.npz')
+
+
+def test_folder(tmp_path):
+    with pytest.raises(DatasetError, match='is not a readable'):
+        load_archive(tmp_path)
+
+
+def test_pickle_is_never_opened(tmp_path):
+    path = tmp_path / 'evil.npz'
+
+    class Evil:
+        def __reduce__(self):
+            return (open, (str(tmp_path / 'touched'), 'w'))
+
+    path.write_bytes(pickle.dumps(Evil()))
+    with pytest.raises(DatasetError, match=r'is not a readable \.npz archive'):
+        load_archive(path)
+    np.savez(path, **{**good_arrays(), 'x': np.array([Evil()], dtype=object)})
+    with pytest.raises(DatasetError, match=r'array x in .* holds pickled objects'):
+        load_archive(path)
+    assert not (tmp_path / 'touched').exists()
+
+
+def test_announced_size_is_refused_before_anything_is_allocated(tmp_path):
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {'descr': '<f8', 'fortran_order': False, 'shape': (10**9, 1, 180)}
+    )
+    path = tmp_path / 'huge.npz'
+    with zipfile.ZipFile(path, 'w') as file:
+        file.writestr('x.npy', header.getvalue())
+    with pytest.raises(DatasetError, match=r'unpacks to .* MiB; the limit is 1024 MiB'):
+        load_archive(path)
+
+
+def test_limit_counts_all_arrays(save, monkeypatch):
+    path = save()
+    total = sum(array.nbytes for array in good_arrays().values())
+    monkeypatch.setattr(archive, 'MAX_ARCHIVE_BYTES', total)
+    load_archive(path)
+    monkeypatch.setattr(archive, 'MAX_ARCHIVE_BYTES', total - 1)
+    with pytest.raises(DatasetError, match='unpacks to'):
+        load_archive(path)
+
+
+def test_foreign_member_is_refused(save):
+    path = save()
+    with zipfile.ZipFile(path, 'a') as file:
+        file.writestr('readme.txt', 'hello')
+    with pytest.raises(DatasetError, match=r'holds readme\.txt, which is not an array'):
+        load_archive(path)
+
+
+@pytest.fixture(scope='module')
+def good_bytes():
+    file = io.BytesIO()
+    np.savez_compressed(file, **good_arrays())
+    return file.getvalue()
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_damaged_archive_never_raises_anything_else(good_bytes, tmp_path_factory, data):
+    damaged = bytearray(good_bytes)
+    for at in data.draw(st.lists(st.integers(0, len(damaged) - 1), min_size=1, max_size=3)):
+        damaged[at] ^= data.draw(st.integers(1, 255))
+    damaged = damaged[: data.draw(st.integers(0, len(damaged)))]
+    path = tmp_path_factory.getbasetemp() / 'damaged.npz'
+    path.write_bytes(bytes(damaged))
+    try:
+        trials = load_archive(path)
+    except DatasetError:
+        return
+    assert np.isfinite(trials.x).all()

@@ -1,0 +1,72 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_classifier.archive import LabelledTrials
+from tactile_classifier.dataset import FeatureTable, table_from_trials
+from tactile_classifier.errors import DatasetError
+
+
+def test_table_refuses_what_does_not_fit(small_table):
+    values, labels, spec = small_table.values, small_table.labels, small_table.spec
+    with pytest.raises(DatasetError, match=r'shape \(36, 90\); it must be \(trials, 91\)'):
+        FeatureTable(values[:, 1:], labels, spec)
+    with pytest.raises(DatasetError, match='labels has shape'):
+        FeatureTable(values, labels[1:], spec)
+    with pytest.raises(DatasetError, match=r'contact has shape \(1,\)'):
+        FeatureTable(values, labels, spec, {'contact': np.array(['flexion'])})
+    broken = values.copy()
+    broken[5, 3] = np.nan
+    with pytest.raises(DatasetError, match='trial 5 are not finite'):
+        FeatureTable(broken, labels, spec)
+    blank = labels.copy()
+    blank[4] = ''
+    with pytest.raises(DatasetError, match='trial 4 has an empty label'):
+        FeatureTable(values, blank, spec)
+
+
+def test_take_keeps_columns_in_step(small_table):
+    part = small_table.take(small_table.column('session_id') == 's1')
+    assert len(part) == 12
+    assert set(part.columns['session_id']) == {'s1'}
+    with pytest.raises(DatasetError, match='no column "session"; there are: contact, simulated'):
+        small_table.column('session')
+
+
+def test_digest_depends_on_values_labels_and_specification(small_table):
+    digest = small_table.compute_sha256()
+    assert digest == small_table.take(np.arange(36)).compute_sha256()
+    values = small_table.values.copy()
+    values[0, 1] = np.nextafter(values[0, 1], 1.0)
+    labels = small_table.labels[::-1]
+    spec = dataclasses.replace(small_table.spec, version=2)
+    others = [
+        FeatureTable(values, small_table.labels, small_table.spec),
+        FeatureTable(small_table.values, labels, small_table.spec),
+        FeatureTable(small_table.values, small_table.labels, spec),
+    ]
+    assert len({digest, *(other.compute_sha256() for other in others)}) == 4
+
+
+def trials_of(x, labels):
+    return LabelledTrials(x, np.array(labels), 100.0, {'speed': np.arange(len(labels))})
+
+
+def test_stiffness_features_of_straight_lines():
+    time_s = np.arange(400) / 100.0
+    x = np.array([[12.0 - 0.5 * time_s], [8.0 + 0.25 * time_s]])
+    table = table_from_trials('stiffness', trials_of(x, ['a', 'b']))
+    assert table.task == 'stiffness'
+    expected = [[-0.5, 12.0, -1.0], [0.25, 8.0, 1.0]]
+    np.testing.assert_allclose(table.values, expected, rtol=1e-12)
+    np.testing.assert_array_equal(table.column('speed'), [0, 1])
+
+
+def test_trial_without_features_is_named():
+    x = np.ones((2, 1, 50))
+    x[0, 0, 10] = 2.0
+    with pytest.raises(DatasetError, match=r'no features from these trials: .*1 is constant'):
+        table_from_trials('stiffness', trials_of(x, ['a', 'b']))

@@ -1,0 +1,53 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from tactile_classifier.estimators import (
+    CLASSIFIERS,
+    DEFAULT_SCALING,
+    SCALING_REASONS,
+    SCALINGS,
+    SCORE_KINDS,
+    build_estimator,
+)
+
+
+def test_every_name_builds_and_every_task_has_a_reason():
+    for classifier in CLASSIFIERS:
+        assert classifier in SCORE_KINDS
+        for scaling in SCALINGS:
+            steps = build_estimator(classifier, scaling).named_steps
+            assert ('scale' in steps) == (scaling == 'standard')
+    assert set(DEFAULT_SCALING) == set(SCALING_REASONS) == {'texture', 'stiffness'}
+    assert set(DEFAULT_SCALING.values()) <= set(SCALINGS)
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(ValueError, match='classifier is "svm"; it must be one of knn, svm_linear'):
+        build_estimator('svm', 'none')
+    with pytest.raises(ValueError, match='scaling is "minmax"; it must be one of standard, none'):
+        build_estimator('knn', 'minmax')
+
+
+def test_three_neighbours_vote_by_euclidean_distance():
+    # To the origin: Euclidean 3.0, 3.0, 3.1, 3.5; Manhattan would order them otherwise.
+    x = np.array([[3.0, 0.0], [0.0, 3.0], [2.2, 2.2], [3.5, 0.0]])
+    knn = build_estimator('knn', 'none').fit(x, ['a', 'b', 'b', 'a'])
+    assert knn.predict([[0.0, 0.0]]) == ['b']
+    np.testing.assert_allclose(knn.predict_proba([[0.0, 0.0]]), [[1 / 3, 2 / 3]])
+
+
+@pytest.mark.parametrize('classifier', CLASSIFIERS)
+def test_label_is_the_largest_score(texture_table, classifier):
+    estimator = build_estimator(classifier, 'none').fit(texture_table.values, texture_table.labels)
+    mixed = texture_table.values[::2] + texture_table.values[1::2][::-1]  # near the borders
+    score = getattr(estimator, 'decision_function' if 'svm' in classifier else 'predict_proba')
+    best = estimator.classes_[score(mixed).argmax(axis=1)]
+    np.testing.assert_array_equal(estimator.predict(mixed), best)
+
+
+def test_constant_feature_survives_scaling(small_table):
+    assert not small_table.values[:, 0].any()  # the component at 0 Hz
+    estimator = build_estimator('svm_rbf', 'standard').fit(small_table.values, small_table.labels)
+    assert np.isfinite(estimator.decision_function(small_table.values)).all()

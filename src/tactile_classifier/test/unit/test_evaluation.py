@@ -1,0 +1,136 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import json
+
+import numpy as np
+import pytest
+from sklearn.model_selection import StratifiedKFold
+from sklearn.svm import SVC
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError, EvaluationError
+from tactile_classifier.evaluation import evaluate
+from tactile_features.records import FeatureConfig
+from tactile_features.spec import spec_for
+
+
+@pytest.fixture
+def noisy_table(stiffness_table):
+    """Same labels, features that overlap: accuracies differ from fold to fold."""
+    rng = np.random.default_rng(1)
+    values = stiffness_table.values + rng.normal(0.0, [0.4, 3.0, 0.2], (36, 3))
+    return FeatureTable(
+        values,
+        stiffness_table.labels,
+        stiffness_table.spec,
+        {'session_id': np.arange(36) % 4, 'day': np.arange(36) % 2, 'all': np.zeros(36)},
+    )
+
+
+def test_scores_agree_with_folds_done_by_hand(noisy_table):
+    evaluation = evaluate(noisy_table, ['svm_rbf'], ['standard'], folds=4, repetitions=3)
+    x, y = noisy_table.values, noisy_table.labels
+    accuracies, confusion = np.zeros((3, 4)), np.zeros((3, 3), dtype=int)
+    for i in range(3):
+        splits = StratifiedKFold(4, shuffle=True, random_state=i).split(x, y)
+        for j, (train, test) in enumerate(splits):
+            mean, deviation = x[train].mean(axis=0), x[train].std(axis=0)
+            svm = SVC(break_ties=True).fit((x[train] - mean) / deviation, y[train])
+            answer = svm.predict((x[test] - mean) / deviation)
+            accuracies[i, j] = np.mean(answer == y[test])
+            for true, said in zip(y[test], answer, strict=True):
+                names = ['pla', 'rubber', 'sponge']
+                confusion[names.index(true), names.index(said)] += 1
+    (score,) = evaluation.scores
+    np.testing.assert_array_equal(score.fold_accuracies, accuracies)
+    np.testing.assert_array_equal(score.confusion, confusion)
+    assert score.mean == pytest.approx(accuracies.mean(), abs=1e-15)
+    assert score.spread == pytest.approx(np.std(accuracies.mean(axis=1), ddof=1), abs=1e-15)
+    assert 0.3 < score.mean < 1.0
+    assert score.spread > 0
+
+
+def test_every_trial_is_answered_once_a_repetition(noisy_table):
+    score = evaluate(noisy_table, ['tree'], ['none'], repetitions=5).score('tree', 'none')
+    np.testing.assert_array_equal(score.confusion.sum(axis=1), [60, 60, 60])
+    assert np.trace(score.confusion) / 180 == pytest.approx(score.mean)
+
+
+def test_result_depends_neither_on_jobs_nor_on_the_other_classifiers(noisy_table):
+    once = evaluate(noisy_table, repetitions=2).to_dict()
+    assert evaluate(noisy_table, repetitions=2, jobs=2).to_dict() == once
+    alone = evaluate(noisy_table, ['knn'], ['none'], repetitions=2).to_dict()
+    assert alone['scores'][0] in once['scores']
+    other = evaluate(noisy_table, repetitions=2, random_state=99).to_dict()
+    assert other['scores'] != once['scores']
+
+
+def test_held_out_group_is_never_trained_on():
+    # The label follows from the number of the group, and neighbouring groups differ:
+    # easy for a tree that has seen the group, impossible for one that has not.
+    group = np.repeat(np.arange(4), 6)
+    labels = np.array(['a', 'b', 'a', 'b'])[group]
+    labels = np.where(np.arange(24) % 6 == 0, np.where(labels == 'a', 'b', 'a'), labels)
+    values = np.stack([10.0 * group, np.arange(24) % 6 == 0, np.zeros(24)], axis=1)
+    table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), {'group': group})
+    mixed = evaluate(table, ['tree'], ['none'], folds=2, repetitions=2)
+    held_out = evaluate(table, ['tree'], ['none'], hold_out=['group'])
+    assert mixed.scores[0].mean > 0.8
+    assert held_out.scores[0].mean < 0.6
+    assert held_out.scores[0].fold_accuracies.shape == (1, 4)
+    assert held_out.split == 'one group held out'
+    assert held_out.scores[0].spread_of == 'groups'
+
+
+def test_groups_of_two_columns(noisy_table):
+    evaluation = evaluate(noisy_table, ['knn'], ['none'], hold_out=['session_id', 'day'])
+    assert evaluation.split == 'one session_id and day held out'
+    assert evaluation.scores[0].fold_accuracies.shape == (1, 4)  # day follows from session
+
+
+def test_result_is_json_and_names_split_and_scaling(noisy_table):
+    result = json.loads(json.dumps(evaluate(noisy_table, repetitions=2).to_dict()))
+    assert len(result['scores']) == 8
+    for score in result['scores']:
+        assert score['split'] == 'stratified 6-fold, 2 times'
+        assert score['scaling'] in ('standard', 'none')
+    assert result['chance'] == pytest.approx(1 / 3)
+
+
+def test_progress_counts_to_the_end(noisy_table):
+    calls = []
+    evaluate(
+        noisy_table,
+        ['knn', 'tree'],
+        repetitions=3,
+        progress=lambda done, total: calls.append((done, total)),
+    )
+    assert calls == [(i, 12) for i in range(1, 13)]
+
+
+def test_what_cannot_be_split_is_refused(noisy_table):
+    one = noisy_table.take(noisy_table.labels == 'pla')
+    with pytest.raises(EvaluationError, match='one class only, "pla"'):
+        evaluate(one)
+    few = noisy_table.take(np.r_[0:4, 12:36])
+    with pytest.raises(EvaluationError, match='class "pla" has 4 trials, fewer than the 6 folds'):
+        evaluate(few)
+    with pytest.raises(EvaluationError, match='two folds or more'):
+        evaluate(noisy_table, folds=1)
+    with pytest.raises(EvaluationError, match='2 trials would be left to train on'):
+        evaluate(noisy_table.take([0, 1, 12, 13]), folds=2)
+
+
+def test_what_cannot_be_held_out_is_refused(noisy_table):
+    with pytest.raises(EvaluationError, match='all trials have the same all'):
+        evaluate(noisy_table, hold_out=['all'])
+    with pytest.raises(DatasetError, match='no column "speed"'):
+        evaluate(noisy_table, hold_out=['speed'])
+    sponge_today = (noisy_table.labels != 'sponge') | (noisy_table.column('day') == 1)
+    with pytest.raises(EvaluationError, match='class "sponge" have the same day'):
+        evaluate(noisy_table.take(sponge_today), hold_out=['day'])
+
+
+def test_wrong_name_fails_before_any_work(noisy_table):
+    with pytest.raises(ValueError, match='classifier is "forest"'):
+        evaluate(noisy_table, ['knn', 'forest'])

@@ -1,0 +1,85 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.model_file import write_model
+from tactile_classifier.records import Outcome
+from tactile_classifier.training import train
+from tactile_features.records import Outcome as FeatureOutcome
+
+
+@pytest.fixture
+def model(model_path):
+    return TactileModel.load(model_path)
+
+
+def test_classification_repeats_the_window_and_names_the_model(model, make_window, small_table):
+    result = model.classify(make_window(30))
+    assert result.outcome == Outcome.LABEL
+    assert result.label == small_table.labels[30]
+    assert result.reason == ''
+    assert result.labels == model.labels
+    assert result.label == result.labels[int(np.argmax(result.scores))]
+    assert (result.task, result.trial_id) == ('texture', 'trial-30')
+    assert result.model_id == model.model_id
+    assert (result.window_start_ns, result.window_end_ns) == (10**18 + 1, 10**18 + 2_983_333_334)
+    assert result.frame_id == 'tendon_sensor_link'
+    assert (result.score_kind, result.novelty, result.novelty_threshold) == ('margin', -1, -1)
+    assert result.simulated  # the model was trained on simulated trials
+
+
+def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path):
+    columns = {'simulated': np.zeros(len(small_table), dtype=bool)}
+    table = type(small_table)(small_table.values, small_table.labels, small_table.spec, columns)
+    model = write_model(tmp_path / 'm.onnx', *train(table, 'tree'), table.values)
+    assert not model.classify(make_window()).simulated
+    assert model.classify(make_window(simulated=True)).simulated
+
+
+@pytest.mark.parametrize('classifier', ['knn', 'tree'])
+def test_votes_add_up_to_one(small_table, tmp_path, make_window, classifier):
+    model = write_model(tmp_path / 'm.onnx', *train(small_table, classifier), small_table.values)
+    result = model.classify(make_window(5))
+    assert result.score_kind == 'votes'
+    assert sum(result.scores) == pytest.approx(1.0)
+    assert min(result.scores) >= 0.0
+
+
+@pytest.mark.parametrize(
+    ('changes', 'reason'),
+    [
+        ({'outcome': FeatureOutcome.GAP, 'reason': '3 samples are missing'}, '3 samples are'),
+        ({'outcome': FeatureOutcome.ABORTED}, 'the window ended with ABORTED'),
+        (
+            {'feature_set_version': 2},
+            'version of the feature set is 2; the model was',
+        ),
+        ({'rate_hz': 100.0}, 'rate in Hz is 100.0; the model was trained on 60.0'),
+        ({'sample_count': 90}, 'window in samples is 90; the model was trained on 180'),
+        ({'values': np.zeros(90)}, 'number of features is 90; the model was trained on 91'),
+        ({'values': np.full(91, np.nan)}, 'the features are not finite'),
+        ({'values': np.full(91, 1.7e308)}, 'the model gives no finite scores'),
+    ],
+)
+def test_window_that_gives_no_answer_says_why(model, make_window, changes, reason):
+    result = model.classify(make_window(**changes))
+    assert result.outcome == Outcome.NO_FEATURES
+    assert reason in result.reason
+    assert (result.label, result.scores) == ('', ())
+    assert result.labels == model.labels
+
+
+def test_accepts_its_own_feature_set_and_contact(model, make_window):
+    assert model.accepts(make_window())
+    assert model.accepts(make_window(contact=''))
+    assert model.accepts(make_window(outcome=FeatureOutcome.GAP))
+    assert not model.accepts(make_window(contact='abduction'))
+    assert not model.accepts(make_window(feature_set='stiffness_regression'))
+
+
+def test_one_window_alone_scores_as_in_a_batch(model, small_table):
+    batch = model.compute_scores(small_table.values)
+    alone = np.concatenate([model.compute_scores(row[np.newaxis]) for row in small_table.values])
+    np.testing.assert_allclose(alone, batch, atol=1e-6)

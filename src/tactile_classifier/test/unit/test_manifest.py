@@ -1,0 +1,93 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import contextlib
+import dataclasses
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.manifest import Manifest
+from tactile_features.records import FeatureConfig
+from tactile_features.spec import spec_for
+
+GOOD = Manifest(
+    task='stiffness',
+    contact='abduction',
+    spec=spec_for('stiffness', FeatureConfig()),
+    labels=('pla', 'sponge'),
+    score_kind='margin',
+    classifier='svm_rbf',
+    scaling='standard',
+    simulated=True,
+    training_sha256='ab' * 32,
+    trials=120,
+    versions={'numpy': '2.2.6'},
+    cross_validation={'mean': 0.9, 'spread': 0.01, 'split': 'stratified 6-fold, 10 times'},
+    created='2026-01-02T03:04:05+00:00',
+)
+
+
+def test_round_trip():
+    assert Manifest.from_json(GOOD.to_json()) == GOOD
+
+
+def changed(**changes):
+    return json.dumps({**json.loads(GOOD.to_json()), **changes})
+
+
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'format_version': 2}, 'format version 2, this software reads up to 1: update'),
+        ({'format_version': None}, 'states no format version'),
+        ({'format_version': True}, 'states no format version'),
+        ({'format_version': 0}, 'states no format version'),
+        ({'labels': 'pla'}, 'no valid entry "labels"'),
+        ({'labels': ['pla', 3]}, 'no valid entry "labels"'),
+        ({'labels': ['pla']}, 'not two or more different names'),
+        ({'labels': ['pla', 'pla']}, 'not two or more different names'),
+        ({'simulated': 1}, 'no valid entry "simulated"'),
+        ({'trials': None}, 'no valid entry "trials"'),
+        ({'task': 'texture'}, 'task "texture" does not go with its feature set'),
+        ({'contact': 'palm'}, 'contact is "palm"'),
+        ({'score_kind': 'odds'}, 'score_kind is "odds"; it must be one of votes'),
+        ({'classifier': 'forest'}, 'classifier is "forest"'),
+        ({'scaling': 'minmax'}, 'scaling is "minmax"'),
+        ({'spec': {}}, 'manifest is damaged: .*no entry'),
+        ({'surprise': 1}, 'unknown entry "surprise"'),
+    ],
+)
+def test_tampered_manifest_is_refused(changes, message):
+    with pytest.raises(ModelFileError, match=message):
+        Manifest.from_json(changed(**changes))
+
+
+@pytest.mark.parametrize('field', [f.name for f in dataclasses.fields(Manifest)])
+def test_missing_entry_is_named(field):
+    content = json.loads(GOOD.to_json())
+    del content[field]
+    with pytest.raises(ModelFileError, match=f'no valid entry "{field}"'):
+        Manifest.from_json(json.dumps(content))
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+    max_leaves=5,
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.sampled_from(sorted(json.loads(GOOD.to_json()))), JSON)
+def test_any_entry_may_hold_anything(field, value):
+    with contextlib.suppress(ModelFileError):
+        Manifest.from_json(changed(**{field: value}))
+
+
+@pytest.mark.parametrize('text', ['', '[]', '3', '{"format_version": 1', '[' * 100_000])
+def test_what_is_no_manifest_is_refused(text):
+    with pytest.raises(ModelFileError):
+        Manifest.from_json(text)

@@ -1,0 +1,220 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import builtins
+import dataclasses
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper
+
+from tactile_classifier import inference
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.estimators import CLASSIFIERS, SCALINGS
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.manifest import Manifest
+from tactile_classifier.model_file import write_model
+from tactile_classifier.onnx_container import open_container, seal
+from tactile_classifier.training import train
+from tactile_features.records import FeatureConfig
+from tactile_features.spec import spec_for
+
+
+def sklearn_scores(estimator, values):
+    if hasattr(estimator, 'decision_function'):
+        scores = estimator.decision_function(values)
+        return np.stack([-scores, scores], axis=1) if scores.ndim == 1 else scores
+    return estimator.predict_proba(values)
+
+
+@pytest.mark.parametrize('scaling', SCALINGS)
+@pytest.mark.parametrize('classifier', CLASSIFIERS)
+@pytest.mark.parametrize('table', ['texture_table', 'stiffness_table'])
+def test_model_file_answers_as_scikit_learn_does(request, tmp_path, table, classifier, scaling):
+    table = request.getfixturevalue(table)
+    estimator, manifest = train(table, classifier, scaling)
+    write_model(tmp_path / 'm.onnx', estimator, manifest, table.values)
+    model = TactileModel.load(tmp_path / 'm.onnx')
+    rng = np.random.default_rng(5)
+    size = table.values.std(axis=0)
+    for values in (table.values, table.values + rng.normal(size=table.values.shape) * size / 3):
+        scores = model.compute_scores(values)
+        np.testing.assert_allclose(scores, sklearn_scores(estimator, values), atol=1e-6, rtol=0)
+        np.testing.assert_array_equal(model.predict(values), estimator.predict(values))
+
+
+@pytest.mark.parametrize('classifier', CLASSIFIERS)
+def test_two_classes(small_table, tmp_path, classifier):
+    table = small_table.take(small_table.labels != 'plate 2')
+    estimator, manifest = train(table, classifier)
+    model = write_model(tmp_path / 'm.onnx', estimator, manifest, table.values)
+    scores = model.compute_scores(table.values)
+    np.testing.assert_allclose(scores, sklearn_scores(estimator, table.values), atol=1e-5)
+    assert scores.shape == (24, 2)
+
+
+@pytest.mark.parametrize('scaling', SCALINGS)
+@pytest.mark.parametrize('classifier', ['knn', 'svm_linear', 'svm_rbf'])
+def test_features_far_from_zero_keep_double_precision(
+    stiffness_table, tmp_path, classifier, scaling
+):
+    # Single precision would leave nothing of the differences beside the offset.
+    values = stiffness_table.values * 1e-3 + 1e6
+    table = FeatureTable(values, stiffness_table.labels, stiffness_table.spec)
+    estimator, manifest = train(table, classifier, scaling)
+    model = write_model(tmp_path / 'm.onnx', estimator, manifest, values)
+    between = (values + values[::-1]) / 2
+    np.testing.assert_array_equal(model.predict(between), estimator.predict(between))
+    # A linear kernel of 1e12 costs four digits in scikit-learn as well.
+    expected = sklearn_scores(estimator, between)
+    np.testing.assert_allclose(model.compute_scores(between), expected, atol=1e-2)
+
+
+def test_model_that_changes_labels_is_not_written(small_table, tmp_path):
+    estimator, manifest = train(small_table, 'knn', 'none')
+    path = tmp_path / 'm.onnx'
+    path.write_bytes(b'the old one')
+    # Other labels on the same neighbours, as a faulty conversion would give.
+    estimator.named_steps['classify'].predict = lambda values: np.full(len(values), 'plate 0')
+    with pytest.raises(ModelFileError, match='changes the label of 24 of 36 training trials'):
+        write_model(path, estimator, manifest, small_table.values)
+    assert path.read_bytes() == b'the old one'
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_labels_of_manifest_must_be_the_estimators(small_table, tmp_path):
+    estimator, manifest = train(small_table, 'tree')
+    wrong = dataclasses.replace(manifest, labels=manifest.labels[::-1])
+    with pytest.raises(ModelFileError, match='labels of the manifest'):
+        write_model(tmp_path / 'm.onnx', estimator, wrong, small_table.values)
+
+
+def test_written_file_replaces_and_leaves_nothing_behind(small_table, tmp_path):
+    path = tmp_path / 'm.onnx'
+    path.write_bytes(b'old')
+    model = write_model(path, *train(small_table, 'knn'), small_table.values)
+    assert [p.name for p in tmp_path.iterdir()] == ['m.onnx']
+    assert TactileModel.load(path).model_id == model.model_id
+    with pytest.raises(ModelFileError, match='cannot write model'):
+        write_model(tmp_path / 'no' / 'm.onnx', *train(small_table, 'knn'), small_table.values)
+
+
+def test_missing_skl2onnx_says_what_to_install(small_table, tmp_path, monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name.startswith('skl2onnx'):
+            raise ImportError(f'No module named {name}')
+        return real(name, *args, **kwargs)
+
+    trained = train(small_table, 'knn')
+    monkeypatch.setattr(builtins, '__import__', without)
+    with pytest.raises(ModelFileError, match='pip install skl2onnx'):
+        write_model(tmp_path / 'm.onnx', *trained, small_table.values)
+
+
+# -- loading ------------------------------------------------------------------------
+
+
+def test_model_id_names_task_contact_classifier_and_content(model_path):
+    model = TactileModel.load(model_path)
+    assert model.model_id.startswith('texture-flexion-svm_linear-')
+    assert len(model.model_id.rsplit('-', 1)[1]) == 12
+    assert model.manifest.simulated
+    assert model.labels == ('plate 0', 'plate 1', 'plate 2')
+
+
+def test_truncated_file_is_refused_at_any_length(model_path):
+    data = model_path.read_bytes()
+    for size in [*range(40), *range(40, len(data), 997), len(data) - 1]:
+        with pytest.raises(ModelFileError):
+            TactileModel(data[:size])
+
+
+def test_flipped_bits_never_reach_the_runtime(model_path, monkeypatch):
+    data = model_path.read_bytes()
+    monkeypatch.setattr(inference, '_open_session', lambda data: pytest.fail('reached'))
+    rng = np.random.default_rng(0)
+    for at in rng.integers(0, len(data), 100):
+        damaged = bytearray(data)
+        damaged[at] ^= 1 << rng.integers(8)
+        with pytest.raises(ModelFileError):
+            TactileModel(bytes(damaged))
+
+
+@pytest.mark.parametrize(
+    ('content', 'message'),
+    [
+        (b'', 'not an ONNX file'),
+        (b'hello, world', 'not an ONNX file'),
+        (b'\x80\x04\x95', 'not an ONNX file'),  # a pickle
+    ],
+)
+def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, message):
+    path = tmp_path / 'm.onnx'
+    path.write_bytes(content)
+    with pytest.raises(ModelFileError, match=f'm.onnx is refused: .*{message}'):
+        TactileModel.load(path)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
+        TactileModel.load(tmp_path / 'm.onnx')
+
+
+def test_large_file_is_refused_unread(tmp_path):
+    path = tmp_path / 'm.onnx'
+    with path.open('wb') as file:
+        file.truncate(inference.MAX_MODEL_BYTES + 1)
+    with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
+        TactileModel.load(path)
+
+
+def resealed(path, **changes):
+    """Return the model with another manifest, sealed as well as the first."""
+    data = path.read_bytes()
+    manifest = dataclasses.replace(Manifest.from_json(open_container(data)), **changes)
+    model = onnx.load_model_from_string(data)
+    del model.metadata_props[:]
+    return TactileModel(seal(model.SerializeToString(), manifest.to_json()))
+
+
+def test_labels_that_the_graph_has_no_scores_for(model_path):
+    with pytest.raises(ModelFileError, match=r'scores of shape \(1, 3\); it has 2 labels'):
+        resealed(model_path, labels=('a', 'b'))
+
+
+def test_features_that_the_graph_does_not_take(model_path):
+    with pytest.raises(ModelFileError, match='the feature set has 46 features'):
+        resealed(model_path, spec=spec_for('texture', FeatureConfig(texture_samples=90)))
+
+
+def test_graph_of_another_form_is_refused(model_path):
+    manifest = open_container(model_path.read_bytes())
+    info = [helper.make_tensor_value_info(n, TensorProto.DOUBLE, [None, 91]) for n in 'ab']
+    node = helper.make_node('Identity', ['a'], ['b'])
+    graph = helper.make_graph([node], 'g', info[:1], info[1:])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid('', 18)], ir_version=8)
+    with pytest.raises(ModelFileError, match='does not lead from "features" to "scores"'):
+        TactileModel(seal(model.SerializeToString(), manifest))
+    model.graph.node[0].op_type = 'NoSuchOperator'
+    with pytest.raises(ModelFileError, match='onnxruntime cannot load its graph'):
+        TactileModel(seal(model.SerializeToString(), manifest))
+
+
+@pytest.mark.parametrize(
+    ('config', 'message'),
+    [
+        (FeatureConfig(rate_hz=100.0), 'rate in Hz differs: 60.0 here, 100.0 there'),
+        (FeatureConfig(texture_samples=90), 'window in samples differs: 180 here, 90 there'),
+        (FeatureConfig(texture_crop_start_s=1.0), 'texture_crop_start_s'),
+    ],
+)
+def test_features_of_another_window_do_not_fit(model_path, config, message):
+    model = TactileModel.load(model_path)
+    model.check_fits(spec_for('texture', FeatureConfig()))
+    with pytest.raises(ModelFileError, match=message):
+        model.check_fits(spec_for('texture', config))
+    with pytest.raises(ModelFileError, match='feature set differs'):
+        model.check_fits(spec_for('stiffness', FeatureConfig()))

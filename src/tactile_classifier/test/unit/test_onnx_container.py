@@ -1,0 +1,152 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import onnx
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from onnx import TensorProto, helper
+
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.onnx_container import check_seal, open_container, seal
+
+
+def make_model(nodes=None, initializer=(), opsets=(('', 18),), functions=()):
+    nodes = nodes or [helper.make_node('Identity', ['a'], ['b'])]
+    info = [helper.make_tensor_value_info(n, TensorProto.DOUBLE, [None, 3]) for n in 'ab']
+    graph = helper.make_graph(nodes, 'g', info[:1], info[1:], initializer=list(initializer))
+    imports = [helper.make_opsetid(*opset) for opset in opsets]
+    return helper.make_model(graph, opset_imports=imports, functions=list(functions))
+
+
+def test_sealed_model_is_onnx_with_metadata_and_gives_the_manifest_back():
+    text = '{"label": "Möbelstoff"}' + ' ' * 500  # longer than one varint byte can say
+    data = seal(make_model().SerializeToString(), text)
+    model = onnx.load_model_from_string(data)
+    onnx.checker.check_model(model)
+    assert model.metadata_props[0].value == text
+    assert open_container(data) == text
+    check_seal(data)
+
+
+def test_any_change_breaks_the_seal():
+    data = seal(make_model().SerializeToString(), '{}')
+    for at in range(len(data)):
+        with pytest.raises(ModelFileError, match='changed or damaged'):
+            check_seal(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :])
+    for damaged in (b'', data[:-1], data + b'\0', data[1:]):
+        with pytest.raises(ModelFileError, match='changed or damaged'):
+            check_seal(damaged)
+
+
+def test_model_without_manifest():
+    with pytest.raises(ModelFileError, match='it has no manifest'):
+        open_container(make_model().SerializeToString())
+
+
+def test_manifest_given_twice():
+    model = seal(make_model().SerializeToString(), '{}')
+    with pytest.raises(ModelFileError, match='the metadata "tactile_manifest" twice'):
+        open_container(seal(model, '{"labels": ["other"]}'))
+
+
+def custom(domain='com.microsoft'):
+    return helper.make_node('CDist', ['a'], ['b'], domain=domain)
+
+
+def subgraph(node):
+    info = [helper.make_tensor_value_info('b', TensorProto.DOUBLE, [None, 3])]
+    branch = helper.make_graph([node], 'branch', [], info)
+    return helper.make_node('If', ['c'], ['b'], then_branch=branch, else_branch=branch)
+
+
+def external():
+    tensor = helper.make_tensor('w', TensorProto.DOUBLE, [1], [1.0])
+    tensor.ClearField('double_data')
+    tensor.data_location = TensorProto.EXTERNAL
+    tensor.external_data.add(key='location', value='/etc/passwd')
+    return tensor
+
+
+def sparse_with(tensor):
+    indices = helper.make_tensor('i', TensorProto.INT64, [1], [0])
+    return helper.make_sparse_tensor(tensor, indices, [3])
+
+
+def sparse_constant():
+    node = helper.make_node('Constant', [], ['b'])
+    node.attribute.add(
+        name='sparse_value', type=onnx.AttributeProto.SPARSE_TENSOR
+    ).sparse_tensor.CopyFrom(sparse_with(external()))
+    return node
+
+
+def sparse_initializer():
+    model = make_model()
+    model.graph.sparse_initializer.append(sparse_with(external()))
+    return model
+
+
+def with_function():
+    function = helper.make_function(
+        'local', 'F', ['a'], ['b'], [custom()], [helper.make_opsetid('', 18)]
+    )
+    return make_model(functions=[function])
+
+
+HOSTILE = {
+    'custom operator': (make_model([custom()]), 'custom operator com.microsoft:CDist'),
+    'in a subgraph': (make_model([subgraph(custom('evil'))]), 'custom operator evil:CDist'),
+    'external weights': (make_model(initializer=[external()]), 'weights in another file'),
+    'external constant': (
+        make_model([helper.make_node('Constant', [], ['b'], value=external())]),
+        'weights in another file',
+    ),
+    'external in a sparse constant': (make_model([sparse_constant()]), 'weights in another file'),
+    'external in a sparse weight': (sparse_initializer(), 'weights in another file'),
+    'function': (with_function(), 'functions or training graphs'),
+}
+
+
+@pytest.mark.parametrize('name', HOSTILE)
+def test_hostile_graph_is_refused_though_well_sealed(name):
+    model, message = HOSTILE[name]
+    with pytest.raises(ModelFileError, match=message):
+        open_container(seal(model.SerializeToString(), '{}'))
+
+
+def test_nesting_is_limited():
+    node = helper.make_node('Identity', ['a'], ['b'])
+    for _ in range(20):
+        node = subgraph(node) if not node.attribute else _wrap(node)
+    with pytest.raises(ModelFileError, match='nested too deeply'):
+        open_container(seal(make_model([node]).SerializeToString(), '{}'))
+
+
+def _wrap(node):
+    graph = helper.make_graph([node], 'deep', [], [])
+    return helper.make_node('If', ['c'], ['b'], then_branch=graph)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=200))
+def test_random_bytes_are_refused_with_a_sentence(data):
+    with pytest.raises(ModelFileError):
+        open_container(data)
+
+
+GOOD = seal(
+    make_model(initializer=[helper.make_tensor('w', 1, [2], [1.0, 2.0])]).SerializeToString(), '{}'
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_damaged_bytes_never_raise_anything_else(data):
+    damaged = bytearray(GOOD[: data.draw(st.integers(0, len(GOOD)))])
+    for _ in range(data.draw(st.integers(0, 4))):
+        if damaged:
+            damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        assert isinstance(open_container(bytes(damaged)), str)
+    except ModelFileError:
+        assert bytes(damaged) != GOOD

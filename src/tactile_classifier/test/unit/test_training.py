@@ -1,0 +1,60 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import datetime
+
+import numpy as np
+import pytest
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError
+from tactile_classifier.evaluation import evaluate
+from tactile_classifier.training import train
+
+NOON = datetime.datetime(2026, 1, 2, 12, 0, tzinfo=datetime.timezone.utc)
+
+
+def test_manifest_states_what_was_trained(small_table):
+    score = evaluate(small_table, ['knn'], ['none'], repetitions=2).score('knn', 'none')
+    estimator, manifest = train(small_table, 'knn', score=score, created=NOON)
+    assert list(estimator.classes_) == list(manifest.labels)
+    assert (manifest.task, manifest.contact) == ('texture', 'flexion')
+    assert (manifest.classifier, manifest.scaling, manifest.score_kind) == ('knn', 'none', 'votes')
+    assert manifest.simulated
+    assert manifest.trials == 36
+    assert manifest.training_sha256 == small_table.compute_sha256()
+    assert manifest.cross_validation == {
+        'mean': score.mean,
+        'spread': score.spread,
+        'spread_of': 'repetitions',
+        'split': 'stratified 6-fold, 2 times',
+    }
+    assert manifest.created == '2026-01-02T12:00:00+00:00'
+    assert {'python', 'numpy', 'scikit-learn'} <= set(manifest.versions)
+
+
+def test_default_scaling_follows_the_task(small_table, stiffness_table):
+    assert train(small_table, 'tree').manifest.scaling == 'none'
+    assert train(stiffness_table, 'tree').manifest.scaling == 'standard'
+
+
+def test_contact_is_empty_when_mixed_or_unknown(small_table, stiffness_table):
+    assert train(stiffness_table, 'tree').manifest.contact == ''
+    contact = np.where(np.arange(36) % 2, 'flexion', 'abduction')
+    mixed = FeatureTable(
+        small_table.values, small_table.labels, small_table.spec, {'contact': contact}
+    )
+    assert train(mixed, 'tree').manifest.contact == ''
+    assert not train(mixed, 'tree').manifest.simulated
+
+
+def test_score_of_another_classifier_is_refused(small_table):
+    score = evaluate(small_table, ['knn'], ['standard'], repetitions=1).scores[0]
+    with pytest.raises(ValueError, match='the score is of knn with scaling standard'):
+        train(small_table, 'knn', 'none', score=score)
+
+
+def test_too_little_to_train_on(small_table):
+    with pytest.raises(DatasetError, match='one class only'):
+        train(small_table.take(np.arange(5)), 'knn')
+    with pytest.raises(DatasetError, match='three trials'):
+        train(small_table.take([0, 20]), 'tree')
