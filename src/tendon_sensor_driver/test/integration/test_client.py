@@ -214,6 +214,31 @@ def test_a_consumer_that_is_too_slow_loses_samples_visibly(
     assert any(block.status & StrainStatus.RESYNCHRONISED for block in blocks)
 
 
+def test_pieces_of_two_lines_are_not_joined_where_bytes_were_dropped(
+    sensor, make_client, blocks, wait_for, monkeypatch
+):
+    monkeypatch.setattr('tendon_sensor_driver.client._QUEUED_CHUNKS', 1)
+    gate = threading.Event()
+
+    def on_block(block):
+        gate.wait()
+        blocks.append(block)
+
+    client = make_client(on_block)
+    sensor.write(b'\n' + encode_reading(0, 0.5))
+    wait_for(lambda: client.health().readings == 1)
+    sensor.write(b'17,0.')  # waits in the queue
+    wait_for(client._chunks.full)
+    sensor.write(b'50000,kg,\r\n33,0.50000,kg,\r\n50,0.')  # has no room
+    wait_for(lambda: client.health().overruns)
+    gate.set()
+    wait_for(client._chunks.empty)
+    sensor.write(b'90000,kg,\r\n' + encode_reading(67, 0.5))
+    wait_for(lambda: len(blocks) == 2)
+    assert blocks[1].tension_n.tolist() == [0.5 * 9.80665]
+    assert (blocks[1].sequence, blocks[1].lost_before) == (4, 3)
+
+
 def test_a_consumer_that_fails_does_not_end_the_stream(sensor, make_client, blocks, wait_for):
     def on_block(block):
         blocks.append(block)

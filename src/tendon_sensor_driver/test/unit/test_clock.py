@@ -152,6 +152,27 @@ def test_a_restarted_device_is_believed_from_its_second_line_on():
     assert clock.outliers == 1
 
 
+def test_a_restart_after_a_wrap_starts_from_the_ticks_themselves():
+    clock = DeviceClock(0.001)
+    run(Model(first_ticks=WRAP - 1000), 5, clock=clock)
+    start_ns = EPOCH_NS + 10 * SECOND_NS
+    clock.place(10, start_ns)
+    again = clock.place(27, start_ns + 17 * MS_NS)
+    after = clock.place(43, start_ns + 33 * MS_NS)
+    assert (again.device_ns, after.device_ns) == (27 * MS_NS, 43 * MS_NS)
+
+
+def test_two_broken_times_with_a_good_one_between_are_no_restart():
+    model = Model(first_ticks=30_000)
+    clock = DeviceClock(0.001)
+    run(model, 5, clock=clock)
+    elapsed_ns = 5 * SECOND_NS
+    assert clock.place(100, model.true_stamp(elapsed_ns)) is None
+    assert not clock.place(model.ticks(elapsed_ns), model.true_stamp(elapsed_ns)).is_restart
+    assert clock.place(117, model.true_stamp(elapsed_ns + PERIOD_NS)) is None
+    assert clock.outliers == 2
+
+
 @pytest.mark.parametrize('ticks', [3, 20_000, 350_001, WRAP - 1, 10**18])
 def test_one_broken_time_changes_nothing(ticks):
     model = Model(first_ticks=30_000)
@@ -184,6 +205,14 @@ def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():
         instant = clock.place(ticks, EPOCH_NS + 40 * SECOND_NS + 12 * MS_NS)
         assert instant.is_restart is is_restart
         assert clock.outliers == clock.late_samples == 0
+
+
+def test_a_burst_some_time_after_a_reconnection_is_no_restart():
+    clock = DeviceClock(0.001)
+    run(Model(first_ticks=5000), 10, clock=clock)
+    clock.note_reconnection()
+    assert not clock.place(15_000, EPOCH_NS + 10 * SECOND_NS).is_restart
+    assert not clock.place(15_017, EPOCH_NS + 13 * SECOND_NS).is_restart
 
 
 def test_a_host_clock_set_forward_is_followed():
@@ -237,9 +266,13 @@ def test_stamps_increase_whatever_the_device_says(lines, start_ns):
 def test_ticks_that_are_no_whole_nanoseconds_stay_exact():
     clock = DeviceClock(1 / 32768)
     clock.place(0, 0)
-    days = 86400 * 30
-    instant = clock.place(32768 * days, days * SECOND_NS)
-    assert instant.device_ns == days * SECOND_NS
+    seconds = 86400 * 30
+    instant = clock.place(32768 * seconds, seconds * SECOND_NS)
+    assert instant.device_ns == seconds * SECOND_NS
+    # 1e-6 as a float is a little less than a microsecond.
+    clock = DeviceClock(1e-6)
+    clock.place(0, 0)
+    assert clock.place(1, 1000).device_ns == 1000
 
 
 def test_without_a_device_clock_arrival_counts_and_the_error_is_unknown():

@@ -169,7 +169,7 @@ def is_plain_number(text):
     digits = set('0123456789')
     if mark:
         exponent = exponent.removeprefix('-' if exponent[:1] == '-' else '+')
-        if not exponent or len(exponent) > 3 or set(exponent) - digits:
+        if not exponent or set(exponent) - digits:
             return False
     return bool(whole + part) and not set(whole + part) - digits
 

@@ -58,10 +58,11 @@ def test_samples_that_come_too_often_are_all_kept():
     assert [block.sequence for block in blocks] == list(range(20))
 
 
-def test_a_restart_goes_on_counting_and_claims_no_loss():
+@pytest.mark.parametrize('ms', [10, 90_000])
+def test_a_restart_goes_on_counting_and_claims_no_loss(ms):
     sequencer = Sequencer(PERIOD_NS, 1)
     run(sequencer, [at(1000), at(1017)])
-    (block,) = sequencer.add(at(10, is_restart=True), 0.0)
+    (block,) = sequencer.add(at(ms, is_restart=True), 0.0)
     assert (block.sequence, block.lost_before) == (2, 0)
 
 
