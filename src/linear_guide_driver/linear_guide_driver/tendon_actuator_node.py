@@ -24,7 +24,8 @@ from linear_guide_driver.tension_guard import TensionGuard, Verdict
 from linear_guide_driver.throttle import Throttle
 from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
-from tactile_ros.lifecycle import TactileNode, run_node
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
 
 FEEDBACK_PERIOD_S = 0.1

@@ -137,7 +137,9 @@ class TendonActuatorClient:
         with bus.lock:
             self._goal_number += 1  # ends a running pull
             self._bus = None
-        self._closing.set()
+        with self._changed:
+            self._closing.set()
+            self._changed.notify_all()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(2.0)
         with suppress(LinearGuideDriverError):
@@ -297,7 +299,9 @@ class TendonActuatorClient:
             bus.write(registers.BUS_WATCHDOG, 0)
             self._write_hold(bus)
             arm_watchdog(bus, self._config.watchdog_s)
-            self._trouble = ''
+            with self._changed:
+                self._trouble = ''
+                self._changed.notify_all()
 
     def _write_goal(self, bus: DynamixelBus, counts: int, velocity: int) -> int:
         bus.write(registers.PROFILE_VELOCITY, velocity)
@@ -327,8 +331,14 @@ class TendonActuatorClient:
                 silent_polls += 1
                 if silent_polls == SILENT_POLLS:
                     self._fail(f'the servo is silent ({error})')
-                    # It may still hear us: say nothing until its watchdog has stopped it.
-                    self._closing.wait(2 * self._config.watchdog_s)
+                    silent_polls = 0
+                    # It may still hear us: say nothing until its watchdog has stopped it,
+                    # or until a fresh command has been heard.
+                    with self._changed:
+                        self._changed.wait_for(
+                            lambda: not self._trouble or self._closing.is_set(),
+                            2 * self._config.watchdog_s,
+                        )
             except LinearGuideDriverError as error:
                 self._fail(str(error), needs_connect=True)
                 return

@@ -1,0 +1,26 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import sys
+from pathlib import Path
+
+import pytest
+
+# The scripted devices lie beside the tests and are no part of the package.
+sys.path.insert(0, str(Path(__file__).parent / 'peers'))
+
+from scripted_grbl import ScriptedGrbl
+from scripted_servo import ScriptedServo
+
+
+@pytest.fixture
+def grbl():
+    peer = ScriptedGrbl()
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def servo():
+    peer = ScriptedServo()
+    yield peer
+    peer.close()

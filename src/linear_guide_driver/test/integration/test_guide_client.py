@@ -1,0 +1,262 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import threading
+import time
+
+import pytest
+from background import Background, wait_until
+
+from linear_guide_driver import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    LinearGuideClient,
+    LinearGuideConfig,
+    MotionFailedError,
+    MotionRefusedError,
+    MotionStoppedError,
+)
+
+
+@pytest.fixture
+def guide(grbl):
+    client = LinearGuideClient(LinearGuideConfig(port=grbl.port, poll_rate_hz=20.0))
+    client.connect()
+    yield client
+    client.close()
+
+
+def test_connect_identifies_the_controller_and_knows_no_position(guide):
+    assert guide.identification == 'Grbl 1.1h.20190830'
+    assert guide.state.position_m is None
+    with pytest.raises(MotionRefusedError, match='has not been homed'):
+        guide.move_to(0.1, 0.05)
+
+
+def test_home_then_move_ends_at_rest_at_the_target(guide, grbl):
+    assert guide.home().position_m == pytest.approx(0.001)
+    states = []
+    began_s = time.monotonic()
+    state = guide.move_to(0.031, 0.1, states.append)
+    took_s = time.monotonic() - began_s
+    assert state.position_m == pytest.approx(0.031, abs=1e-6)
+    assert state.state == 'Idle'
+    # The status right after the move's ok said Idle; only the dwell knew better.
+    assert took_s >= 0.3
+    assert grbl.mpos == -169.0
+    assert max(s.velocity_m_s for s in states) == pytest.approx(0.1)
+    guide.move_to(0.021, 0.1, states.append)
+    assert min(s.velocity_m_s for s in states) == pytest.approx(-0.1)
+    assert 'G53 G1 X-169.000 F6000.000' in grbl.lines
+
+
+@pytest.mark.parametrize(
+    ('position_m', 'speed_m_s', 'text'),
+    [
+        (-0.001, 0.01, 'outside of the travel'),
+        (0.2001, 0.01, 'outside of the travel'),
+        (float('nan'), 0.01, 'outside of the travel'),
+        (0.1, 0.0, 'must be above 0'),
+        (0.1, 0.101, 'at most 0.1'),
+        (0.1, float('nan'), 'must be above 0'),
+    ],
+)
+def test_a_bad_command_moves_nothing(guide, grbl, position_m, speed_m_s, text):
+    guide.home()
+    with pytest.raises(MotionRefusedError, match=text):
+        guide.move_to(position_m, speed_m_s)
+    assert not any('G1' in line for line in grbl.lines)
+    assert guide.trouble == ''
+
+
+@pytest.mark.parametrize(
+    ('number', 'value', 'text'),
+    [
+        (13, '1', r'set \$13=0'),
+        (20, '0', r'set \$20=1'),
+        (22, '0', r'set \$22=1'),
+        (110, '500.000', 'caps speed at 500 mm/min'),
+        (130, '300.000', 'travel is 300 mm'),
+        (120, 'x', r'setting \$120 is x'),
+    ],
+)
+def test_a_setting_that_would_change_a_glide_is_refused(grbl, number, value, text):
+    grbl.settings[number] = value
+    with pytest.raises(DeviceRefusedError, match=text):
+        LinearGuideClient(LinearGuideConfig(port=grbl.port)).connect()
+
+
+def test_an_origin_at_the_switch_is_refused(grbl):
+    grbl.options = 'VZ'
+    with pytest.raises(DeviceRefusedError, match='HOMING_FORCE_SET_ORIGIN'):
+        LinearGuideClient(LinearGuideConfig(port=grbl.port)).connect()
+
+
+def test_a_missing_port_and_a_silent_one_are_told_apart(grbl):
+    with pytest.raises(DeviceConnectionError, match='cannot open'):
+        LinearGuideClient(LinearGuideConfig(port='/dev/does-not-exist')).connect()
+    grbl.is_deaf = True
+    with pytest.raises(DeviceConnectionError, match='no Grbl answers'):
+        LinearGuideClient(LinearGuideConfig(port=grbl.port)).connect()
+
+
+def test_a_controller_left_moving_is_braked_before_it_is_reset(grbl):
+    grbl.state = 'Idle'
+    grbl._line('G53 G1 X-10.000 F600.000')
+    client = LinearGuideClient(LinearGuideConfig(port=grbl.port))
+    client.connect()
+    # A reset without the hold would have been an ALARM:3.
+    assert grbl.state == 'Idle'
+    assert not grbl.is_moving
+    client.close()
+
+
+@pytest.mark.parametrize('way', ['should_stop', 'request_stop'])
+def test_a_stop_brakes_and_keeps_the_position(guide, grbl, way):
+    guide.home()
+    flag = threading.Event()
+    move = Background(guide.move_to, 0.15, 0.05, lambda _: None, flag.is_set)
+    wait_until(lambda: grbl.is_moving and grbl.mpos > -197)
+    if way == 'should_stop':
+        flag.set()
+    else:
+        assert guide.request_stop()
+        wait_until(lambda: not grbl.is_moving, 0.2)
+    error = move.end()
+    assert isinstance(error, MotionStoppedError)
+    assert 'the position is kept' in str(error)
+    assert guide.trouble == ''
+    assert guide.state.position_m == pytest.approx(0.2 + grbl.mpos / 1e3, abs=1e-6)
+    guide.move_to(0.001, 0.1)
+
+
+def test_a_stop_without_motion_does_nothing(guide, grbl):
+    guide.home()
+    assert not guide.request_stop()
+    guide.move_to(0.002, 0.1)
+
+
+def test_an_alarm_ends_the_move_and_asks_for_homing(guide, grbl):
+    guide.home()
+    move = Background(guide.move_to, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    grbl.raise_alarm(1)
+    error = move.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'ALARM:1 (hard limit' in str(error)
+    assert guide.state.position_m is None
+    with pytest.raises(MotionRefusedError, match='ALARM:1'):
+        guide.move_to(0.1, 0.05)
+    guide.home()
+    guide.move_to(0.002, 0.05)
+
+
+@pytest.mark.parametrize('is_moving', [True, False])
+def test_a_restart_of_the_controller_loses_the_position(guide, grbl, is_moving):
+    guide.home()
+    move = Background(guide.move_to, 0.15, 0.05) if is_moving else None
+    if move:
+        wait_until(lambda: grbl.is_moving)
+    grbl.lose_power()
+    wait_until(lambda: guide.trouble != '')
+    if move:
+        error = move.end()
+        assert isinstance(error, MotionFailedError)
+        assert 'restarted by itself' in str(error)
+    with pytest.raises(MotionRefusedError, match='restarted by itself'):
+        guide.move_to(0.1, 0.05)
+
+
+def test_a_refused_line_ends_the_move_with_its_meaning(guide, grbl):
+    guide.home()
+    grbl.replies['G53 G1.*'] = b'error:22\r\n'
+    with pytest.raises(MotionFailedError, match=r'error:22 \(no feed rate was given\)'):
+        guide.move_to(0.1, 0.05)
+    with pytest.raises(MotionRefusedError, match='error:22'):
+        guide.move_to(0.1, 0.05)
+    grbl.replies.clear()
+    guide.home()
+    guide.move_to(0.002, 0.05)
+
+
+def test_a_hold_by_somebody_else_fails_the_move(guide, grbl):
+    guide.home()
+    move = Background(guide.move_to, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    grbl._real_time(b'!')
+    error = move.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'went to Hold by itself' in str(error)
+
+
+def test_a_silent_controller_is_noticed_at_rest_and_in_motion(guide, grbl):
+    guide.home()
+    grbl.is_deaf = True
+    wait_until(lambda: 'silent' in guide.trouble)
+    grbl.is_deaf = False
+    guide.home()
+    move = Background(guide.move_to, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    grbl.is_deaf = True
+    error = move.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'silent' in str(error)
+
+
+def test_an_unplugged_line_ends_the_move(guide, grbl):
+    guide.home()
+    move = Background(guide.move_to, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    grbl.close()
+    error = move.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'is lost' in str(error)
+    assert guide.is_lost
+    with pytest.raises(DeviceConnectionError, match='cannot open'):
+        guide.home()
+    assert guide.is_lost
+
+
+def test_a_move_ending_elsewhere_is_no_success(guide, grbl):
+    guide.home()
+    grbl.replies['G53 G1.*'] = b'ok\r\n'  # taken, and nothing moves
+    with pytest.raises(MotionFailedError, match=r'it ended as Idle at 0\.001'):
+        guide.move_to(0.1, 0.05)
+
+
+def test_homing_can_be_stopped_and_must_then_be_repeated(guide, grbl):
+    grbl.home_s = 5.0
+    homing = Background(guide.home)
+    wait_until(lambda: grbl.state == 'Home')
+    assert guide.request_stop()
+    assert isinstance(homing.end(), MotionStoppedError)
+    with pytest.raises(MotionRefusedError, match='homing'):
+        guide.move_to(0.1, 0.05)
+    grbl.home_s = 0.01
+    guide.home()
+
+
+def test_a_failed_homing_names_the_alarm(guide, grbl):
+    grbl.replies[r'\$H'] = b'ALARM:9\r\n'
+    with pytest.raises(MotionFailedError, match=r'ALARM:9 \(homing did not find'):
+        guide.home()
+
+
+def test_one_motion_at_a_time(guide, grbl):
+    guide.home()
+    move = Background(guide.move_to, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    with pytest.raises(MotionRefusedError, match='busy'):
+        guide.move_to(0.01, 0.05)
+    guide.request_stop()
+    move.end()
+
+
+def test_close_brings_a_moving_guide_to_rest(guide, grbl):
+    guide.home()
+    move = Background(guide.move_to, 0.19, 0.02)
+    wait_until(lambda: grbl.is_moving)
+    guide.close()
+    assert not grbl.is_moving
+    assert isinstance(move.end(), MotionStoppedError)
+    with pytest.raises(MotionRefusedError, match='not connected'):
+        guide.home()

@@ -1,0 +1,253 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+import threading
+import time
+
+import pytest
+from background import Background, wait_until
+from scripted_servo import compute_crc
+
+from linear_guide_driver import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    MotionFailedError,
+    MotionRefusedError,
+    MotionStoppedError,
+    TendonActuatorClient,
+    TendonActuatorConfig,
+)
+
+COUNT_M = 2 * 3.141592653589793 * 0.01 / 4096
+
+
+@pytest.fixture
+def config(servo):
+    # A loaded machine may pause a test for longer than the watchdog of a real rig.
+    return TendonActuatorConfig(port=servo.port, watchdog_s=1.0, speed_m_s=0.04)
+
+
+@pytest.fixture
+def tendon(config):
+    client = TendonActuatorClient(config)
+    client.connect()
+    yield client
+    client.close()
+
+
+def test_the_peers_checksum_is_the_documented_one():
+    # Example packet of the e-Manual: ping of ID 1.
+    assert compute_crc(bytes.fromhex('FFFFFD00010300 01'.replace(' ', ''))) == 0x4E19
+
+
+def test_connect_sets_the_servo_up_in_a_safe_order(tendon, servo):
+    assert tendon.identification == 'Dynamixel XM430-W350 firmware 45'
+    order = [address for address, _ in servo.writes]
+    assert order == [98, 11, 102, 108, 116, 64, 98]
+    assert dict(servo.writes) == {98: 50, 11: 5, 102: 112, 108: 0, 116: 2048, 64: 1}
+    assert tendon.state.displacement_m == 0.0
+    assert tendon.state.voltage_v == pytest.approx(12.1)
+
+
+def test_pull_and_release(tendon, servo):
+    states = []
+    state = tendon.pull_to(0.01, 0.04, states.append)
+    assert state.displacement_m == pytest.approx(0.01, abs=0.0005)
+    assert servo.get(116) == 2048 + 652  # 0.01 m / (2 pi 0.01 m) * 4096 = 651.9
+    assert servo.get(112) == 167  # 0.04 m/s / (2 pi 0.01 m) * 60 / 0.229 rpm = 166.8
+    assert 0.02 < max(s.velocity_m_s for s in states) < 0.06
+    assert tendon.release().displacement_m == pytest.approx(0.0, abs=0.0005)
+
+
+def test_a_reversed_tendon_winds_in_as_counts_fall(config, servo):
+    tendon = TendonActuatorClient(dataclasses.replace(config, reverse=True))
+    tendon.connect()
+    states = []
+    assert tendon.pull_to(0.005, 0.0, states.append).displacement_m > 0.0045
+    assert servo.get(116) == 2048 - 326
+    assert max(s.velocity_m_s for s in states) > 0
+    tendon.close()
+
+
+def test_a_servo_that_was_wound_below_zero_is_read_signed(config, servo):
+    servo.put(132, 4, -100)
+    tendon = TendonActuatorClient(config)
+    tendon.connect()
+    tendon.pull_to(0.001)
+    assert tendon.state.displacement_m == pytest.approx(0.001, abs=0.0005)
+    assert servo.get(116) == -100 + 65
+    tendon.close()
+
+
+@pytest.mark.parametrize(
+    ('displacement_m', 'speed_m_s', 'text'),
+    [
+        (-0.001, 0.01, 'between 0 and'),
+        (0.0201, 0.01, 'between 0 and'),
+        (float('nan'), 0.01, 'between 0 and'),
+        (0.01, 0.05, "the servo's limit of 0.0480"),
+        (0.01, -0.01, 'must be above 0'),
+        (0.01, float('nan'), 'must be above 0'),
+    ],
+)
+def test_a_bad_command_moves_nothing(tendon, servo, displacement_m, speed_m_s, text):
+    count = len(servo.writes)
+    with pytest.raises(MotionRefusedError, match=text):
+        tendon.pull_to(displacement_m, speed_m_s)
+    assert len(servo.writes) == count
+
+
+@pytest.mark.parametrize(
+    ('address', 'size', 'value', 'text'),
+    [
+        (0, 2, 1200, 'model number 1200'),
+        (6, 1, 37, 'firmware 37 without bus watchdog'),
+        (70, 1, 0x24, 'shut down: overheating and overload'),
+        (68, 1, 1, 'status return level'),
+        (38, 2, 50, r'allows 0\.1[0-9]+ A'),
+        (44, 4, 10, 'lower it'),
+    ],
+)
+def test_an_unfit_servo_is_refused_and_left_without_torque(
+    config, servo, address, size, value, text
+):
+    servo.put(address, size, value)
+    with pytest.raises(DeviceRefusedError, match=text):
+        TendonActuatorClient(config).connect()
+    assert servo.table[64] == 0
+
+
+def test_a_servo_that_holds_a_tendon_is_let_go_before_slack_is_read(config, servo):
+    servo.put(64, 1, 1)
+    servo.put(98, 1, 255)  # and its watchdog has tripped
+    servo.put(116, 4, 2048)
+    tendon = TendonActuatorClient(config)
+    tendon.connect()
+    assert (64, 0) in servo.writes
+    assert servo.table[64] == 1
+    tendon.pull_to(0.001)
+    tendon.close()
+
+
+def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, servo):
+    for change, text in (
+        ({'port': '/dev/does-not-exist'}, 'cannot open'),
+        ({'baud': 1_250_000}, 'does not know 1250000 baud'),
+        ({'device_id': 9}, 'no answer from servo 9'),
+    ):
+        with pytest.raises(DeviceConnectionError, match=text):
+            TendonActuatorClient(dataclasses.replace(config, **change)).connect()
+
+
+@pytest.mark.parametrize('way', ['should_stop', 'stop'])
+def test_a_stop_holds_the_tendon_where_it_is(tendon, servo, way):
+    flag = threading.Event()
+    pull = Background(tendon.pull_to, 0.02, 0.01, lambda _: None, flag.is_set)
+    wait_until(lambda: servo.position > 2100)
+    flag.set() if way == 'should_stop' else tendon.stop()
+    assert isinstance(pull.end(), MotionStoppedError)
+    wait_until(lambda: servo.position == servo.get(116))
+    assert 2100 < servo.get(116) < 2048 + 1304
+    tendon.release()
+
+
+def test_release_during_a_pull_wins_over_it(tendon, servo):
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    tendon.request_release()
+    assert isinstance(pull.end(), MotionStoppedError)
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_a_tripped_watchdog_ends_the_pull_and_needs_a_fresh_command(config, servo):
+    tendon = TendonActuatorClient(dataclasses.replace(config, watchdog_s=0.3))
+    tendon.connect()
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    servo.put(98, 1, 255)
+    error = pull.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'watchdog has stopped it' in str(error)
+    stopped_at = servo.position
+    assert 'watchdog' in tendon.trouble
+    tendon.pull_to(COUNT_M * (stopped_at - 2048), 0.01)
+    assert tendon.trouble == ''
+    assert servo.table[98] == 15
+    tendon.close()
+
+
+def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(config, servo):
+    tendon = TendonActuatorClient(dataclasses.replace(config, watchdog_s=0.3))
+    tendon.connect()
+    time.sleep(0.7)
+    assert servo.table[98] == 15
+    servo.is_mute = True  # the answers are lost; the driver must fall silent to stop it
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    assert 'silent' in str(pull.end()) or 'failed' in str(pull.error)
+    wait_until(lambda: servo.table[98] == 255)
+    servo.is_mute = False
+    wait_until(lambda: tendon.state.displacement_m < 0.02)
+    tendon.release()
+    assert tendon.trouble == ''
+    tendon.close()
+
+
+def test_a_hardware_alert_ends_the_pull_for_good(tendon, servo):
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    servo.shut_down(0x20)
+    error = pull.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'shut down: overload' in str(error)
+    with pytest.raises(MotionRefusedError, match=r'overload.*configure the driver again'):
+        tendon.release()
+
+
+def test_a_servo_that_restarted_has_lost_its_reference(tendon, servo):
+    servo.put(64, 1, 0)
+    wait_until(lambda: tendon.trouble != '')
+    with pytest.raises(MotionRefusedError, match='slack reference is lost'):
+        tendon.pull_to(0.01)
+
+
+def test_a_silent_servo_ends_the_pull_and_can_be_commanded_again(tendon, servo):
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    servo.is_silent = True
+    error = pull.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'silent' in str(error)
+    wait_until(lambda: servo.table[98] == 255)
+    servo.is_silent = False
+    tendon.release()
+
+
+def test_an_unplugged_bus_ends_the_pull(tendon, servo):
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    servo.close()
+    error = pull.end()
+    assert isinstance(error, MotionFailedError)
+    assert 'is lost' in str(error)
+    wait_until(lambda: tendon.trouble != '')
+    with pytest.raises(MotionRefusedError, match='configure the driver again'):
+        tendon.release()
+
+
+def test_a_pull_against_the_current_limit_is_given_up_and_released(tendon, servo):
+    servo.stuck_at = 2200
+    with pytest.raises(MotionFailedError, match=r'got no further with 0\.3 A'):
+        tendon.pull_to(0.02, 0.04)
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_one_pull_at_a_time_and_close_lets_go(tendon, servo):
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    with pytest.raises(MotionRefusedError, match='busy'):
+        tendon.pull_to(0.01)
+    tendon.close()
+    assert isinstance(pull.end(), MotionStoppedError)
+    assert servo.table[64] == 0
+    with pytest.raises(MotionRefusedError, match='not connected'):
+        tendon.release()

@@ -1,0 +1,87 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import threading
+
+import pytest
+import rclpy
+from action_msgs.msg import GoalStatus
+from domain_coordinator import domain_id
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+DEADLINE_S = 10.0
+
+
+class Bench:
+    """One node under test and one that talks to it, spun on a thread."""
+
+    def __init__(self):
+        self._domain = domain_id()
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=int(self._domain.__enter__()))
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.peer = Node('peer', context=self.context)
+        self.executor.add_node(self.peer)
+        self.node = None
+        self.feedback = []
+        self._thread = threading.Thread(target=self.executor.spin, daemon=True)
+
+    def start(self, node_class, **parameters):
+        self.node = self.make(node_class, **parameters)
+        assert self.node.bring_up()
+        self.executor.add_node(self.node)
+        self._thread.start()
+
+    def make(self, node_class, **parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        return node_class(context=self.context, parameter_overrides=overrides)
+
+    @staticmethod
+    def wait(future):
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert future.done() or done.wait(DEADLINE_S), 'no answer'
+        return future.result()
+
+    def send(self, action_type, name, **fields):
+        client = ActionClient(self.peer, action_type, name)
+        assert client.wait_for_server(timeout_sec=DEADLINE_S)
+        goal = action_type.Goal(**fields)
+        return self.wait(
+            client.send_goal_async(goal, lambda message: self.feedback.append(message.feedback))
+        )
+
+    def result(self, handle):
+        reply = self.wait(handle.get_result_async())
+        names = {
+            GoalStatus.STATUS_SUCCEEDED: 'succeeded',
+            GoalStatus.STATUS_CANCELED: 'canceled',
+            GoalStatus.STATUS_ABORTED: 'aborted',
+        }
+        return names[reply.status], reply.result
+
+    def call_stop(self, name):
+        client = self.peer.create_client(Trigger, name)
+        assert client.wait_for_service(timeout_sec=DEADLINE_S)
+        return self.wait(client.call_async(Trigger.Request()))
+
+    def close(self):
+        self.executor.shutdown()
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+        if self.node is not None:
+            self.node.take_down()
+        self.peer.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+        self._domain.__exit__(None, None, None)
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()

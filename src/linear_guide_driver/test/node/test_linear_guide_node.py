@@ -1,0 +1,117 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import pytest
+from background import wait_until
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+from tactile_msgs.action import HomeGuide, MoveGuide
+
+from linear_guide_driver.linear_guide_node import LinearGuideNode
+
+
+@pytest.fixture
+def guide(bench, grbl):
+    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0)
+    return bench
+
+
+def home(bench):
+    status, result = bench.result(bench.send(HomeGuide, '/linear_guide/home'))
+    assert status == 'succeeded', result.message
+    return result
+
+
+def move(bench, position_m, speed_m_s):
+    return bench.send(MoveGuide, '/linear_guide/move', position_m=position_m, speed_m_s=speed_m_s)
+
+
+def test_home_and_move_succeed_with_feedback_joint_states_and_diagnostics(guide, grbl):
+    joints, diagnostics = [], []
+    guide.peer.create_subscription(JointState, '/linear_guide/joint_states', joints.append, 10)
+    guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+    grbl.home_s = 0.3
+    result = home(guide)
+    assert result.position_m == pytest.approx(0.001)
+    assert len(guide.feedback) >= 2
+    guide.feedback.clear()
+
+    status, result = guide.result(move(guide, 0.051, 0.1))
+    assert status == 'succeeded'
+    assert result.message == 'The guide rests at 0.0510 m.'
+    assert result.position_m == pytest.approx(0.051)
+    assert 0.5 <= result.duration_s < 2.0
+    assert 3 <= len(guide.feedback) <= 7  # some 10 Hz over half a second
+    assert all(0.001 <= f.position_m <= 0.051 for f in guide.feedback)
+
+    wait_until(lambda: joints and joints[-1].position[0] == pytest.approx(0.051))
+    assert joints[-1].name == ['linear_guide_joint']
+    assert joints[-1].header.frame_id == 'linear_guide_link'
+    assert max(j.velocity[0] for j in joints) == pytest.approx(0.1)
+    assert len(joints[-1].effort) == 0
+    wait_until(lambda: diagnostics and diagnostics[-1].status[0].level == b'\x00')
+    assert diagnostics[-1].status[0].hardware_id == 'Grbl 1.1h.20190830'
+
+
+def test_no_joint_state_before_the_position_is_known(guide):
+    joints, diagnostics = [], []
+    guide.peer.create_subscription(JointState, '/linear_guide/joint_states', joints.append, 10)
+    guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+    wait_until(lambda: diagnostics, 5.0)
+    assert diagnostics[0].status[0].message.endswith('home the guide')
+    assert joints == []
+
+
+def test_a_cancel_brakes_and_the_guide_can_go_on(guide, grbl):
+    home(guide)
+    handle = move(guide, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    guide.wait(handle.cancel_goal_async())
+    status, result = guide.result(handle)
+    assert status == 'canceled'
+    assert 'the position is kept' in result.message
+    assert not grbl.is_moving
+    assert guide.result(move(guide, 0.002, 0.1))[0] == 'succeeded'
+
+
+def test_the_stop_service_ends_the_goal(guide, grbl):
+    assert guide.call_stop('/linear_guide/stop').message == 'The guide was not moving.'
+    home(guide)
+    handle = move(guide, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    assert guide.call_stop('/linear_guide/stop').success
+    wait_until(lambda: not grbl.is_moving, 0.5)
+    status, result = guide.result(handle)
+    assert status == 'aborted'
+    assert 'Stopped at' in result.message
+
+
+def test_bad_goals_are_aborted_with_a_sentence(guide, grbl):
+    status, result = guide.result(move(guide, 0.1, 0.05))
+    assert (status, 'home the guide' in result.message) == ('aborted', True)
+    home(guide)
+    status, result = guide.result(move(guide, 0.3, 0.05))
+    assert (status, 'outside of the travel' in result.message) == ('aborted', True)
+    first = move(guide, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    status, result = guide.result(guide.send(HomeGuide, '/linear_guide/home'))
+    assert (status, 'busy' in result.message) == ('aborted', True)
+    guide.call_stop('/linear_guide/stop')
+    guide.result(first)
+
+
+def test_deactivation_stops_the_guide(guide, grbl):
+    home(guide)
+    handle = move(guide, 0.15, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    guide.node.trigger_deactivate()
+    assert guide.result(handle)[0] == 'aborted'
+    assert not grbl.is_moving
+    status, result = guide.result(move(guide, 0.1, 0.05))
+    assert (status, 'not active' in result.message) == ('aborted', True)
+
+
+def test_configure_fails_cleanly_without_a_port_and_works_afterwards(bench, grbl):
+    bench.node = bench.make(LinearGuideNode, port='/dev/does-not-exist')
+    assert not bench.node.bring_up()
+    bench.node.set_parameters([type(bench.node.get_parameter('port'))('port', value=grbl.port)])
+    assert bench.node.bring_up()

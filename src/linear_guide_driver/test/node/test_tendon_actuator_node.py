@@ -1,0 +1,156 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import threading
+
+import pytest
+from background import wait_until
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+from tactile_msgs.action import PullTendon
+from tactile_msgs.msg import StrainBlock
+
+from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
+from tactile_ros.qos import STREAM
+
+
+@pytest.fixture
+def tendon(bench, servo):
+    bench.start(TendonActuatorNode, port=servo.port, watchdog_s=1.0)
+    return bench
+
+
+class Sensor:
+    """Publishes strain at 100 Hz: whatever ``measure`` returns."""
+
+    def __init__(self, bench, measure):
+        self.status = 0
+        self.measure = measure
+        self._publisher = bench.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        wait_until(lambda: self._publisher.get_subscription_count() == 1)
+        # The guard has a sample as soon as the node's diagnostics could show one.
+        wait_until(lambda: bench.node._guard.tension_n is not None)
+
+    def _run(self):
+        while not self._end.wait(0.01):
+            self._publisher.publish(StrainBlock(tension_n=[self.measure()], status=self.status))
+
+    def close(self):
+        self._end.set()
+        self._thread.join(1.0)
+
+
+@pytest.fixture
+def sensor(tendon, servo):
+    # 1 N a millimetre of tendon: 651.9 counts are 10 mm.
+    sensor = Sensor(tendon, lambda: (servo.position - 2048) / 65.19)
+    yield sensor
+    sensor.close()
+
+
+def pull(bench, displacement_m, speed_m_s=0.02, stop_tension_n=0.0, contact='flexion'):
+    return bench.send(
+        PullTendon,
+        '/tendon_actuator/pull',
+        displacement_m=displacement_m,
+        speed_m_s=speed_m_s,
+        stop_tension_n=stop_tension_n,
+        contact=contact,
+    )
+
+
+def test_pull_and_release_succeed_with_feedback_joint_states_and_diagnostics(tendon, servo):
+    joints, diagnostics = [], []
+    tendon.peer.create_subscription(JointState, '/tendon_actuator/joint_states', joints.append, 10)
+    tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+    status, result = tendon.result(pull(tendon, 0.01))
+    assert (status, result.stopped_by_tension) == ('succeeded', False)
+    assert result.message.startswith('The tendon rests at 0.0')
+    assert result.displacement_m == pytest.approx(0.01, abs=0.0005)
+    assert 0.4 < result.duration_s < 2.0
+    assert 3 <= len(tendon.feedback) <= 8
+    wait_until(lambda: joints and joints[-1].position[0] == pytest.approx(0.01, abs=0.0005))
+    assert joints[-1].name == ['tendon_joint']
+    assert joints[-1].header.frame_id == 'tendon_link'
+    assert len(joints[-1].effort) == 0
+    wait_until(lambda: diagnostics, 5.0)
+    assert diagnostics[-1].status[0].hardware_id == 'Dynamixel XM430-W350 firmware 45'
+    assert 'not guarded' in diagnostics[-1].status[0].message
+    assert tendon.result(pull(tendon, 0.0))[0] == 'succeeded'
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_a_stop_tension_ends_the_pull_as_a_success(tendon, servo, sensor):
+    status, result = tendon.result(pull(tendon, 0.02, 0.01, stop_tension_n=5.0))
+    assert (status, result.stopped_by_tension) == ('succeeded', True)
+    assert 0.005 <= result.displacement_m < 0.008
+    assert 'The tension reached 5.' in result.message
+    wait_until(lambda: servo.get(116) == servo.position)
+
+
+def test_over_the_limit_the_tendon_is_released_and_the_goal_aborted(tendon, servo, sensor):
+    status, result = tendon.result(pull(tendon, 0.02, 0.01, contact='abduction'))
+    assert status == 'aborted'
+    assert 'above the limit, 3.0 N. The tendon is released.' in result.message
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_the_limit_is_guarded_while_holding(tendon, servo, sensor):
+    assert tendon.result(pull(tendon, 0.01))[0] == 'succeeded'
+    sensor.measure = lambda: 16.0
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_a_dead_sensor_ends_a_pull_with_a_stop_tension(tendon, servo, sensor):
+    handle = pull(tendon, 0.02, 0.005, stop_tension_n=14.0)
+    wait_until(lambda: servo.position > 2100)
+    sensor.status = StrainBlock.STATUS_STUCK  # still publishing, no longer measuring
+    status, result = tendon.result(handle)
+    assert status == 'aborted'
+    assert result.message.startswith('No valid strain sample arrived for 0.25 s.')
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_a_cancel_holds_the_tendon_where_it_is(tendon, servo):
+    handle = pull(tendon, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    tendon.wait(handle.cancel_goal_async())
+    status, result = tendon.result(handle)
+    assert status == 'canceled'
+    assert 'held there' in result.message
+    wait_until(lambda: servo.get(116) == servo.position)
+    assert 2100 < servo.position < 3300
+
+
+def test_the_stop_service_holds_and_ends_the_goal(tendon, servo):
+    handle = pull(tendon, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    assert tendon.call_stop('/tendon_actuator/stop').success
+    assert tendon.result(handle)[0] == 'aborted'
+    wait_until(lambda: servo.get(116) == servo.position)
+
+
+@pytest.mark.parametrize(
+    ('fields', 'text'),
+    [
+        ({'displacement_m': 0.03}, 'between 0 and max_displacement_m'),
+        ({'displacement_m': 0.01, 'contact': 'sideways'}, 'must be one of flexion, abduction'),
+        ({'displacement_m': 0.01, 'stop_tension_n': 5.0}, 'needs the tendon sensor'),
+    ],
+)
+def test_bad_goals_are_aborted_with_a_sentence(tendon, servo, fields, text):
+    status, result = tendon.result(pull(tendon, **fields))
+    assert (status, text in result.message) == ('aborted', True), result.message
+    assert servo.position == 2048
+
+
+def test_configure_fails_cleanly_without_a_port(bench, servo):
+    bench.node = bench.make(TendonActuatorNode, port='/dev/does-not-exist')
+    assert not bench.node.bring_up()
+    bench.node.set_parameters([type(bench.node.get_parameter('port'))('port', value=servo.port)])
+    assert bench.node.bring_up()
+    bench.node.take_down()
+    bench.node = None
+    assert servo.table[64] == 0

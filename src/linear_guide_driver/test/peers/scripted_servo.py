@@ -1,0 +1,149 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A Dynamixel XM430 behind a pty: Protocol 2.0 written from the e-Manual, not from the SDK."""
+
+import os
+import select
+import struct
+import threading
+import time
+import tty
+
+VELOCITY_UNIT_COUNTS_S = 0.229 / 60 * 4096
+
+
+def compute_crc(data):
+    """CRC-16 with polynomial 0x8005, bit by bit."""
+    crc = 0
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x8005 if crc & 0x8000 else crc << 1) & 0xFFFF
+    return crc
+
+
+class ScriptedServo:
+    """Turns at the profile velocity; holds its watchdog; a test plants faults."""
+
+    def __init__(self):
+        self.table = bytearray(147)
+        self.put(0, 2, 1020)
+        self.put(6, 1, 45)
+        self.put(7, 1, 1)
+        self.put(11, 1, 3)
+        self.put(38, 2, 1193)
+        self.put(44, 4, 200)
+        self.put(68, 1, 2)
+        self.put(132, 4, 2048)
+        self.put(144, 2, 121)
+        self.put(146, 1, 31)
+        self.writes = []
+        self.is_silent = False
+        self.is_mute = False  # hears, but its answers are lost
+        self.stuck_at = None  # counts beyond which the load does not yield
+        self._heard_s = self._turned_s = time.monotonic()
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def put(self, address, size, value):
+        self.table[address : address + size] = value.to_bytes(size, 'little', signed=value < 0)
+
+    def get(self, address, size=4, signed=True):
+        return int.from_bytes(self.table[address : address + size], 'little', signed=signed)
+
+    @property
+    def position(self):
+        return self.get(132)
+
+    def close(self):
+        """Unplug. Harmless when called twice."""
+        master, self._master = self._master, -1
+        if master >= 0:
+            os.close(self._slave)
+            self._thread.join(1.0)
+            os.close(master)
+
+    def shut_down(self, hardware_error):
+        self.put(70, 1, hardware_error)
+        self.put(64, 1, 0)
+
+    # -- inside ------------------------------------------------------------------------
+
+    def _serve(self):
+        buffer = b''
+        try:
+            while self._master >= 0:
+                ready, _, _ = select.select([self._master], [], [], 0.002)
+                if ready:
+                    buffer += os.read(self._master, 1024)
+                self._turn()
+                while len(buffer) >= 7 and len(buffer) >= 7 + buffer[5] + 256 * buffer[6]:
+                    end = 7 + buffer[5] + 256 * buffer[6]
+                    self._packet(buffer[:end])
+                    buffer = buffer[end:]
+        except (OSError, ValueError):
+            pass
+
+    def _turn(self):
+        now, before = time.monotonic(), self._turned_s
+        self._turned_s = now
+        watchdog = self.get(98, 1, signed=False)
+        if self.table[64] and 1 <= watchdog <= 127 and now - self._heard_s > watchdog * 0.02:
+            self.put(98, 1, 255)
+        velocity = 0
+        if self.table[64] and self.table[98] != 255:
+            left = self.get(116) - self.position
+            step = max(1, round(self.get(112) * VELOCITY_UNIT_COUNTS_S * (now - before)))
+            step = min(step, abs(left)) * (1 if left > 0 else -1)
+            if self.stuck_at is not None and self.position + step > self.stuck_at:
+                step = self.stuck_at - self.position
+            velocity = self.get(112) * (step > 0) - self.get(112) * (step < 0)
+            self.put(132, 4, self.position + step)
+        self.put(128, 4, velocity)
+
+    def _packet(self, packet):
+        assert packet[:4] == b'\xff\xff\xfd\x00'
+        assert struct.unpack('<H', packet[-2:])[0] == compute_crc(packet[:-2])
+        if packet[4] != self.table[7] or self.is_silent:
+            return
+        self._heard_s = time.monotonic()
+        instruction, parameters = (
+            packet[7],
+            packet[8:-2].replace(b'\xff\xff\xfd\xfd', b'\xff\xff\xfd'),
+        )
+        if instruction == 1:
+            self._answer(0, bytes(self.table[0:2]) + bytes(self.table[6:7]))
+        elif instruction == 2:
+            address, size = struct.unpack('<HH', parameters)
+            self._answer(0, bytes(self.table[address : address + size]))
+        elif instruction == 3:
+            address, data = struct.unpack('<H', parameters[:2])[0], parameters[2:]
+            self._answer(self._write(address, data))
+        else:
+            self._answer(2)
+
+    def _write(self, address, data):
+        value = int.from_bytes(data, 'little', signed=True)
+        if address < 64 and self.table[64]:
+            return 7
+        if address in (102, 112, 116) and self.table[98] == 255:
+            return 4
+        if address == 102 and value > self.get(38, 2):
+            return 6
+        self.writes.append((address, value))
+        self.table[address : address + len(data)] = data
+        return 0
+
+    def _answer(self, error, data=b''):
+        if self.is_mute:
+            return
+        alert = 0x80 if self.table[70] else 0
+        body = bytes([0x55, error | alert]) + data
+        body = body.replace(b'\xff\xff\xfd', b'\xff\xff\xfd\xfd')
+        packet = (
+            b'\xff\xff\xfd\x00' + bytes([self.table[7]]) + struct.pack('<H', len(body) + 2) + body
+        )
+        os.write(self._master, packet + struct.pack('<H', compute_crc(packet)))

@@ -1,0 +1,149 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from linear_guide_driver import grbl_protocol as grbl
+from linear_guide_driver.grbl_codes import STATES, describe_alarm, describe_error
+from linear_guide_driver.grbl_protocol import (
+    MAX_LINE_BYTES,
+    Alarm,
+    Banner,
+    Error,
+    GrblDecoder,
+    Message,
+    Ok,
+    Setting,
+    StatusReport,
+    encode_event,
+)
+
+coordinates = st.integers(-999_999, 999_999).map(lambda n: n / 1000)
+axes = st.tuples(coordinates, coordinates, coordinates)
+words = st.text('ABCabc0123456789:.,_ ', max_size=40)
+reports = st.builds(
+    StatusReport,
+    state=st.sampled_from(sorted(STATES)),
+    substate=st.none() | st.integers(0, 3),
+    mpos_mm=axes,
+    feed_mm_min=st.none() | st.integers(0, 9999).map(float),
+    pins=st.sampled_from(['', 'X', 'PXZ']),
+)
+events = st.one_of(
+    st.just(Ok()),
+    st.builds(Error, st.integers(1, 99)),
+    st.builds(Alarm, st.integers(1, 11)),
+    st.builds(Setting, st.integers(0, 132), st.sampled_from(['0', '250.000', '-1'])),
+    st.builds(Banner, st.sampled_from(['1.1h', '1.1f']), st.booleans()),
+    st.builds(Message, words),
+    reports,
+)
+garbage = st.sampled_from(
+    [
+        b'o', b'okk', b' ok', b'OK', b'error:', b'error:x', b'error:2a', b'xxerror:9', b'ALARM:',
+        b'Alarm:1', b'<Idle>', b'<Idle|MPos:1.0,nan,0.0>', b'<Idle|MPos:1.0,,0>', b'<Run|FS:1,0>',
+        b'<Idle|MPos:1,2,3', b'Idle|MPos:1,2,3>', b'<Nap|MPos:1,2,3>',
+        b'<Idle|MPos:1,2,3|FS:9x,0>',
+        b'<Idle|MPos:1,2,3|WPos:1,2,3>', b'$x=1', b'$1', b'Grb 1.1h', b'\xff\x00ok', b'[MSG:half',
+        b'ok\x00', b'x' * (MAX_LINE_BYTES + 5),
+    ]
+)  # fmt: skip
+
+
+def decode_in_chunks(data, cuts):
+    decoder = GrblDecoder()
+    decoded = []
+    edges = sorted({0, len(data), *(cut % (len(data) + 1) for cut in cuts)})
+    for low, high in pairwise(edges):
+        decoded += decoder.feed(data[low:high])
+        assert decoder.buffered_bytes <= MAX_LINE_BYTES
+    return decoded, decoder
+
+
+def without_offsets(event):
+    if isinstance(event, StatusReport):
+        return StatusReport(
+            event.state, event.substate, event.mpos_mm, None, event.wco_mm, event.feed_mm_min,
+            event.pins,
+        )  # fmt: skip
+    return event
+
+
+@given(st.lists(events | garbage, max_size=20), st.lists(st.integers(0, 10_000), max_size=30))
+def test_any_chunking_gives_the_same_events_and_garbage_gives_none(items, cuts):
+    data = b''.join(i + b'\r\n' if isinstance(i, bytes) else encode_event(i) for i in items)
+    decoded, decoder = decode_in_chunks(data, cuts)
+    assert [without_offsets(e) for e in decoded] == [i for i in items if not isinstance(i, bytes)]
+    assert decoder.garbage_lines == sum(isinstance(i, bytes) for i in items)
+
+
+@given(st.binary(max_size=3000), st.lists(st.integers(0, 3000), max_size=20))
+def test_random_bytes_never_raise_and_chunking_does_not_matter(data, cuts):
+    whole, _ = decode_in_chunks(data, [])
+    assert decode_in_chunks(data, cuts)[0] == whole
+    assert b'\n' in data or whole == []
+
+
+@given(st.integers(1, 20))
+def test_memory_is_bounded_by_one_line(repeats):
+    decoder = GrblDecoder()
+    for _ in range(repeats):
+        assert decoder.feed(b'x' * 1000) == []
+        assert decoder.buffered_bytes <= MAX_LINE_BYTES
+    assert decoder.feed(b'\r\nok\r\n') == [Ok()]
+    assert decoder.garbage_lines == 1
+
+
+def test_known_good_bytes():
+    decoder = GrblDecoder()
+    assert decoder.feed(
+        b"\r\nGrbl 1.1h ['$' for help]\r\n[MSG:'$H'|'$X' to unlock]\r\n"
+        b'[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n'
+        b'$110=500.000\r\n>G20G54G17:ok\r\nerror:22\r\nALARM:1\r\n'
+        b"GrblHAL 1.1f ['$' or '$HELP' for help]\r\n"
+    ) == [
+        Banner('1.1h'),
+        Message("MSG:'$H'|'$X' to unlock"),
+        Message('VER:1.1h.20190830:'),
+        Message('OPT:V,15,128'),
+        Ok(),
+        Setting(110, '500.000'),
+        Message('>G20G54G17:ok'),
+        Error(22),
+        Alarm(1),
+        Banner('1.1f', is_hal=True),
+    ]
+    assert decoder.garbage_lines == 0
+
+
+def test_a_work_position_needs_the_offset_and_a_restart_forgets_it():
+    decoder = GrblDecoder()
+    (before,) = decoder.feed(b'<Idle|WPos:1.000,0.000,0.000|FS:0,0>\r\n')
+    assert before.mpos_mm is None
+    (first,) = decoder.feed(
+        b'<Hold:0|WPos:1.000,2.000,3.000|Bf:15,128|F:900|WCO:-10.000,0.000,0.500>\r\n'
+    )
+    assert first.mpos_mm == (-9.0, 2.0, 3.5)
+    assert (first.state, first.substate, first.feed_mm_min) == ('Hold', 0, 900.0)
+    (later,) = decoder.feed(b'<Run|WPos:4.000,2.000,3.000|FS:900,0|Ov:100,100,100>\r\n')
+    assert later.mpos_mm == (-6.0, 2.0, 3.5)
+    decoder.feed(b"Grbl 1.1h ['$' for help]\r\n")
+    (after,) = decoder.feed(b'<Idle|WPos:1.000,0.000,0.000>\r\n')
+    assert after.mpos_mm is None
+
+
+def test_commands():
+    assert grbl.encode_move(-199.0, 900.0) == b'G53 G1 X-199.000 F900.000\n'
+    assert grbl.encode_jog(-40.0, 900.0) == b'$J=G53 G21 X-40.000 F900.000\n'
+    assert grbl.encode_dwell() == b'G4 P0.010\n'
+    assert len(grbl.encode_move(-5000.0, 60_000.0)) < 80
+
+
+@pytest.mark.parametrize('code', [9, 22])
+def test_codes_have_a_meaning_and_unknown_ones_say_so(code):
+    assert 'not a code' not in describe_error(code)
+    assert describe_error(99) == 'error:99 (not a code of Grbl 1.1)'
+    assert describe_alarm(99) == 'ALARM:99 (not a code of Grbl 1.1)'

@@ -1,0 +1,108 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import pytest
+
+from linear_guide_driver.errors import MotionRefusedError
+from linear_guide_driver.tension_guard import TensionGuard, Verdict
+
+MS = 1_000_000
+
+
+@pytest.fixture
+def guard():
+    return TensionGuard({'flexion': 15.0, 'abduction': 3.0}, 0.25)
+
+
+def begin(guard, contact='flexion', stop_tension_n=0.0, is_release=False, now_ns=0):
+    guard.begin(contact, stop_tension_n, is_release, now_ns)
+
+
+def test_the_contact_chooses_the_limit(guard):
+    begin(guard, 'flexion')
+    assert not guard.add_sample(14.9, False, 0)
+    guard.add_sample(2.0, False, 0)
+    begin(guard, 'abduction')
+    assert guard.add_sample(3.1, False, 0)
+    assert guard.check(0) is Verdict.OVER_LIMIT
+    assert '3.10 N, is above the limit, 3.0 N' in guard.describe()
+
+
+def test_crossing_the_limit_is_said_once(guard):
+    begin(guard, 'abduction')
+    said = [guard.add_sample(n, False, 0) for n in (2.9, 3.1, 5.0, 2.0, 3.2)]
+    assert said == [False, True, False, False, True]
+
+
+def test_the_limit_holds_between_pulls_and_is_strict_before_the_first(guard):
+    assert guard.add_sample(3.1, False, 0)
+    guard.add_sample(0.0, False, 0)
+    begin(guard, 'flexion')
+    guard.end()
+    assert not guard.add_sample(10.0, False, 0)
+    assert guard.add_sample(15.1, False, 0)
+
+
+def test_a_limit_lowered_below_a_stale_tension_still_trips(guard):
+    begin(guard, 'flexion')
+    guard.add_sample(5.0, False, 0)
+    begin(guard, 'abduction', now_ns=1000 * MS)  # the 5 N are too old to refuse
+    assert guard.add_sample(5.0, False, 1001 * MS)
+
+
+def test_saturation_counts_as_over_the_limit(guard):
+    begin(guard)
+    assert guard.add_sample(1.0, True, 0)
+
+
+def test_the_stop_tension_ends_the_pull_at_or_above(guard):
+    guard.add_sample(0.1, False, 0)
+    begin(guard, stop_tension_n=5.0)
+    guard.add_sample(4.999, False, 0)
+    assert guard.check(0) is Verdict.CONTINUE
+    guard.add_sample(5.0, False, 0)
+    guard.add_sample(4.0, False, 0)
+    assert guard.check(0) is Verdict.REACHED
+    assert guard.describe() == 'The tension reached 5.00 N.'
+
+
+def test_without_a_stop_tension_no_tension_below_the_limit_ends_it(guard):
+    begin(guard)
+    guard.add_sample(14.0, False, 0)
+    assert guard.check(10_000 * MS) is Verdict.CONTINUE
+
+
+def test_a_stop_tension_needs_a_live_sensor(guard):
+    with pytest.raises(MotionRefusedError, match='needs the tendon sensor'):
+        begin(guard, stop_tension_n=5.0)
+    guard.add_sample(0.1, False, 0)
+    begin(guard, stop_tension_n=5.0, now_ns=250 * MS)
+    assert guard.check(250 * MS) is Verdict.CONTINUE
+    assert guard.check(251 * MS) is Verdict.NO_SAMPLES
+    assert guard.describe() == 'No valid strain sample arrived for 0.25 s.'
+
+
+@pytest.mark.parametrize(
+    ('contact', 'stop_tension_n', 'text'),
+    [
+        ('sideways', 0.0, 'must be one of flexion, abduction'),
+        ('abduction', 3.5, 'between 0 and the abduction limit'),
+        ('flexion', -1.0, 'between 0'),
+        ('flexion', float('nan'), 'between 0'),
+    ],
+)
+def test_impossible_pulls_are_refused(guard, contact, stop_tension_n, text):
+    guard.add_sample(0.1, False, 0)
+    with pytest.raises(MotionRefusedError, match=text):
+        begin(guard, contact, stop_tension_n)
+
+
+def test_over_the_limit_only_a_release_is_allowed_and_it_is_not_interrupted(guard):
+    begin(guard, 'abduction')
+    guard.add_sample(4.0, False, 0)
+    with pytest.raises(MotionRefusedError, match='release the tendon first'):
+        begin(guard, 'abduction')
+    begin(guard, 'abduction', is_release=True)
+    assert not guard.add_sample(4.0, False, 0)
+    assert guard.check(0) is Verdict.CONTINUE
+    guard.end()
+    assert guard.add_sample(4.0, False, 0)
