@@ -176,7 +176,7 @@ def test_says_what_is_missing_when_it_stops(make_bench):
     bench.send_blocks(0, 500)
     for msg in TRIAL:
         bench.events.publish(msg)
-    bench.spin_until(lambda: len(bench.windows) == 1)
+    bench.spin_until(lambda: bench.node.extractor.event_count == 4 and bench.windows)
     assert bench.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     bench.spin_until(lambda: len(bench.windows) == 2)
     assert [w.outcome for w in bench.windows] == [Outcome.OK, Outcome.GAP]

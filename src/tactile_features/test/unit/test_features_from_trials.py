@@ -33,8 +33,7 @@ def test_stiffness_takes_all_samples():
 
 
 @pytest.mark.parametrize(
-    ('task', 'phase', 'first', 'count'),
-    [('texture', 'glide', 10, 180), ('stiffness', 'hold', 10, 204)],
+    ('task', 'phase', 'count'), [('texture', 'glide', 180), ('stiffness', 'hold', 204)]
 )
 def test_gives_the_bits_of_the_stream(task, phase, count):
     first = 10
