@@ -185,7 +185,8 @@ def evaluate(
         typer.Option(help='Which features to compute. Needed for an archive.'),
     ] = None,
     channel: Annotated[
-        int | None, typer.Option(help='Channel of the archive; default: 0.', min=0)
+        str | None,
+        typer.Option(help='Channel of the archive, or "mean" for the mean of all; default: 0.'),
     ] = None,
     where: Annotated[
         str | None,

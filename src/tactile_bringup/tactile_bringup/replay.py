@@ -97,19 +97,13 @@ def replay_through_core(
         Namespace of the finger.
     """
     for model in models.values():
-        model.check_fits(spec_for(model.manifest.task, config))
+        model.check_fits(spec_for(model.task, config))
     results = TactileResults(windows=replay_windows(bag, config, namespace))
     for window in results.windows:
         for model in models.values():
-            if accepts(model, window):
+            if model.accepts(window):
                 results.classifications.append(model.classify(window))
     return results.sort()
-
-
-def accepts(model: TactileModel, window: FeatureWindow) -> bool:
-    """Return whether a window is of a model's task and kind of contact."""
-    contact = model.manifest.contact
-    return window.feature_set == model.spec.feature_set and contact in ('', window.contact)
 
 
 def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:

@@ -80,7 +80,7 @@ def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
         elif isinstance(step, TendonStep):
             tendon_moves.append(Move(now_s, step.displacement_m, step.speed_m_s))
             now_s += move_duration_s(
-                abs(step.displacement_m - tendon_m), step.speed_m_s, rig.tendon.acceleration_m_s2
+                abs(step.displacement_m - tendon_m), step.speed_m_s, rig.tendon.max_acceleration_m_s2
             )
             tendon_m = step.displacement_m
     phases.append(('done', now_s))

@@ -24,18 +24,7 @@ SCALING_TITLES = {
 def accuracy_table(evaluation: Evaluation, title: str) -> Table:
     """Return accuracies [%] by classifier and scaling, with their spread."""
     scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
-    spread_of = evaluation.scores[0].spread_of
-    table = Table(
-        title=title,
-        title_justify='left',
-        title_style='bold',
-        caption=(
-            f'accuracy in %, {evaluation.split}, {evaluation.trials} trials, '
-            f'{len(evaluation.labels)} labels; ± standard deviation over {spread_of}; '
-            f'always naming the commonest label: {100 * evaluation.chance:.0f}'
-        ),
-        caption_justify='left',
-    )
+    table = Table(title=title, title_justify='left', title_style='bold')
     table.add_column('classifier')
     for scaling in scalings:
         table.add_column(SCALING_TITLES[scaling], justify='right')
@@ -46,3 +35,12 @@ def accuracy_table(evaluation: Evaluation, title: str) -> Table:
             cells.append(f'{100 * score.mean:.1f} ± {100 * score.spread:.1f}')
         table.add_row(CLASSIFIER_TITLES[classifier], *cells)
     return table
+
+
+def accuracy_caption(evaluation: Evaluation) -> str:
+    """Return what the numbers of `accuracy_table` are."""
+    return (
+        f'accuracy in %: {evaluation.split}, {evaluation.trials} trials; '
+        f'± standard deviation over {evaluation.scores[0].spread_of}; '
+        f'chance {100 * evaluation.chance:.0f}'
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
-from tactile_bringup.tables import accuracy_table
+from tactile_bringup.tables import accuracy_caption, accuracy_table
 from tactile_classifier.archive import load_archive
 from tactile_classifier.dataset import FeatureTable, table_from_trials
 from tactile_classifier.evaluation import Evaluation, evaluate
@@ -25,7 +25,7 @@ class EvaluateRequest:
 
     recordings: tuple[Path, ...]
     task: str | None
-    channel: int | None
+    channel: str | None
     where: str | None
     static_phase: str | None
     groups: tuple[str, ...]
@@ -49,6 +49,7 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
             random_state=request.seed,
         )
         output.say(accuracy_table(evaluation, title))
+        output.say(accuracy_caption(evaluation))
         documents.append({'title': title, **evaluation.to_dict()})
     output.result({'evaluations': documents})
 
@@ -89,7 +90,9 @@ def _archive_table(path: Path, request: EvaluateRequest) -> tuple[str, FeatureTa
     if request.task is None:
         raise BringupError(f'say what {path.name} is about: --task texture or --task stiffness')
     trials = load_archive(path, folds=request.folds)
-    title = [request.task, path.name, f'channel {request.channel or 0}']
+    channel = parse_channel(request.channel or '0')
+    title = [request.task, path.name]
+    title.append('mean of all channels' if channel is None else f'channel {channel}')
     if request.where is not None:
         column, equals, text = request.where.partition('=')
         trials = trials.where(column, _value(text, trials.columns, column) if equals else True)
@@ -98,7 +101,7 @@ def _archive_table(path: Path, request: EvaluateRequest) -> tuple[str, FeatureTa
         start_s, stop_s = parse_span(request.static_phase)
         trials = trials.between(start_s, stop_s)
         title.append(f'{start_s:g} to {stop_s:g} s')
-    table = table_from_trials(request.task, trials, request.channel or 0)
+    table = table_from_trials(request.task, trials, channel)
     if request.features is not None:
         title.append(request.features)
     return ', '.join(title), _select(table, request.features)
@@ -113,6 +116,21 @@ def _value(text: str, columns: Any, column: str) -> object:
         return kind.type(text)
     except ValueError as error:
         raise BringupError(f'--where: "{text}" is no value of column {column} ({kind})') from error
+
+
+def parse_channel(text: str) -> int | None:
+    """Return the number of a channel, or None for ``mean``.
+
+    Raises
+    ------
+    BringupError
+        When it is neither.
+    """
+    if text == 'mean':
+        return None
+    if not text.isdecimal():
+        raise BringupError(f'--channel is "{text}"; it must be a number from 0, or "mean"')
+    return int(text)
 
 
 def parse_span(text: str) -> tuple[float, float]:

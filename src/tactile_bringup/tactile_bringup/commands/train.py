@@ -13,7 +13,12 @@ from tactile_bringup.bag_tables import BagTables, read_tables
 from tactile_bringup.commands.evaluate import evaluate_with_progress
 from tactile_bringup.commands.output import Output
 from tactile_bringup.model_folder import model_path
-from tactile_bringup.tables import CLASSIFIER_TITLES, SCALING_TITLES, accuracy_table
+from tactile_bringup.tables import (
+    CLASSIFIER_TITLES,
+    SCALING_TITLES,
+    accuracy_caption,
+    accuracy_table,
+)
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import DEFAULT_SCALING
 from tactile_classifier.evaluation import Evaluation
@@ -89,6 +94,7 @@ def train_models(
         evaluation = evaluate_with_progress(table, output, random_state=seed)
         simulated = ', SIMULATED trials' if table.column('simulated').any() else ''
         output.say(accuracy_table(evaluation, f'{task}, {contact}{simulated}'))
+        output.say(accuracy_caption(evaluation))
         chosen = scaling or DEFAULT_SCALING[task]
         score = evaluation.score(classifier, chosen)
         estimator, manifest = train(table, classifier, chosen, score=score)

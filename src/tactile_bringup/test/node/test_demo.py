@@ -1,0 +1,24 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's chain, end to end, with few trials."""
+
+import json
+
+from tactile_bringup.commands.demo import run_demo
+
+
+def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys):
+    folder = tmp_path / 'demo'
+    assert run_demo(folder, seed=5, short=True, as_json=True)
+    summary = json.loads(capsys.readouterr().out)
+    assert summary == json.loads((folder / 'summary.json').read_text())
+    assert summary['simulated'] is True
+    assert [trial['protocol'] for trial in summary['live_trials']] == ['texture', 'stiffness'] * 2
+    assert all(trial['answer'] for trial in summary['live_trials'])
+    (report,) = summary['replay']
+    assert report['equal']
+    for comparison in report['comparisons'].values():
+        assert comparison['window_count'] == comparison['classification_count'] == 4
+    assert len(list((folder / 'models').glob('*.onnx'))) == 4
+    for plot in ('strain_trace.png', 'texture_spectra.png'):
+        assert (folder / plot).read_bytes().startswith(b'\x89PNG')

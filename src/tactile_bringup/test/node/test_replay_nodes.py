@@ -1,0 +1,40 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
+import pytest
+
+from tactile_bringup.bags import TactileBag
+from tactile_bringup.errors import BringupError
+from tactile_bringup.model_folder import find_models
+from tactile_bringup.replay import compare, load_models, recorded_config, replay_through_core
+from tactile_bringup.replay_nodes import replay_through_nodes
+
+
+def test_bag_through_nodes_equals_bag_through_core(stiffness_bag, trained, context):
+    models = find_models(trained)
+    with TactileBag(stiffness_bag) as bag:
+        config = recorded_config(bag)
+        core = replay_through_core(bag, load_models(models), config)
+        nodes = replay_through_nodes(bag, models, config, context, expected=core)
+    comparison = compare(core, nodes, ('the core', 'the nodes'))
+    assert comparison.is_equal, comparison.first_difference
+    assert comparison.window_count == comparison.classification_count == 15
+
+
+def test_parameters_of_the_recording_reach_the_nodes(stiffness_bag, context):
+    with TactileBag(stiffness_bag) as bag:
+        config = dataclasses.replace(recorded_config(bag), stiffness_settle_s=1.0)
+        core = replay_through_core(bag, {}, config)
+        nodes = replay_through_nodes(bag, {}, config, context, expected=core)
+        usual = replay_through_core(bag, {}, recorded_config(bag))
+    assert compare(core, nodes, ('core', 'nodes')).is_equal
+    assert not compare(core, usual, ('core', 'usual')).is_equal
+
+
+def test_model_that_does_not_fit_stops_the_replay(stiffness_bag, trained, context):
+    with TactileBag(stiffness_bag) as bag:
+        config = dataclasses.replace(recorded_config(bag), stiffness_settle_s=1.0)
+        core = replay_through_core(bag, {}, config)
+        with pytest.raises(BringupError, match='could not be started'):
+            replay_through_nodes(bag, find_models(trained), config, context, expected=core)

@@ -1,0 +1,43 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the documents say must be what the code does."""
+
+import re
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_share_directory
+
+from tactile_bringup.parameter_tables import renew
+
+README = Path(__file__).resolve().parents[4] / 'README.md'
+UNITLESS = {'bool', 'string', 'uint8', 'uint32', 'std_msgs/Header', 'builtin_interfaces/Time'}
+
+
+def test_parameter_tables_in_the_readme_are_those_of_the_code():
+    if not README.is_file():
+        pytest.skip('the packages are not in their own repository: no README beside them')
+    text = README.read_text()
+    assert renew(text) == text, (
+        'renew them: ./tactile run python -m tactile_bringup.parameter_tables README.md'
+    )
+
+
+def interface_fields():
+    share = Path(get_package_share_directory('tactile_msgs'))
+    for path in sorted([*share.glob('msg/*.msg'), *share.glob('action/*.action')]):
+        for line in path.read_text().splitlines():
+            match = re.match(r'([\w/]+)(\[\])? +(\w+) *(=[^#]*)?(#.*)?$', line)
+            if match:
+                yield pytest.param(*match.groups(default=''), id=f'{path.stem}.{match[3]}')
+
+
+@pytest.mark.parametrize(('type_name', 'array', 'name', 'constant', 'comment'), interface_fields())
+def test_every_field_says_what_it_is_and_in_which_unit(type_name, array, name, constant, comment):
+    if constant:
+        return
+    assert len(comment) > 10, f'{name} has no comment'
+    if type_name not in UNITLESS:
+        assert re.search(r'\[(s|ns|N|m|m/s|A|1|Hz)\]|own unit|units|scores?', comment), (
+            f'the comment of {name} names no unit'
+        )
