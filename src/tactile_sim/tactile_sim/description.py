@@ -130,7 +130,9 @@ class TendonDrive:
     friction_current_a: float = _not_negative()
     max_speed_m_s: float = _positive()
     max_acceleration_m_s2: float = _positive()
-    acceleration_m_s2: float = _positive()
+    back_drive_n: float = _not_negative()
+    back_drive_n_s_m: float = _positive()
+    reboot_s: float = _not_negative()
 
     @property
     def m_per_count(self) -> float:

@@ -56,15 +56,12 @@ class Timeline:
         Length of the trial [s].
     guide_start_m
         Where the guide stands at the start; the tendon starts slack, at 0 [m].
-    tendon_acceleration_m_s2
-        Acceleration of the tendon drive; None for the rig's default.
     """
 
     guide_moves: Sequence[Move]
     tendon_moves: Sequence[Move]
     duration_s: float
     guide_start_m: float = 0.060
-    tendon_acceleration_m_s2: float | None = None
 
 
 @dataclass(frozen=True)
@@ -162,7 +159,6 @@ def simulate_motion(
 
 def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion]:
     """Motions of guide and tendon; targets are rounded as the devices round them."""
-    limits = rig.guide, rig.tendon
     if not 0.0 <= timeline.guide_start_m <= rig.guide.travel_m:
         raise DescriptionError(f'guide_start_m is {timeline.guide_start_m}; it is off the guide')
     if not 0.0 < timeline.duration_s < 3600.0:
@@ -174,7 +170,7 @@ def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion]:
         'guide',
         timeline.guide_start_m,
         timeline.guide_moves,
-        limits[0].max_speed_m_s,
+        rig.guide.max_speed_m_s,
         rig.guide.acceleration_m_s2,
         rig.guide.step_m,
     )
@@ -182,8 +178,8 @@ def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion]:
         'tendon',
         0.0,
         timeline.tendon_moves,
-        limits[1].max_speed_m_s,
-        timeline.tendon_acceleration_m_s2 or rig.tendon.acceleration_m_s2,
+        rig.tendon.max_speed_m_s,
+        rig.tendon.max_acceleration_m_s2,
         rig.tendon.m_per_count,
     )
     return guide, tendon

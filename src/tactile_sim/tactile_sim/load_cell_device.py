@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.description import LoadCell
+from tendon_sensor_driver.line_protocol import encode_reading
 
 GRAVITY_M_S2 = 9.80665
 DECIMALS = 5
@@ -67,7 +68,7 @@ class LoadCellDevice:
         noise = self._generator.standard_normal(1)
         kilograms = float(compute_reading_kg(self._cell, tension_n, noise)[0])
         milliseconds = int(self._samples * 1000 / self._cell.rate_hz)
-        self._output += f'{milliseconds},{kilograms:.{DECIMALS}f},kg,\r\n'.encode()
+        self._output += encode_reading(milliseconds, kilograms, 'kg', DECIMALS)
         self._samples += 1
 
     def receive(self, data: bytes, now_s: float) -> bytes:

@@ -1,0 +1,158 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the simulated rig as a process of its own and talks to it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from tactile_sim.errors import RigError
+
+_START_S = 30.0
+_ANSWER_S = 10.0
+_EXIT_S = 5.0
+
+
+class RigPorts(NamedTuple):
+    """Paths of the rig's ptys."""
+
+    guide: str
+    tendon: str
+    sensor: str
+
+
+class SimulatedRig:
+    """A running simulated rig; a context manager.
+
+    Parameters
+    ----------
+    seed
+        Of variations and noise.
+    links
+        Directory for symbolic links guide, tendon and sensor to the ports.
+
+    Attributes
+    ----------
+    ports : RigPorts
+        Paths of the ptys.
+
+    Raises
+    ------
+    RigError
+        The process does not start.
+    """
+
+    def __init__(self, seed: int = 0, links: str | Path | None = None) -> None:
+        command = [sys.executable, '-m', 'tactile_sim.rig_server', '--seed', str(seed)]
+        if links is not None:
+            command += ['--links', str(links)]
+        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._complaints,
+            bufsize=0,
+        )
+        self._pending = b''
+        try:
+            self.ports = RigPorts(**self._read_answer(_START_S))
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> SimulatedRig:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def mount(self, protocol: str, object_label: str, contact: str) -> dict[str, Any]:
+        """Put a plate (texture) or object (stiffness) under the finger.
+
+        Raises
+        ------
+        RigError
+            The rig refuses, with its reason, or is dead.
+        """
+        wanted = {'protocol': protocol, 'object': object_label, 'contact': contact}
+        return self._request({'mount': wanted})
+
+    def truth(self) -> dict[str, Any]:
+        """Physical state: guide_position_m, tendon_displacement_m, bend_rad, tension_n, ...
+
+        Raises
+        ------
+        RigError
+            The rig is dead.
+        """
+        return self._request({'state': True})
+
+    def close(self) -> None:
+        """End the process; harmless when called twice."""
+        process = self._process
+        with contextlib.suppress(OSError):
+            if process.stdin is not None:
+                process.stdin.close()
+        for end in (process.terminate, process.kill):
+            try:
+                process.wait(_EXIT_S)
+                break
+            except subprocess.TimeoutExpired:
+                end()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+        self._complaints.close()
+
+    def _request(self, message: dict[str, Any]) -> dict[str, Any]:
+        stdin = self._process.stdin
+        if stdin is None or stdin.closed:
+            raise RigError('the simulated rig is closed')
+        try:
+            stdin.write(json.dumps(message).encode() + b'\n')
+        except OSError:
+            raise self._death() from None
+        answer = self._read_answer(_ANSWER_S)
+        if 'error' in answer:
+            raise RigError(answer['error'])
+        return answer
+
+    def _read_answer(self, timeout_s: float) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        output = self._process.stdout.fileno()
+        deadline_s = time.monotonic() + timeout_s
+        while b'\n' not in self._pending:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0 or not select.select([output], [], [], left_s)[0]:
+                raise RigError(f'the simulated rig did not answer within {timeout_s} s')
+            data = os.read(output, 4096)
+            if not data:
+                raise self._death()
+            self._pending += data
+        line, self._pending = self._pending.split(b'\n', 1)
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def _death(self) -> RigError:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_EXIT_S)
+        self._complaints.seek(0)
+        said = self._complaints.read().decode(errors='replace').strip().splitlines()
+        reason = said[-1] if said else 'it said nothing'
+        return RigError(f'the simulated rig ended with code {self._process.returncode}: {reason}')

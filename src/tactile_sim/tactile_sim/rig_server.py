@@ -1,0 +1,123 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated rig as a program: three ptys, and a line of JSON for the experimenter's hand."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import select
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from tactile_sim.errors import RigError, TactileSimError
+from tactile_sim.pty_server import PtyServer
+from tactile_sim.rig import PalpationRig
+
+_POLL_S = 0.1
+
+
+def main() -> int:
+    """Serve until the end of standard input, SIGINT or SIGTERM.
+
+    Prints the ports as one line of JSON when ready. Understands, one line of JSON each:
+    ``{"mount": {"protocol": ..., "object": ..., "contact": ...}}`` and ``{"state": true}``.
+    """
+    parser = argparse.ArgumentParser(
+        prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'
+    )
+    parser.add_argument('--seed', type=int, default=0, help='seed of variations and noise')
+    parser.add_argument(
+        '--links', type=Path, help='directory for symbolic links guide, tendon and sensor'
+    )
+    arguments = parser.parse_args()
+    if arguments.seed < 0:
+        parser.error('--seed must not be negative')
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _leave)
+    server = PtyServer(PalpationRig(arguments.seed))
+    links: list[Path] = []
+    try:
+        _link(server.ports, arguments.links, links)
+        server.start()
+        _say(server.ports)
+        for line in _read_lines(server):
+            _say(_answer(server, line))
+    except TactileSimError as error:
+        sys.stderr.write(f'tactile_sim_rig: {error}\n')
+        return 1
+    finally:
+        server.close()
+        for link in links:
+            link.unlink(missing_ok=True)
+    return 0
+
+
+def _leave(number: int, frame: object) -> None:
+    # Once is enough: a second signal must not interrupt the clearing up.
+    for other in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(other, signal.SIG_IGN)
+    raise SystemExit(0)
+
+
+def _say(message: object) -> None:
+    sys.stdout.write(json.dumps(message) + '\n')
+    sys.stdout.flush()
+
+
+def _link(ports: dict[str, str], folder: Path | None, links: list[Path]) -> None:
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, port in ports.items():
+        link = folder / name
+        if link.is_symlink():
+            link.unlink()
+        elif link.exists():
+            raise RigError(f'{link} exists and is no symbolic link; choose another --links')
+        link.symlink_to(port)
+        links.append(link)
+
+
+def _read_lines(server: PtyServer) -> Iterator[bytes]:
+    """Lines of standard input; RigError if the server's thread dies."""
+    pending = b''
+    while True:
+        if server.failure is not None:
+            raise RigError(f'the simulation stopped: {server.failure}')
+        if not select.select([0], [], [], _POLL_S)[0]:
+            continue
+        data = os.read(0, 4096)
+        if not data:
+            return
+        *lines, pending = (pending + data).split(b'\n')
+        yield from (line for line in lines if line.strip())
+
+
+def _answer(server: PtyServer, line: bytes) -> dict[str, Any]:
+    try:
+        request = json.loads(line)
+    except ValueError as error:
+        return {'error': f'this is no JSON: {error}'}
+    if isinstance(request, dict) and request.get('state'):
+        truth = server.call(PalpationRig.read_truth)
+        return {**truth, 'slipped_s': server.slipped_s}
+    wanted = request.get('mount') if isinstance(request, dict) else None
+    if not isinstance(wanted, dict) or set(wanted) != {'protocol', 'object', 'contact'}:
+        return {
+            'error': 'send {"mount": {"protocol": ..., "object": ..., "contact": ...}} '
+            'or {"state": true}'
+        }
+    names = [str(wanted[key]) for key in ('protocol', 'object', 'contact')]
+    try:
+        return server.call(lambda rig: rig.mount(*names))
+    except TactileSimError as error:
+        return {'error': str(error)}
+
+
+if __name__ == '__main__':
+    sys.exit(main())
