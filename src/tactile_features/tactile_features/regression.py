@@ -86,8 +86,10 @@ def _compute_one(
     exponent = math.frexp(largest)[1]
     change = np.ldexp(change, -exponent)
 
-    mean_t, t = _centre(elapsed_ns)
-    mean_x, x = _centre(change)
+    # The rounding of a mean enters squared, since both series are centred.
+    mean_t = math.fsum(elapsed_ns) / len(elapsed_ns)
+    mean_x = math.fsum(change) / len(change)
+    t, x = elapsed_ns - mean_t, change - mean_x
     s_tt = math.fsum(t * t)
     s_xx = math.fsum(x * x)
     s_tx = math.fsum(t * x)
@@ -99,10 +101,3 @@ def _compute_one(
     with np.errstate(over='ignore', under='ignore'):
         slope, intercept = np.ldexp([slope * 1e9, intercept], exponent)
     return float(slope), first + float(intercept), correlation
-
-
-def _centre(values: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Return the mean and the values about it; the second pass removes the mean's rounding."""
-    mean = math.fsum(values) / len(values)
-    centred = values - mean
-    return mean, centred - math.fsum(centred) / len(centred)

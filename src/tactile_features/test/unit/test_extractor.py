@@ -340,6 +340,7 @@ def test_an_event_that_is_repeated_ends_no_phase():
 
 def test_a_recording_played_again_gives_the_same_windows_again():
     recording = [
+        event(1.0, 'approach'),
         event(2.0, 'glide'),
         block(0, 30),
         event(3.5, 'hold'),
@@ -351,7 +352,7 @@ def test_a_recording_played_again_gives_the_same_windows_again():
     assert [w.outcome for w in once] == [Outcome.OK, Outcome.OK]
     assert run(*recording, *recording) == once + once
     # Broken off in the middle, then played from its start.
-    assert run(*recording[:2], *recording) == once
+    assert run(*recording[:3], *recording) == once
 
 
 def test_phases_that_wait_when_the_clock_is_set_back_are_refused():
