@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import errno
 import termios
+import threading
 
 import serial
 
@@ -44,6 +45,7 @@ class SerialTransport:
 
     def __init__(self, port: str, baud: int) -> None:
         self._name = port
+        self._lock = threading.Lock()
         try:
             # exclusive: two readers would each get half of the lines.
             self._port = serial.Serial(port, baud, timeout=READ_TIMEOUT_S, exclusive=True)
@@ -68,9 +70,13 @@ class SerialTransport:
         return data
 
     def cancel(self) -> None:
-        """Make a `read` that waits in another thread return."""
-        self._port.cancel_read()
+        """Make a `read` that waits in another thread return. Harmless on a closed port."""
+        # pyserial writes a byte to a pipe here; while the port is being closed, that
+        # pipe's number may already belong to another file.
+        with self._lock:
+            self._port.cancel_read()
 
     def close(self) -> None:
         """Close the port. Not while another thread reads: `cancel` first."""
-        self._port.close()
+        with self._lock:
+            self._port.close()
