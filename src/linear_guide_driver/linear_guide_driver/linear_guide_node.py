@@ -100,9 +100,9 @@ class LinearGuideNode(TactileNode):
                 lambda: goal.end_requested,
             )
         except MotionStoppedError as error:
-            raise GoalCanceled(str(error)) from error
+            raise GoalCanceled(str(error), **self._rest()) from error
         except LinearGuideDriverError as error:
-            raise GoalAborted(str(error)) from error
+            raise GoalAborted(str(error), **self._rest()) from error
         return MoveGuide.Result(
             message=f'The guide rests at {state.position_m:.4f} m.',
             position_m=state.position_m,
@@ -127,6 +127,13 @@ class LinearGuideNode(TactileNode):
             message=f'The guide is homed and rests at {state.position_m:.4f} m.',
             position_m=state.position_m,
         )
+
+    def _rest(self) -> dict[str, float]:
+        """Return where the guide rests, for a result; nothing while that is unknown."""
+        state = self._client.state if self._client is not None else None
+        if state is None or state.position_m is None:
+            return {}
+        return {'position_m': state.position_m}
 
     # -- the rest ----------------------------------------------------------------------------
 

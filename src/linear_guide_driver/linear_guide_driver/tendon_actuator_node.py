@@ -111,13 +111,9 @@ class TendonActuatorNode(TactileNode):
         def should_stop() -> bool:
             return goal.end_requested or guard.check(time.monotonic_ns()) is not Verdict.CONTINUE
 
-        def result(message: str, stopped_by_tension: bool) -> PullTendon.Result:
-            return PullTendon.Result(
-                message=message,
-                displacement_m=0.0 if client.state is None else client.state.displacement_m,
-                duration_s=time.monotonic() - started_s,
-                stopped_by_tension=stopped_by_tension,
-            )
+        def rest() -> dict[str, float]:
+            reached_m = 0.0 if client.state is None else client.state.displacement_m
+            return {'displacement_m': reached_m, 'duration_s': time.monotonic() - started_s}
 
         try:
             present_m = 0.0 if client.state is None else client.state.displacement_m
@@ -126,21 +122,24 @@ class TendonActuatorNode(TactileNode):
             state = client.pull_to(
                 request.displacement_m, request.speed_m_s, on_state, should_stop
             )
-            return result(f'The tendon rests at {state.displacement_m:.4f} m.', False)
+            message = f'The tendon rests at {state.displacement_m:.4f} m.'
+            return PullTendon.Result(message=message, **rest())
         except MotionRefusedError as error:
             raise GoalAborted(str(error)) from error
         except MotionStoppedError as error:
             verdict = guard.check(time.monotonic_ns())
             if goal.end_requested:
-                raise GoalCanceled(f'{error} The tendon is held there.') from error
+                raise GoalCanceled(f'{error} The tendon is held there.', **rest()) from error
             if verdict is Verdict.REACHED:
-                return result(f'{guard.describe()} The tendon is held there.', True)
+                message = f'{guard.describe()} The tendon is held there.'
+                return PullTendon.Result(message=message, stopped_by_tension=True, **rest())
             if verdict is Verdict.CONTINUE:
-                raise GoalAborted(str(error)) from error
+                raise GoalAborted(str(error), **rest()) from error
             self._release()
-            raise GoalAborted(f'{guard.describe()} The tendon is released.') from error
+            message = f'{guard.describe()} The tendon is released.'
+            raise GoalAborted(message, **rest()) from error
         except LinearGuideDriverError as error:
-            raise GoalAborted(str(error)) from error
+            raise GoalAborted(str(error), **rest()) from error
         finally:
             guard.end()
 

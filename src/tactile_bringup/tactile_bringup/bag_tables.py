@@ -94,7 +94,7 @@ def _collect(
     for message in bag.messages(EVENT, namespace=namespace):
         event = event_from_msg(message.decode())
         trials.setdefault(event.trial_id, event)
-    for window in replay_windows(bag, config, namespace):
+    for window in replay_windows(bag, config, namespace, finish=True):
         event = trials[window.trial_id]
         if window.outcome != Outcome.OK:
             left_out.append(f'{window.trial_id}: {window.reason}')

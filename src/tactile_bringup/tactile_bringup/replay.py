@@ -66,9 +66,13 @@ def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
 
 
 def replay_windows(
-    bag: TactileBag, config: FeatureConfig, namespace: str = ''
+    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
 ) -> list[FeatureWindow]:
-    """Return the feature windows of a recording, computed anew by the plain core."""
+    """Return the feature windows of a recording, computed anew by the plain core.
+
+    With ``finish``, phases that were still undecided when the recording ended yield
+    a window without features too.
+    """
     extractor = TrialFeatureExtractor(config)
     windows: list[FeatureWindow] = []
     for message in bag.messages(STRAIN, EVENT, namespace=namespace):
@@ -76,6 +80,8 @@ def replay_windows(
             windows += extractor.add_block(strain_block_from_msg(message.decode()))
         else:
             windows += extractor.add_event(event_from_msg(message.decode()))
+    if finish:
+        windows += extractor.finish()
     return windows
 
 

@@ -18,12 +18,28 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 
-class GoalAborted(Exception):  # noqa: N818 - an outcome of a goal, not a fault of the program
-    """Ends a goal as aborted; the message goes into its result."""
+class GoalEnd(Exception):  # noqa: N818 - an outcome of a goal, not a fault of the program
+    """Ends a goal early.
+
+    Parameters
+    ----------
+    message : str
+        One sentence for the result.
+    **fields
+        Other fields of the result, such as where the device came to rest.
+    """
+
+    def __init__(self, message: str, **fields: Any) -> None:
+        super().__init__(message)
+        self.fields = fields
 
 
-class GoalCanceled(Exception):  # noqa: N818
-    """Ends a goal as cancelled; the message goes into its result."""
+class GoalAborted(GoalEnd):
+    """Ends a goal as aborted."""
+
+
+class GoalCanceled(GoalEnd):
+    """Ends a goal as cancelled; as aborted, when no client asked for that."""
 
 
 class Goal:
@@ -150,20 +166,14 @@ class GoalRunner:
             handle.abort()
             return self._type.Result(message=reason)
 
-        outcome: list[tuple[Callable[[], None], Any]] = []
+        outcome: list[Any] = []
         done = Future()
 
         def run() -> None:
             try:
-                outcome.append((handle.succeed, self._work(goal)))
-            except GoalCanceled as error:
-                end = handle.canceled if handle.is_cancel_requested else handle.abort
-                outcome.append((end, self._type.Result(message=str(error))))
-            except GoalAborted as error:
-                outcome.append((handle.abort, self._type.Result(message=str(error))))
+                outcome.append(self._work(goal))
             except Exception as error:
-                self._node.get_logger().error(f'goal failed: {error}')
-                outcome.append((handle.abort, self._type.Result(message=str(error))))
+                outcome.append(error)
             finally:
                 self._goal = None
                 done.set_result(None)
@@ -174,6 +184,18 @@ class GoalRunner:
         self._thread = threading.Thread(target=run, name='goal', daemon=True)
         self._thread.start()
         await done
-        end, result = outcome[0]
-        end()
-        return result
+        return self._finish(handle, outcome[0])
+
+    def _finish(self, handle: ServerGoalHandle, outcome: Any) -> Any:
+        """Set the goal's final state from what its work returned or raised."""
+        if not isinstance(outcome, Exception):
+            handle.succeed()
+            return outcome
+        # Asked here, on the executor's thread, where cancel requests are taken in too.
+        if isinstance(outcome, GoalCanceled) and handle.is_cancel_requested:
+            handle.canceled()
+        else:
+            handle.abort()
+        if not isinstance(outcome, GoalEnd):
+            self._node.get_logger().error(f'goal failed: {outcome}')
+        return self._type.Result(message=str(outcome), **getattr(outcome, 'fields', {}))

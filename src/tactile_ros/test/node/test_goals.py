@@ -129,14 +129,14 @@ def test_executor_is_free_while_a_goal_works(rig):
 def test_abort_and_error_carry_their_message(rig):
     def work(goal):
         if goal.request.position_m > 0.5:
-            raise GoalAborted('too far')
+            raise GoalAborted('too far', position_m=0.25)
         raise RuntimeError('cable cut')
 
     _, client = rig(work)
-    for position_m, message in ((0.9, 'too far'), (0.1, 'cable cut')):
+    for position_m, message, reached_m in ((0.9, 'too far', 0.25), (0.1, 'cable cut', 0.0)):
         status, result = client.result(client.send(position_m))
         assert status == GoalStatus.STATUS_ABORTED
-        assert result.message == message
+        assert (result.message, result.position_m) == (message, reached_m)
 
 
 def test_cancel_reaches_the_worker_at_once(rig):
