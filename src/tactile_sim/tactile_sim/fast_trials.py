@@ -32,7 +32,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-STEP_S = 5e-4
+STEP_S = 4e-4
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ class GrblDevice:
         self._advance(now_s)
         for byte in data:
             self._take_byte(byte)
-        self._run_lines()
+            self._advance(now_s)
         return self.poll(now_s)
 
     def poll(self, now_s: float) -> bytes:

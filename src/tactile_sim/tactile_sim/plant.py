@@ -22,7 +22,8 @@ FloatArray = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.80665
 TOLERANCE_NM = 1e-9
-MAX_ITERATIONS = 80
+MAX_ITERATIONS = 200
+_NEWTON_ALONE = 6
 _SETTLING_S = 1e12
 _LOWEST_RAD, _HIGHEST_RAD = -1.0, 3.0
 _TINY_RAD = 1e-3  # below it, series instead of quotients that cancel
@@ -270,7 +271,7 @@ class Plant:
         q = 2 * self.bend_rad - self._last_bend_rad
         q = np.minimum(np.maximum(q, _LOWEST_RAD), _HIGHEST_RAD)
         low, high = np.full_like(q, _LOWEST_RAD), np.full_like(q, _HIGHEST_RAD)
-        for _ in range(MAX_ITERATIONS):
+        for iteration in range(MAX_ITERATIONS):
             evaluation = self._evaluate(q)
             residual, slope = evaluation[:2]
             # A trial that has converged stays put, whatever the rest of the batch needs.
@@ -279,10 +280,13 @@ class Plant:
                 return q, evaluation
             low = np.where(residual < 0.0, q, low)
             high = np.where(residual > 0.0, q, high)
-            trial = q - residual / slope
+            trial, middle = q - residual / slope, (low + high) / 2
             inside = (trial > low) & (trial < high)
-            q = np.where(open_, np.where(inside, trial, (low + high) / 2), q)
+            # Friction is steep at rest and flat beyond: there Newton's method alone may creep.
+            if iteration >= _NEWTON_ALONE and iteration % 2:
+                trial = middle
+            q = np.where(open_, np.where(inside, trial, middle), q)
         raise ConvergenceError(
             f'no equilibrium of the finger within {MAX_ITERATIONS} iterations: residual '
-            f'{np.nanmax(np.abs(residual)):.3g} N m in trial {int(np.argmax(open_))}'
+            f'{residual[open_][0]:.3g} N m in trial {int(np.argmax(open_))}'
         )

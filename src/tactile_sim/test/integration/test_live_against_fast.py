@@ -1,0 +1,107 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The live rig, driven through its devices in virtual time, and the fast path agree."""
+
+import numpy as np
+import pytest
+
+from linear_guide_driver import dynamixel_registers as known
+from tactile_sim.description import load_rig
+from tactile_sim.dynamixel_packets import encode_instruction
+from tactile_sim.errors import RigError
+from tactile_sim.fast_trials import Move, Timeline, simulate_motion
+from tactile_sim.plant import Variation
+from tactile_sim.rig import STEP_S, PalpationRig
+
+SPEED_UNITS = 25
+SPEED_M_S = SPEED_UNITS * 0.229 / 60 * 4096 * load_rig().tendon.m_per_count
+
+
+class Driver:
+    """Sends bytes to a rig's devices and keeps what the rig truly does."""
+
+    def __init__(self):
+        self.rig = PalpationRig(seed=1, variation=Variation.none())
+        self.lines = b''
+        self.tension_n = []
+
+    def wait_until(self, time_s):
+        for step in range(round(self.rig.now_s / STEP_S) + 1, round(time_s / STEP_S) + 1):
+            self.rig.advance(step * STEP_S + 1e-9)
+            self.lines += self.rig.sensor.poll(self.rig.now_s)
+            self.tension_n.append(self.rig.read_truth()['tension_n'])
+
+    def guide(self, text):
+        return self.rig.guide.receive(text, self.rig.now_s)
+
+    def tendon(self, register, value):
+        data = value.to_bytes(register.size, 'little', signed=register.is_signed)
+        packet = encode_instruction(1, 3, register.address.to_bytes(2, 'little') + data)
+        assert self.rig.tendon.receive(packet, self.rig.now_s)[8] == 0
+
+    def prepare(self):
+        self.guide(b'$H\n')
+        self.tendon(known.OPERATING_MODE, 5)
+        self.tendon(known.GOAL_CURRENT, 300)
+        self.tendon(known.PROFILE_VELOCITY, SPEED_UNITS)
+        self.tendon(known.TORQUE_ENABLE, 1)
+        self.wait_until(8.0)
+        self.guide(b'G1X-140F6000\n')
+        self.wait_until(10.0)
+
+    def pull(self, displacement_m):
+        counts = round(displacement_m / load_rig().tendon.m_per_count)
+        self.tendon(known.GOAL_POSITION, 2048 + counts)
+
+
+@pytest.mark.parametrize(
+    ('plate', 'contact', 'pull_m'), [('R2', 'flexion', 0.0054), ('T1', 'abduction', 0.0075)]
+)
+def test_texture_trial(plate, contact, pull_m):
+    driver = Driver()
+    driver.prepare()
+    driver.rig.mount('texture', plate, contact)
+    driver.wait_until(10.2)
+    driver.pull(pull_m)
+    driver.wait_until(12.0)
+    driver.guide(b'G1X-105F900\n')
+    driver.wait_until(14.0)
+    timeline = Timeline([Move(2.0, 0.095, 0.015)], [Move(0.2, pull_m, SPEED_M_S)], 4.0)
+    times, truth = simulate_motion('texture', plate, contact, timeline, Variation.none())
+    live = np.interp(10.0 + times, STEP_S * np.arange(1, 14001), driver.tension_n)
+    fast = truth['tension_n'][0]
+    ripple = fast[times > 2.8].std()
+    difference = live - fast
+    # The live rig takes longer steps; that and nothing else sets them apart.
+    assert np.sqrt(np.mean(difference[times > 2.8] ** 2)) < 0.05 * ripple
+    assert np.abs(difference[(times < 0.15) | (times > 1.6)]).max() < 0.02
+    assert np.abs(difference).max() < 0.01 * fast.max()
+    # And the load cell's lines say the same, with its noise.
+    rows = [line.split(b',') for line in driver.lines.split(b'\r\n')[:-1]]
+    sent_s = np.arange(len(rows)) * load_rig().load_cell.period_s
+    said_n = np.array([float(row[1]) for row in rows]) * 9.80665
+    late = sent_s > 12.0
+    heard = np.interp(sent_s[late] - 10.0, times, fast)
+    assert (said_n[late] - heard).std() < 0.02
+
+
+def test_stiffness_trial_relaxes_alike():
+    driver = Driver()
+    driver.prepare()
+    driver.rig.mount('stiffness', 'sponge', 'flexion')
+    driver.pull(0.0060)
+    driver.wait_until(13.0)
+    timeline = Timeline([], [Move(0.0, 0.0060, SPEED_M_S)], 3.0)
+    times, truth = simulate_motion('stiffness', 'sponge', 'flexion', timeline, Variation.none())
+    live = np.interp(10.0 + times, STEP_S * np.arange(1, 13001), driver.tension_n)
+    held = times > 1.2
+    np.testing.assert_allclose(live[held], truth['tension_n'][0][held], atol=5e-3)
+
+
+def test_mounting_needs_a_slack_tendon():
+    driver = Driver()
+    driver.prepare()
+    driver.pull(0.003)
+    driver.wait_until(11.0)
+    with pytest.raises(RigError, match='wound in by 3[.]0 mm; release it'):
+        driver.rig.mount('texture', 'F', 'flexion')

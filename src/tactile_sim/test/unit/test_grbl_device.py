@@ -1,0 +1,215 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from linear_guide_driver.grbl_codes import ALARMS, ERRORS
+from tactile_sim.description import load_rig
+from tactile_sim.grbl_device import GrblDevice
+
+
+class Bench:
+    """A controller and its clock."""
+
+    def __init__(self, homed=True):
+        self.device = GrblDevice(load_rig().guide)
+        self.now_s = 0.0
+        if homed:
+            assert self.send('$H\n', after_s=20.0).endswith('ok\r\n')
+
+    def send(self, text, after_s=0.0):
+        data = text if isinstance(text, bytes) else text.encode('latin-1')
+        said = self.device.receive(data, self.now_s)
+        self.now_s += after_s
+        return (said + self.device.poll(self.now_s)).decode()
+
+    def mpos(self):
+        return float(re.search(r'MPos:([-\d.]+)', self.send('?')).group(1))
+
+
+def test_power_up_needs_homing():
+    bench = Bench(homed=False)
+    said = bench.send('')
+    assert said == "\r\nGrbl 1.1h ['$' for help]\r\n[MSG:'$H'|'$X' to unlock]\r\n"
+    assert bench.send('G0X-1\n') == 'error:9\r\n'
+    assert bench.send('$J=X-1F100\n') == 'error:8\r\n'
+    assert bench.send('?').startswith('<Alarm|MPos:0.000,')
+    assert bench.send('$X\nG0X-1\n') == '[MSG:Caution: Unlocked]\r\nok\r\nok\r\n'
+
+
+def test_homing_finds_the_negative_end():
+    bench = Bench(homed=False)
+    bench.send('')
+    assert bench.send('$H\n?', after_s=1.0) == ''  # no status while homing
+    assert bench.send('', after_s=10.0) == 'ok\r\n'
+    assert bench.mpos() == -199.0
+    assert bench.device.position_m(bench.now_s) == pytest.approx(0.001)
+
+
+def test_ok_means_planned_and_dwell_means_done():
+    bench = Bench()
+    said = bench.send('G21G90G94\nG1X-169F900\nG4P0.01\n?')
+    assert said.count('ok') == 2
+    assert '<Run|' in said
+    # From rest: distance / speed + speed / acceleration, then the dwell.
+    assert 'ok' not in bench.send('', after_s=30 / 15 + 15 / 500 + 0.009)
+    assert bench.send('', after_s=0.002) == 'ok\r\n'
+    assert bench.mpos() == -169.0
+
+
+def test_lines_in_one_direction_do_not_stop_in_between():
+    bench = Bench()
+    bench.send('G1X-189F900\nX-179\nX-169\n', after_s=30 / 15 + 15 / 500 + 1e-6)
+    assert bench.send('?').startswith('<Idle|MPos:-169.000')
+
+
+def test_planner_holds_fifteen_moves_and_then_waits():
+    bench = Bench()
+    lines = ''.join(f'G1X{-198 + i}F900\n' for i in range(17))
+    assert bench.send(lines[:120]).count('ok') < 17
+    assert bench.send(lines[120:]).count('ok') <= 15
+    assert bench.send('', after_s=20.0).count('ok') >= 1
+    assert bench.mpos() == -182.0
+
+
+def test_hold_resume_and_controlled_stop():
+    bench = Bench()
+    bench.send('G1X-99F900\n', after_s=1.0)
+    assert '<Hold:1|' in bench.send('!?', after_s=0.1)
+    held = bench.mpos()
+    assert '<Hold:0|' in bench.send('?', after_s=1.0)
+    assert bench.mpos() == held
+    bench.send('~', after_s=10.0)
+    assert bench.mpos() == -99.0
+    bench.send('G1X-199F900\n', after_s=1.0)
+    bench.send('!', after_s=0.5)
+    stopped = bench.mpos()
+    assert 'ALARM' not in (said := bench.send('\x18?'))
+    assert said.startswith('\r\nGrbl 1.1h')
+    assert f'<Idle|MPos:{stopped:.3f}' in said
+
+
+def test_reset_while_moving_loses_the_position():
+    bench = Bench()
+    bench.send('G1X-99F900\n', after_s=1.0)
+    assert bench.send('\x18') == 'ALARM:3\r\n'
+    said = bench.send('?', after_s=0.6)
+    assert said.endswith("[MSG:'$H'|'$X' to unlock]\r\n")
+    assert bench.send('?').startswith('<Alarm|')
+
+
+def test_soft_limit_raises_alarm_2_and_keeps_the_position():
+    bench = Bench()
+    bench.send('G1X-99F6000\n', after_s=5.0)
+    assert bench.send('G1X1F900\n') == 'ALARM:2\r\n'
+    assert bench.send('?G0X-5\n', after_s=1.0) == '[MSG:Reset to continue]\r\n'
+    said = bench.send('\x18')
+    assert said.startswith('ok\r\n\r\nGrbl')
+    assert said.endswith('to unlock]\r\n')
+    assert bench.mpos() == -99.0
+
+
+def test_jogs():
+    bench = Bench()
+    assert '<Jog|' in bench.send('$J=G91X30F900\n?')
+    assert bench.send('G1X-5F100\n', after_s=0.5) == 'error:9\r\n'
+    assert '<Jog|' in bench.send('?')
+    bench.send('\x85', after_s=0.2)
+    said = bench.send('?')
+    assert said.startswith('<Idle|')
+    assert bench.mpos() < -185.0
+    for line, reply in (
+        ('$J=G90X5F100', 'error:15'),
+        ('$J=X-100', 'error:22'),
+        ('$J=F100', 'error:26'),
+        ('$J=G1X-5F100', 'error:16'),
+    ):
+        assert bench.send(line + '\n') == reply + '\r\n'
+    assert bench.send('G1X-100\n') == 'error:22\r\n'  # a jog's feed is its own
+
+
+@pytest.mark.parametrize(
+    ('line', 'reply'),
+    [
+        ('', 'ok'),
+        (' g1 (a comment) x-190 f 600 ; more', 'ok'),
+        ('G1X', 'error:2'),
+        ('-5', 'error:1'),
+        ('G33X1', 'error:20'),
+        ('M3', 'error:20'),
+        ('G0G1X-5', 'error:21'),
+        ('X-190X-191', 'error:25'),
+        ('G1X-190', 'error:22'),
+        ('F-100', 'error:4'),
+        ('G4', 'error:28'),
+        ('$Q', 'error:3'),
+        ('$999=1', 'error:3'),
+        ('$110=fast', 'error:2'),
+        ('$110=-1', 'error:4'),
+        ('$110=3000', 'ok'),
+        ('G1' + '0' * 80, 'error:11'),
+    ],
+)
+def test_replies(line, reply):
+    assert Bench().send(line + '\n') == reply + '\r\n'
+    if reply.startswith('error:'):
+        assert int(reply[6:]) in ERRORS
+
+
+def test_settings_rule_the_motion():
+    bench = Bench()
+    assert '$110=6000.000\r\n' in bench.send('$$\n')
+    bench.send('$110=600\n')
+    bench.send('G1X-99F6000\n', after_s=1.0)
+    assert '|FS:600,0' in bench.send('?')
+    assert bench.send('$$\n') == 'error:8\r\n'
+    bench = Bench()
+    assert bench.send('$22=0\n$20=1\n$H\n') == 'ok\r\nerror:10\r\nerror:5\r\n'
+
+
+def test_running_into_the_end_of_the_rail_loses_steps():
+    bench = Bench(homed=False)
+    bench.send('$X\n')
+    bench.send('G0X-150\n', after_s=10.0)  # only 100 mm of rail are there
+    assert bench.device.position_m(bench.now_s) == 0.0
+    bench.send('G0X-140\n', after_s=10.0)
+    assert bench.device.position_m(bench.now_s) == pytest.approx(0.010)
+
+
+def test_status_fields_come_in_turn():
+    reports = Bench().send('?' * 25).split('\r\n')[:-1]
+    offset = [i for i, report in enumerate(reports) if '|WCO:' in report]
+    overrides = [i for i, report in enumerate(reports) if '|Ov:' in report]
+    assert offset == [0, 10, 20]
+    assert overrides == [1, 11, 21]
+
+
+def test_known_alarms():
+    assert {2, 3, 6} <= set(ALARMS)
+
+
+line_text = st.sampled_from(
+    ['G1X-150F900', '$J=G91X-1F600', '$$', 'G4P0', '!', '~', '?', '\x18', '\x85', '$X', '$H', '']
+)
+
+
+@given(st.lists(line_text, max_size=8), st.data())
+def test_any_chunking_gives_the_same_answers(lines, data):
+    stream = ''.join(text + '\n' for text in lines).encode('latin-1')
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=6)))
+    whole, parts = Bench(), Bench()
+    one = whole.send(stream)
+    many = ''.join(parts.send(stream[a:b]) for a, b in zip([0, *cuts], [*cuts, None], strict=True))
+    assert one == many
+
+
+@given(st.binary(max_size=300))
+def test_garbage_never_breaks_it(garbage):
+    bench = Bench()
+    bench.send(garbage, after_s=5.0)
+    bench.send(b'\x18', after_s=1.0)
+    bench.send(b'\x18', after_s=1.0)
+    assert '|MPos:' in bench.send('?')
