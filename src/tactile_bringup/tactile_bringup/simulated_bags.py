@@ -61,6 +61,7 @@ def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
     now_s = IDLE_S
     guide_m, tendon_m = config.guide_start_m, 0.0
     rig = load_rig()
+    guide_m_s2, tendon_m_s2 = rig.guide.acceleration_m_s2, rig.tendon.max_acceleration_m_s2
     guide_moves: list[Move] = []
     tendon_moves: list[Move] = []
     phases: list[tuple[str, float]] = []
@@ -80,7 +81,9 @@ def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
         elif isinstance(step, TendonStep):
             tendon_moves.append(Move(now_s, step.displacement_m, step.speed_m_s))
             now_s += move_duration_s(
-                abs(step.displacement_m - tendon_m), step.speed_m_s, rig.tendon.max_acceleration_m_s2
+                abs(step.displacement_m - tendon_m),
+                step.speed_m_s,
+                rig.tendon.max_acceleration_m_s2,
             )
             tendon_m = step.displacement_m
     phases.append(('done', now_s))
