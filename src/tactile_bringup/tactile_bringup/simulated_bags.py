@@ -74,25 +74,22 @@ def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
             now_s += step.duration_s
         elif isinstance(step, GuideStep):
             guide_moves.append(Move(now_s, step.position_m, step.speed_m_s))
-            now_s += move_duration_s(
-                abs(step.position_m - guide_m), step.speed_m_s, rig.guide.acceleration_m_s2
-            )
+            now_s += move_duration_s(abs(step.position_m - guide_m), step.speed_m_s, guide_m_s2)
             guide_m = step.position_m
         elif isinstance(step, TendonStep):
             tendon_moves.append(Move(now_s, step.displacement_m, step.speed_m_s))
             now_s += move_duration_s(
                 abs(step.displacement_m - tendon_m),
                 step.speed_m_s,
-                rig.tendon.max_acceleration_m_s2,
+                tendon_m_s2,
             )
             tendon_m = step.displacement_m
     phases.append(('done', now_s))
     # Whole blocks, so that trials follow each other without a gap in the sequence.
     block_s = SAMPLES_PER_BLOCK / RATE_HZ
     duration_s = np.ceil((now_s + IDLE_S) / block_s) * block_s
-    return PlannedTrial(
-        tuple(phases), Timeline(tuple(guide_moves), tuple(tendon_moves), duration_s)
-    )
+    timeline = Timeline(guide_moves, tendon_moves, duration_s, config.guide_start_m)
+    return PlannedTrial(tuple(phases), timeline)
 
 
 @dataclass(frozen=True)
