@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from tactile_sim import grbl_settings as setting
 from tactile_sim.description import Guide
 from tactile_sim.grbl_gcode import (
     Command,
@@ -18,23 +19,7 @@ from tactile_sim.grbl_gcode import (
 )
 from tactile_sim.grbl_planner import Planner
 from tactile_sim.grbl_report import StatusReporter
-from tactile_sim.grbl_settings import (
-    ACCELERATION,
-    HOMING,
-    HOMING_DIRECTION,
-    HOMING_FAST,
-    HOMING_SLOW,
-    MAX_RATE,
-    PULL_OFF,
-    REPORT_MASK,
-    SOFT_LIMITS,
-    STEPS_PER_MM,
-    TRAVEL,
-    format_setting,
-    make_settings,
-    write_setting,
-)
-from tactile_sim.motion import Segment, plan_ramp
+from tactile_sim.motion import plan_legs
 
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 LOCK_MESSAGE = b"[MSG:'$H'|'$X' to unlock]\r\n"
@@ -60,13 +45,13 @@ class GrblDevice:
     """
 
     def __init__(self, guide: Guide) -> None:
-        self.settings = make_settings(guide)
+        self.settings = setting.make_settings(guide)
         self._travel_mm = guide.travel_m * 1e3
         self._planner = Planner(guide.power_up_m * 1e3)
         self._zero_mm = guide.power_up_m * 1e3  # carriage coordinate of MPos 0
         self._now_s = 0.0
         self._output = bytearray()
-        self._alarmed = bool(self.settings[HOMING])
+        self._alarmed = bool(self.settings[setting.HOMING])
         self._start(announce_lock=self._alarmed)
 
     def _start(self, announce_lock: bool) -> None:
@@ -147,9 +132,9 @@ class GrblDevice:
             self._planner.place(self._on_rail(position))
         if self._homing:
             self._homing = self._alarmed = False
-            negative = bool(int(self.settings[HOMING_DIRECTION]) & 1)
-            pull_off = self.settings[PULL_OFF]
-            mpos = -self.settings[TRAVEL] + pull_off if negative else -pull_off
+            negative = bool(int(self.settings[setting.HOMING_DIRECTION]) & 1)
+            pull_off = self.settings[setting.PULL_OFF]
+            mpos = -self.settings[setting.TRAVEL] + pull_off if negative else -pull_off
             self._zero_mm = self._planner.state_at(self._now_s)[0] - mpos
             self._say_ok()
         if self._soft_limit_hit:
@@ -242,7 +227,7 @@ class GrblDevice:
             return False
         if command.target_mm is None:
             return True
-        if self.settings[SOFT_LIMITS] and not self._within_travel(command.target_mm):
+        if self.settings[setting.SOFT_LIMITS] and not self._within_travel(command.target_mm):
             # Grbl stops what moves before it raises the alarm, and owes this line its ok.
             self._soft_limit_hit = True
             self._planner.hold(self._now_s)
@@ -275,16 +260,17 @@ class GrblDevice:
             )
         elif line == '$$':
             for number, value in self.settings.items():
-                self._output += f'${number}={format_setting(number, value)}\r\n'.encode()
+                text = setting.format_setting(number, value)
+                self._output += f'${number}={text}\r\n'.encode()
         elif line == '$I':
             self._output += b'[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\n'
         elif line == '$H':
-            if not self.settings[HOMING]:
+            if not self.settings[setting.HOMING]:
                 raise GcodeError(5)
             self._home()
             return False
         else:
-            write_setting(self.settings, line[1:])
+            setting.write_setting(self.settings, line[1:])
         return True
 
     # ---- motion -------------------------------------------------------------------------
@@ -293,33 +279,27 @@ class GrblDevice:
         return carriage_mm - self._zero_mm
 
     def _within_travel(self, mpos_mm: float) -> bool:
-        return -self.settings[TRAVEL] - 1e-9 <= mpos_mm <= 1e-9
+        return -self.settings[setting.TRAVEL] - 1e-9 <= mpos_mm <= 1e-9
 
     def _queue(self, command: Command) -> None:
-        fastest = self.settings[MAX_RATE]
+        fastest = self.settings[setting.MAX_RATE]
         feed = min(command.feed_mm_min or fastest, fastest)
-        self._planner.acceleration = self.settings[ACCELERATION]
-        steps = self.settings[STEPS_PER_MM]
+        self._planner.acceleration = self.settings[setting.ACCELERATION]
+        steps = self.settings[setting.STEPS_PER_MM]
         target = round((command.target_mm or 0.0) * steps) / steps + self._zero_mm
         self._planner.append(self._now_s, target, feed / 60)
 
     def _home(self) -> None:
         self._homing = True
-        negative = bool(int(self.settings[HOMING_DIRECTION]) & 1)
+        negative = bool(int(self.settings[setting.HOMING_DIRECTION]) & 1)
         switch = 0.0 if negative else self._travel_mm
-        clear = switch + (self.settings[PULL_OFF] if negative else -self.settings[PULL_OFF])
+        clear = switch + (
+            self.settings[setting.PULL_OFF] if negative else -self.settings[setting.PULL_OFF]
+        )
         here = self._planner.state_at(self._now_s)[0]
-        segments: list[Segment] = []
-        start_s = self._now_s
-        for target, feed in (
-            (switch, self.settings[HOMING_FAST]),
-            (clear, self.settings[HOMING_FAST]),
-            (switch, self.settings[HOMING_SLOW]),
-            (clear, self.settings[HOMING_SLOW]),
-        ):
-            segments += plan_ramp(start_s, here, target, feed / 60, self.settings[ACCELERATION])
-            here = target
-            start_s = segments[-1].end_s if segments else start_s
+        fast, slow = (self.settings[n] / 60 for n in (setting.HOMING_FAST, setting.HOMING_SLOW))
+        legs = [(switch, fast), (clear, fast), (switch, slow), (clear, slow)]
+        segments = plan_legs(self._now_s, here, legs, self.settings[setting.ACCELERATION])
         self._planner.run(self._now_s, segments, clear)
 
     def _hold(self) -> None:
@@ -376,8 +356,8 @@ class GrblDevice:
 
     def _report(self) -> None:
         carriage, velocity = self._planner.state_at(self._now_s)
-        steps = self.settings[STEPS_PER_MM]
+        steps = self.settings[setting.STEPS_PER_MM]
         mpos_mm = round(self._mpos(carriage) * steps) / steps + 0.0
         free = PLANNER_BLOCKS - self._planner.queued, RX_BYTES - self._rx_bytes
-        mask = int(self.settings[REPORT_MASK])
+        mask = int(self.settings[setting.REPORT_MASK])
         self._output += self._reporter.encode(self._state(), mpos_mm, velocity, free, mask)

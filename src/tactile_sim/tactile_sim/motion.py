@@ -149,6 +149,17 @@ def plan_move(
     return stop + plan_ramp(stop[0].end_s, stop[0].end_position, target, speed, acceleration)
 
 
+def plan_legs(
+    start_s: float, position: float, legs: Sequence[tuple[float, float]], acceleration: float
+) -> list[Segment]:
+    """Go to one target after the other, each with its speed, with a stop at each."""
+    segments: list[Segment] = []
+    for target, speed in legs:
+        segments += plan_ramp(start_s, position, target, speed, acceleration)
+        position, start_s = target, segments[-1].end_s if segments else start_s
+    return segments
+
+
 def move_duration_s(distance_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:
     """Duration of a move from rest to rest [s]."""
     segments = plan_ramp(0.0, 0.0, abs(distance_m), speed_m_s, acceleration_m_s2)

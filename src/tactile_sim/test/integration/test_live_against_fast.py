@@ -103,5 +103,5 @@ def test_mounting_needs_a_slack_tendon():
     driver.prepare()
     driver.pull(0.003)
     driver.wait_until(11.0)
-    with pytest.raises(RigError, match='wound in by 3[.]0 mm; release it'):
+    with pytest.raises(RigError, match=r'wound in by 3\.0 mm; release it'):
         driver.rig.mount('texture', 'F', 'flexion')

@@ -37,7 +37,7 @@ def test_same_seed_same_bytes_whatever_the_batch():
 @pytest.mark.parametrize(('plate', 'contact'), [('R3', 'flexion'), ('T1', 'abduction')])
 def test_step_is_fine_enough(plate, contact):
     pull_m = {'flexion': 0.0054, 'abduction': 0.0075}[contact]
-    timeline = Timeline([Move(0.6, 0.085, 0.015)], [Move(0.1, pull_m, 0.02)], 1.5, 0.070)
+    timeline = Timeline([Move(0.6, 0.085, 0.015)], [Move(0.1, pull_m, 0.02)], 1.3, 0.070)
     times, coarse = simulate_motion('texture', plate, contact, timeline, Variation.none())
     _, fine = simulate_motion('texture', plate, contact, timeline, Variation.none(), STEP_S / 10)
     gliding = times > 0.8
