@@ -104,11 +104,12 @@ def test_packages(workspace: Workspace, packages: list[str]) -> list[Outcome]:
             *('--install-base', str(workspace.install)),
             *('--test-result-base', str(results)),
             *('--packages-select', *packages, '--return-code-on-test-failure'),
-            *('--event-handlers', 'console_direct-', 'console_cohesion-', 'status-'),
+            *('--event-handlers', 'console_stderr-', 'summary-'),
         ],
         cwd=ROOT,
         env=workspace.environment(),
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     seconds = time.monotonic() - started
     outcomes = []
@@ -117,9 +118,9 @@ def test_packages(workspace: Workspace, packages: list[str]) -> list[Outcome]:
             continue
         files = sorted((results / package).rglob('*.xml'))
         outcomes.append(read_results(package, files))
-    if done.returncode and not any(o.failed for o in outcomes):
+    if done.returncode and not any(outcome.passed for outcome in outcomes):
         outcomes.append(
-            Outcome('colcon test', failed=1, remarks=[f'ended with code {done.returncode}'])
+            Outcome('colcon test', failed=1, remarks=[f'FAILED colcon test\n{done.stderr}'])
         )
     print(f'tests took {seconds:.0f} s', flush=True)
     return outcomes
@@ -141,7 +142,8 @@ def read_results(package: str, files: list[Path]) -> Outcome:
                     outcome.remarks.append(f'FAILED {name}\n{fault.text or fault.get("message")}')
                 elif skip is not None:
                     outcome.skipped += 1
-                    outcome.remarks.append(f'skipped {name}: {skip.get("message")}')
+                    reason = (skip.text or skip.get('message') or '').strip().splitlines()
+                    outcome.remarks.append(f'skipped {name}: {" ".join(reason[-1:])}')
                 else:
                     outcome.passed += 1
     if not (outcome.passed or outcome.failed or outcome.skipped):

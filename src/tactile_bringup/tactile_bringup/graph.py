@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from tactile_bringup.errors import BringupError
 from tactile_bringup.records import CONTACTS, PROTOCOLS
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.records import FeatureConfig
@@ -55,7 +56,7 @@ def sensing_graph(
 
     Raises
     ------
-    ValueError
+    BringupError
         When a classifier's name does not say its task and contact.
     """
     shared = {f.name for f in fields(ClassifierConfig)} & {f.name for f in fields(FeatureConfig)}
@@ -134,8 +135,9 @@ def recorder_node(
         {
             'bag': str(bag),
             'namespaces': (namespace,),
-            'classifiers': classifiers,
             'facts': json.dumps(facts),
+            # ROS cannot tell the type of an empty list.
+            **({'classifiers': classifiers} if classifiers else {}),
         },
     )
 
@@ -154,7 +156,7 @@ def parse_classifier_name(name: str) -> tuple[str, str]:
     """Return task and contact from a node name made by `classifier_name`."""
     parts = name.split('_')
     if len(parts) != 3 or parts[0] not in PROTOCOLS or parts[1] not in CONTACTS:
-        raise ValueError(
+        raise BringupError(
             f'"{name}" does not name a classifier; it must be one of '
             + ', '.join(all_classifier_names())
         )
@@ -169,8 +171,8 @@ def _merged(node: NodeDescription, parameters: Mapping[str, Mapping[str, Any]]) 
 def check_names(
     nodes: Sequence[NodeDescription], parameters: Mapping[str, Mapping[str, Any]]
 ) -> None:
-    """Raise ValueError when ``parameters`` names a node that is not in the graph."""
+    """Raise BringupError when ``parameters`` names a node that is not in the graph."""
     unknown = sorted(set(parameters) - {node.name for node in nodes})
     if unknown:
         known = ', '.join(node.name for node in nodes)
-        raise ValueError(f'parameters for unknown nodes {", ".join(unknown)}; there are {known}')
+        raise BringupError(f'parameters for unknown nodes {", ".join(unknown)}; there are {known}')

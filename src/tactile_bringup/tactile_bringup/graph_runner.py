@@ -11,6 +11,8 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
+from rclpy.exceptions import ParameterException
+from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
@@ -29,20 +31,34 @@ NODE_CLASSES = {
 }
 
 
-def create_node(description: NodeDescription, context: Context, namespace: str = '') -> Any:
-    """Return the described node, unconfigured."""
+def create_node(
+    description: NodeDescription, context: Context, namespace: str = '', *, quiet: bool = False
+) -> Any:
+    """Return the described node, unconfigured; a quiet one logs warnings and errors only.
+
+    Raises
+    ------
+    BringupError
+        When a parameter is out of range or of the wrong type.
+    """
     module, _, name = NODE_CLASSES[description.executable].partition(':')
     node_class = getattr(import_module(module), name)
     overrides = [
         Parameter(key, value=list(value) if isinstance(value, tuple) else value)
         for key, value in description.parameters.items()
     ]
-    return node_class(
-        node_name=description.name,
-        namespace=namespace,
-        context=context,
-        parameter_overrides=overrides,
-    )
+    try:
+        node = node_class(
+            node_name=description.name,
+            namespace=namespace,
+            context=context,
+            parameter_overrides=overrides,
+        )
+    except ParameterException as error:
+        raise BringupError(f'the node {description.name} cannot be made: {error}') from error
+    if quiet:
+        node.get_logger().set_level(LoggingSeverity.WARN)
+    return node
 
 
 @contextmanager
@@ -67,6 +83,7 @@ def running_graph(
     *,
     namespace: str = '',
     others: Sequence[Any] = (),
+    quiet: bool = False,
 ) -> Iterator[dict[str, Any]]:
     """Run nodes on one executor until the block ends; give them by name.
 
@@ -77,6 +94,8 @@ def running_graph(
     namespace : str
     others : sequence of rclpy.node.Node
         Nodes that are spun beside them, and destroyed at the end.
+    quiet : bool
+        Log warnings and errors only.
 
     Raises
     ------
@@ -86,7 +105,7 @@ def running_graph(
     nodes: dict[str, Any] = {}
     try:
         for description in descriptions:
-            nodes[description.name] = create_node(description, context, namespace)
+            nodes[description.name] = create_node(description, context, namespace, quiet=quiet)
         for name, node in nodes.items():
             if not node.bring_up():
                 raise BringupError(f'the node {name} could not be started; its log says why')

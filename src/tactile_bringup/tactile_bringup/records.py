@@ -125,7 +125,7 @@ class RecorderConfig:
         metadata={'description': 'namespaces of the fingers to record; empty: the root'},
     )
     classifiers: tuple[str, ...] = field(
-        default=('tactile_classifier',),
+        default=(),
         metadata={'description': 'node names of the classifiers to record'},
     )
     facts: str = field(

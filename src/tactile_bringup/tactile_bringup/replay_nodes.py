@@ -78,7 +78,7 @@ def replay_through_nodes(
     try:
         executor.add_node(player)
         for description in _replay_graph(models, config):
-            node = create_node(description, context, namespace)
+            node = create_node(description, context, namespace, quiet=True)
             nodes.append(node)
             if not node.bring_up():
                 raise BringupError(f'the node {description.name} could not be started')

@@ -136,7 +136,7 @@ def run_live_trials(
             recorder_node(folder / 'recording', folder / 'models', classifiers, {}, simulated=True)
         )
         operator = OperatorNode(classifiers, context)
-        with running_graph(graph, context, others=[operator]) as nodes:
+        with running_graph(graph, context, others=[operator], quiet=True) as nodes:
             wait_until_matched(nodes['bag_recorder'])
             operator.home_guide()
             for request in requests:
@@ -202,11 +202,11 @@ def draw_trace(path: Path, bag: TactileBag, request: TrialRequest) -> None:
 
 def draw_spectra(path: Path, table: FeatureTable) -> None:
     """Draw the spectrum of the first trial on each plate."""
-    labels = np.unique(table.labels)
+    labels = [label for label in list_objects('texture') if label in table.labels]
     plot_spectra(
         path,
         np.arange(len(table.spec.names)) * table.spec.rate_hz / table.spec.sample_count,
-        [(str(label), table.values[np.argmax(table.labels == label)]) for label in labels],
+        [(label, table.values[np.argmax(table.labels == label)]) for label in labels],
         'SIMULATED texture trials, flexion: one on each plate',
     )
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tactile_bringup.errors import BringupError
 from tactile_bringup.graph import (
     Ports,
     all_classifier_names,
@@ -60,7 +61,7 @@ def test_given_parameters_win():
 
 def test_parameters_for_a_node_that_is_not_there_are_refused():
     nodes = rig_graph(PORTS, {}, {}, simulated=False)
-    with pytest.raises(ValueError, match='tendon_senser'):
+    with pytest.raises(BringupError, match='tendon_senser'):
         check_names(nodes, {'tendon_senser': {}})
 
 
@@ -68,7 +69,7 @@ def test_classifier_names_round_trip():
     assert len(all_classifier_names()) == 4
     for name in all_classifier_names():
         assert classifier_name(*parse_classifier_name(name)) == name
-    with pytest.raises(ValueError, match='smell'):
+    with pytest.raises(BringupError, match='smell'):
         parse_classifier_name('smell_flexion_classifier')
 
 

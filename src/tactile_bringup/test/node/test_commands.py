@@ -1,0 +1,164 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The tactile command as a user meets it: a process with arguments, output and an exit code."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_bringup.cli import main; main()'
+
+
+def tactile(*arguments, timeout_s=120):
+    return subprocess.run(
+        [sys.executable, '-c', PROGRAM, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+    )
+
+
+@pytest.fixture
+def archive(tmp_path):
+    """Return an archive whose two labels differ in frequency."""
+    generator = np.random.default_rng(0)
+    time_s = np.arange(60) / 60
+    label = np.repeat(['fine', 'coarse'], 12)
+    frequency_hz = np.where(label == 'fine', 20.0, 5.0)
+    x = np.sin(2 * np.pi * frequency_hz[:, None] * time_s + generator.uniform(0, 6, (24, 1)))
+    path = tmp_path / 'trials.npz'
+    np.savez(path, x=x[:, None], label=label, rate_hz=60.0, session=np.arange(24) % 4)
+    return path
+
+
+@pytest.mark.parametrize('command', ['', 'demo', 'simulate', 'train', 'evaluate', 'replay', 'rig'])
+def test_help_reads_like_a_manual(command):
+    done = tactile(*([command] if command else []), '--help')
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) > 10
+
+
+def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
+    done = tactile('evaluate', archive, '--task', 'texture')
+    assert done.returncode == 0, done.stderr
+    for text in ('stratified 6-fold, 10 times', 'not scaled', '100.0'):
+        assert text in done.stdout
+    done = tactile('evaluate', archive, '--task', 'texture', '--group', 'session', '--json')
+    (evaluation,) = json.loads(done.stdout)['evaluations']
+    assert evaluation['split'] == 'one session held out'
+    assert {score['scaling'] for score in evaluation['scores']} == {'standard', 'none'}
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        ([], '--task'),
+        (['--task', 'texture', '--group', 'colour'], 'no column "colour"'),
+        (['--task', 'texture', '--folds', '13'], 'fewer than the 13 folds'),
+        (['--task', 'texture', '--channel', '1'], 'no channel 1'),
+        (['--task', 'texture', '--channel', 'one'], '--channel'),
+        (['--task', 'texture', '--static-phase', '4'], 'START:STOP'),
+        (['--task', 'texture', '--features', 'loudness'], 'loudness'),
+        (['--task', 'texture', '--where', 'session=north'], 'north'),
+    ],
+)
+def test_evaluate_refuses_with_one_sentence(archive, arguments, sentence):
+    done = tactile('evaluate', archive, *arguments)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def test_simulated_bags_become_models(tmp_path):
+    options = ('--contact', 'flexion', '--trials', 6, '--json')
+    done = tactile('simulate', 'stiffness', '-o', tmp_path / 'bags', *options)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document['simulated'] is True
+    (bag,) = document['bags']
+    assert bag['trials'] == 30
+    done = tactile('train', bag['path'], '-o', tmp_path / 'models', '--classifier', 'tree')
+    assert done.returncode == 0, done.stderr
+    assert 'SIMULATED' in done.stdout
+    assert 'stiffness-flexion-tree-' in done.stdout
+    assert (tmp_path / 'models' / 'stiffness_flexion.onnx').is_file()
+    done = tactile('evaluate', bag['path'], '--repetitions', 1, '--json')
+    (evaluation,) = json.loads(done.stdout)['evaluations']
+    assert evaluation['title'] == 'stiffness, flexion, simulated'
+    assert evaluation['trials'] == 30
+
+
+def test_too_few_trials_to_train_on_are_refused(stiffness_bag, tmp_path):
+    done = tactile('train', stiffness_bag, '-o', tmp_path / 'models')
+    assert done.returncode == 2
+    assert 'fewer than the 6 folds' in done.stderr
+
+
+def test_replay_says_equal_or_the_first_difference(stiffness_bag, trained, tmp_path):
+    # The simulated bag holds no features, so a replay must find that and exit with 1.
+    done = tactile('replay', stiffness_bag, '--models', trained, '--no-nodes')
+    assert done.returncode == 1
+    assert '0 feature windows in the recording, 15 in the core' in done.stdout
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        (['replay', 'nowhere'], 'not a readable bag'),
+        (['train', 'nowhere', '-o', 'out'], 'not a readable bag'),
+        (['rig'], 'name the ports'),
+        (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'brings its own ports'),
+        (['rig', '--models', 'nowhere'], 'no model files'),
+        (['rig', '--simulated', '--params', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['evaluate', 'nowhere.npz', '--task', 'texture'], 'does not exist'),
+        (['evaluate', 'a.npz', 'b.npz', '--task', 'texture'], 'one archive at a time'),
+    ],
+)
+def test_what_is_not_there_is_named(arguments, sentence):
+    done = tactile(*arguments)
+    assert done.returncode == 2, done.stdout
+    assert sentence in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def test_demo_keeps_an_existing_folder(tmp_path):
+    done = tactile('demo', '-o', tmp_path)
+    assert done.returncode == 2
+    assert 'exists already' in done.stderr
+
+
+def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
+    params = tmp_path / 'params.yaml'
+    params.write_text('tendon_senser:\n  ros__parameters:\n    rate_hz: 60.0\n')
+    done = tactile('rig', '--simulated', '--params', params)
+    assert done.returncode == 2
+    assert 'tendon_senser' in done.stderr
+    params.write_text('tendon_sensor:\n  ros__parameters:\n    rate_hz: -1.0\n')
+    done = tactile('rig', '--simulated', '--params', params)
+    assert done.returncode == 2
+    assert 'rate_hz' in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def test_rig_runs_and_records_until_interrupted(tmp_path):
+    bag = tmp_path / 'bag'
+    process = subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, 'rig', '--simulated', '--record', str(bag)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert 'SIMULATED rig running' in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert process.returncode == 0, errors
+    assert (bag / 'metadata.yaml').exists()
+    shutil.rmtree(bag)
