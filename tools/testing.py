@@ -10,12 +10,8 @@ import time
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from workspace import Workspace
-
-ROOT = Path(__file__).resolve().parent.parent
+from workspace import ROOT, Workspace
 
 
 @dataclass

@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Sets up the workspace (once), then runs a command in it.
+"""The workspace's virtual environment and build: how they come to be, how to use them.
 
 Only the standard library: this runs before anything is installed. Everything
 is written below ``.tactile/<distro>/`` in the clone, but for the installer's
@@ -21,24 +21,6 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-DEFAULT_DISTRO = 'jazzy'
-
-USAGE = """\
-usage: ./tactile COMMAND [ARGUMENT ...]
-
-  demo            the whole chain on the simulated rig: train, run trials, record, replay
-  test [PACKAGE ...]
-                  the tests of all packages (or of some) and the house rules
-  run PROGRAM [ARGUMENT ...]
-                  any program in the workspace's environment, as in
-                  ./tactile run python -m pytest src/tactile_features/test -k spectrum
-  build           set up and build, and nothing else
-  clean           remove everything that this command has set up
-  --help          every other command: simulate, train, evaluate, replay, rig, ...
-
-The first call sets up a virtual environment with ROS 2 and builds the workspace
-in .tactile/; later calls start at once.
-"""
 
 
 class SetupError(Exception):
@@ -270,51 +252,3 @@ def check_compiler() -> None:
 
 def say(text: str) -> None:
     print(text, flush=True)
-
-
-def take_distro(arguments: list[str]) -> str:
-    """Remove ``--distro NAME`` from the arguments and return the name."""
-    if '--distro' not in arguments:
-        return os.environ.get('TACTILE_DISTRO', DEFAULT_DISTRO)
-    at = arguments.index('--distro')
-    if at + 1 == len(arguments):
-        raise SetupError('--distro wants the name of a ROS 2 distribution.')
-    distro = arguments[at + 1]
-    del arguments[at : at + 2]
-    return distro
-
-
-def main(arguments: list[str]) -> int:
-    try:
-        workspace = Workspace(take_distro(arguments))
-        if not arguments:
-            say(USAGE)
-            return 2
-        command, rest = arguments[0], arguments[1:]
-        if command == 'clean':
-            shutil.rmtree(ROOT / '.tactile', ignore_errors=True)
-            return 0
-        workspace.ensure()
-        if command == 'build':
-            return 0
-        if command == 'run':
-            if not rest:
-                raise SetupError('run wants a program, as in: ./tactile run python')
-            workspace.execute(rest)
-        if command == 'test':
-            from testing import run_tests
-
-            return run_tests(workspace, rest)
-        workspace.execute(
-            [str(workspace.install / 'lib' / 'tactile_bringup' / 'tactile'), *arguments]
-        )
-    except SetupError as error:
-        print(f'tactile: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,79 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What `./tactile` does with its arguments: set up what is missing, then run the command."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+
+from testing import run_tests
+from workspace import ROOT, SetupError, Workspace, say
+
+DEFAULT_DISTRO = 'jazzy'
+
+USAGE = """\
+usage: ./tactile COMMAND [ARGUMENT ...]
+
+  demo            the whole chain on the simulated rig: train, run trials, record, replay
+  test [PACKAGE ...]
+                  the tests of all packages (or of some) and the house rules
+  run PROGRAM [ARGUMENT ...]
+                  any program in the workspace's environment, as in
+                  ./tactile run python -m pytest src/tactile_features/test -k spectrum
+  build           set up and build, and nothing else
+  clean           remove everything that this command has set up
+
+  simulate, train, evaluate, replay, rig
+                  ./tactile COMMAND --help says what each does
+
+The first call sets up a virtual environment with ROS 2 and builds the workspace
+in .tactile/; later calls start at once.
+"""
+
+
+def take_distro(arguments: list[str]) -> str:
+    """Remove ``--distro NAME`` from the arguments and return the name."""
+    if '--distro' not in arguments:
+        return os.environ.get('TACTILE_DISTRO', DEFAULT_DISTRO)
+    at = arguments.index('--distro')
+    if at + 1 == len(arguments):
+        raise SetupError('--distro wants the name of a ROS 2 distribution.')
+    distro = arguments[at + 1]
+    del arguments[at : at + 2]
+    return distro
+
+
+def main(arguments: list[str]) -> int:
+    try:
+        workspace = Workspace(take_distro(arguments))
+        if not arguments or arguments[0] in ('-h', '--help', 'help'):
+            say(USAGE)
+            return 0 if arguments else 2
+        command, rest = arguments[0], arguments[1:]
+        if command == 'clean':
+            shutil.rmtree(ROOT / '.tactile', ignore_errors=True)
+            return 0
+        workspace.ensure()
+        if command == 'build':
+            return 0
+        if command == 'run':
+            if not rest:
+                raise SetupError('run wants a program, as in: ./tactile run python')
+            workspace.execute(rest)
+        if command == 'test':
+            return run_tests(workspace, rest)
+        workspace.execute(
+            [str(workspace.install / 'lib' / 'tactile_bringup' / 'tactile'), *arguments]
+        )
+    except SetupError as error:
+        print(f'tactile: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
