@@ -9,6 +9,7 @@ own download cache.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
@@ -58,8 +59,9 @@ class Workspace:
         temporary.replace(self.state_file)
 
     def venv_key(self) -> str:
-        version = f'{sys.version_info[0]}.{sys.version_info[1]}'
-        return hashlib.sha256(self.requirements.read_bytes() + version.encode()).hexdigest()
+        # A virtual environment knows its own place: a moved clone needs a new one.
+        place = f'{sys.version_info[0]}.{sys.version_info[1]} {self.base}'
+        return hashlib.sha256(self.requirements.read_bytes() + place.encode()).hexdigest()
 
     def build_key(self) -> str:
         """Changes when a build is needed.
@@ -80,13 +82,29 @@ class Workspace:
 
     # -- set-up ----------------------------------------------------------------
 
-    def ensure(self) -> None:
+    def needs(self) -> tuple[bool, bool]:
+        """Return whether the virtual environment and the build are to be made anew."""
         state = self.state()
-        need_venv = state.get('venv') != self.venv_key() or not self.python.exists()
-        need_build = need_venv or state.get('build') != self.build_key()
-        if not need_build:
+        venv = state.get('venv') != self.venv_key() or not self.python.exists()
+        return venv, venv or state.get('build') != self.build_key()
+
+    def ensure(self) -> None:
+        """Set up what is missing; at once when nothing is."""
+        if not self.needs()[1]:
             return
         self.base.mkdir(parents=True, exist_ok=True)
+        with (self.base / 'lock').open('w') as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                say('Another ./tactile is setting this workspace up; waiting for it ...')
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            self.set_up()
+
+    def set_up(self) -> None:
+        need_venv, need_build = self.needs()
+        if not need_build:
+            return
         started = time.monotonic()
         check_compiler()
         if need_venv:
@@ -161,6 +179,7 @@ class Workspace:
                 temporary.replace(path)
 
     def build(self) -> None:
+        key = self.build_key()  # of what is built, not of what was edited meanwhile
         self.step(
             'building the packages (colcon)',
             [
@@ -181,7 +200,7 @@ class Workspace:
         found = {name: value for name, _, value in pairs}
         overlay = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PYTHONPATH')
         self.remember(
-            build=self.build_key(),
+            build=key,
             overlay=json.dumps({name: found[name] for name in overlay if name in found}),
         )
 
