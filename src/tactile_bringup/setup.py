@@ -15,7 +15,6 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', sorted(glob('launch/*.launch.py'))),
-        (f'share/{package_name}/config', sorted(glob('config/*.yaml'))),
     ],
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
@@ -28,7 +27,6 @@ setup(
         'console_scripts': [
             'trial_runner_node = tactile_bringup.trial_runner_node:main',
             'bag_recorder_node = tactile_bringup.bag_recorder_node:main',
-            'bag_player_node = tactile_bringup.bag_player_node:main',
             'tactile = tactile_bringup.cli:main',
         ],
     },
