@@ -8,7 +8,7 @@ events. All of them are marked as simulated.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -114,13 +114,37 @@ class SimulationPlan:
         return f'{self.protocol}_{self.contact}'
 
 
+def simulate_label(plan: SimulationPlan, label: str, config: TrialConfig) -> SimulatedTrials:
+    """Simulate a plan's trials on one plate or object; other labels do not change them."""
+    labels = list_objects(plan.protocol)
+    seeds = np.random.SeedSequence(plan.seed).generate_state(len(labels))
+    return simulate_trials(
+        plan.protocol,
+        label,
+        plan.contact,
+        plan_trial(config, TrialRequest(plan.protocol, plan.contact)).timeline,
+        plan.trials_per_label,
+        int(seeds[labels.index(label)]),
+    )
+
+
 def write_simulated_bag(
     folder: Path,
     plan: SimulationPlan,
     trial_config: TrialConfig,
     feature_config: FeatureConfig,
+    simulated: Mapping[str, SimulatedTrials] | None = None,
 ) -> Path:
-    """Simulate a plan's trials and write them as one bag below ``folder``.
+    """Write a plan's trials as one bag below ``folder``.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+    plan : SimulationPlan
+    trial_config : TrialConfig
+    feature_config : FeatureConfig
+    simulated : mapping of str to SimulatedTrials, optional
+        What `simulate_label` gave for each label; simulated here when left out.
 
     Returns
     -------
@@ -132,10 +156,8 @@ def write_simulated_bag(
     BagError
         When the bag exists already or cannot be written.
     """
-    request = TrialRequest(plan.protocol, plan.contact)
-    planned = plan_trial(trial_config, request)
+    planned = plan_trial(trial_config, TrialRequest(plan.protocol, plan.contact))
     labels = list_objects(plan.protocol)
-    seeds = np.random.SeedSequence(plan.seed).generate_state(len(labels))
     facts = {
         'simulated': True,
         'seed': plan.seed,
@@ -148,21 +170,13 @@ def write_simulated_bag(
     with BagWriter(folder / plan.name, facts) as writer:
         strain = writer.add_topic(STRAIN_TOPIC)
         events = writer.add_topic(EVENT_TOPIC)
-        simulated = {
-            label: simulate_trials(
-                plan.protocol,
-                label,
-                plan.contact,
-                planned.timeline,
-                plan.trials_per_label,
-                int(seed),
-            )
-            for label, seed in zip(labels, seeds, strict=True)
+        trials = simulated or {
+            label: simulate_label(plan, label, trial_config) for label in labels
         }
         clock = _TrialClock(writer.store.types, trial_config, plan, planned)
         for index in range(plan.trials_per_label):
             for label in labels:
-                for stamp_ns, type_name, message in clock.messages(label, index, simulated[label]):
+                for stamp_ns, type_name, message in clock.messages(label, index, trials[label]):
                     writer.write(strain if type_name == STRAIN else events, stamp_ns, message)
     return folder / plan.name
 

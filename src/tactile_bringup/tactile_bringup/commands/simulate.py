@@ -10,14 +10,17 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from tactile_bringup.commands.output import Output
+from tactile_bringup.errors import BagError
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulated_bags import (
     SimulationPlan,
     paper_plans,
+    simulate_label,
     write_simulated_bag,
 )
 from tactile_features.records import FeatureConfig
 from tactile_sim.description import list_objects
+from tactile_sim.fast_trials import SimulatedTrials
 
 
 def run_simulate(
@@ -58,13 +61,29 @@ def run_simulate(
 
 
 def make_bags(folder: Path, plans: Sequence[SimulationPlan], output: Output) -> list[Path]:
-    """Write the plans' bags on all cores, with progress."""
+    """Write the plans' bags, simulating on all cores, with progress.
+
+    Raises
+    ------
+    BagError
+        When one of the bags exists already: nothing is simulated then.
+    """
+    for plan in plans:
+        if (folder / plan.name).exists():
+            raise BagError(f'{folder / plan.name} exists already; name another folder')
     config, features = TrialConfig(simulated=True), FeatureConfig()
-    work = (delayed(write_simulated_bag)(folder, plan, config, features) for plan in plans)
+    parts = [(plan, label) for plan in plans for label in list_objects(plan.protocol)]
+    work = (delayed(simulate_label)(plan, label, config) for plan, label in parts)
+    simulated: dict[SimulationPlan, dict[str, SimulatedTrials]] = {plan: {} for plan in plans}
     bags = []
     with output.progress() as progress:
-        bar = progress.add_task('simulating trials', total=len(plans))
-        for bag in Parallel(n_jobs=-1, return_as='generator')(work):
-            bags.append(bag)
-            progress.advance(bar)
+        total = sum(plan.trials_per_label for plan, _ in parts)
+        bar = progress.add_task('simulating trials', total=total)
+        results = Parallel(n_jobs=-1, return_as='generator')(work)
+        for (plan, label), trials in zip(parts, results, strict=True):
+            simulated[plan][label] = trials
+            progress.advance(bar, plan.trials_per_label)
+            if len(simulated[plan]) == len(list_objects(plan.protocol)):
+                done = simulated.pop(plan)
+                bags.append(write_simulated_bag(folder, plan, config, features, done))
     return bags

@@ -82,6 +82,9 @@ def test_simulated_bags_become_models(tmp_path):
     assert document['simulated'] is True
     (bag,) = document['bags']
     assert bag['trials'] == 30
+    done = tactile('simulate', 'stiffness', '-o', tmp_path / 'bags', *options)
+    assert done.returncode == 2
+    assert 'exists already' in done.stderr
     done = tactile('train', bag['path'], '-o', tmp_path / 'models', '--classifier', 'tree')
     assert done.returncode == 0, done.stderr
     assert 'SIMULATED' in done.stdout
