@@ -3,6 +3,7 @@
 """The ``tactile`` command: arguments and help. The work is in `tactile_bringup.commands`.
 
 Imports of the work are inside the functions: ``--help`` must not wait for ROS.
+Options are ``Optional[X]``: Ubuntu 24.04 has Typer 0.9, which refuses ``X | None``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -84,7 +85,7 @@ def refusals() -> Iterator[None]:
 @app.command()
 def demo(
     output: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             '--output', '-o', help='Folder for the results; must not exist. Default: a new one.'
         ),
@@ -116,7 +117,7 @@ def simulate(
     protocol: Annotated[Protocol, typer.Argument(help='Which kind of trial.')],
     output: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
     contact: Annotated[
-        list[Contact] | None,
+        Optional[list[Contact]],
         typer.Option(help='How the finger touches; give it twice for both. Default: both.'),
     ] = None,
     trials: Annotated[
@@ -146,7 +147,7 @@ def train(
         Classifier, typer.Option(help='Which of the four goes into the model file.')
     ] = Classifier.knn,
     scaling: Annotated[
-        Scaling | None,
+        Optional[Scaling],
         typer.Option(
             help='Scaling in the model file. Default: none for texture, whose features share '
             'one unit; standard for stiffness, whose features do not.'
@@ -181,29 +182,29 @@ def evaluate(
         typer.Argument(help='One labelled-trials archive (.npz), or bags with labelled trials.'),
     ],
     task: Annotated[
-        Protocol | None,
+        Optional[Protocol],
         typer.Option(help='Which features to compute. Needed for an archive.'),
     ] = None,
     channel: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(help='Channel of the archive, or "mean" for the mean of all; default: 0.'),
     ] = None,
     where: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Only trials of which a column of the archive is true, as in --where balanced, '
             'or has a value, as in --where direction=1.'
         ),
     ] = None,
     static_phase: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Part of each trial that counts, in seconds, as in --static-phase 1:5. '
             'Default: all of it.'
         ),
     ] = None,
     group: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(
             help='Hold out each group of trials that agree in this column, instead of random '
             'folds; may be given several times.'
@@ -212,7 +213,7 @@ def evaluate(
     folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
     repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
     features: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Only these features, separated by commas, as in --features slope,correlation.'
         ),
@@ -249,7 +250,7 @@ def evaluate(
 def replay(
     bag: Annotated[Path, typer.Argument(help='The recording.')],
     models: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(help='Folder with the model files. Default: where the recording found them.'),
     ] = None,
     nodes: Annotated[
@@ -272,7 +273,8 @@ def replay(
 @app.command()
 def rig(
     models: Annotated[
-        Path | None, typer.Option(help='Folder with model files, as `tactile train` writes them.')
+        Optional[Path],
+        typer.Option(help='Folder with model files, as `tactile train` writes them.'),
     ] = None,
     guide: Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')] = '',
     tendon: Annotated[str, typer.Option(help='Serial port of the Dynamixel.')] = '',
@@ -281,11 +283,11 @@ def rig(
         bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
     ] = False,
     params: Annotated[
-        Path | None, typer.Option(help='YAML file with ROS parameters for the nodes.')
+        Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
     ] = None,
     namespace: Annotated[str, typer.Option(help='Namespace of all nodes.')] = '',
     record: Annotated[
-        Path | None, typer.Option(help='Record into this bag; must not exist yet.')
+        Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
     ] = None,
     seed: SeedOption = 1,
 ) -> None:

@@ -2,14 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tactile command as a user meets it: a process with arguments, output and an exit code."""
 
+import ast
 import json
 import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from tactile_bringup import cli
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_bringup.cli import main; main()'
 
@@ -41,6 +45,13 @@ def test_help_reads_like_a_manual(command):
     done = tactile(*([command] if command else []), '--help')
     assert done.returncode == 0
     assert len(done.stdout.splitlines()) > 10
+
+
+def test_no_option_has_a_type_that_typer_0_9_refuses():
+    """Ubuntu 24.04 has Typer 0.9, which takes ``Optional[X]`` but not ``X | None``."""
+    tree = ast.parse(Path(cli.__file__).read_text())
+    operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
+    assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == []
 
 
 def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
