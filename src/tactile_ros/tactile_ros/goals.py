@@ -134,6 +134,7 @@ class GoalRunner:
 
     @property
     def is_busy(self) -> bool:
+        """Whether a goal runs, or has ended and its client does not know yet."""
         return self._goal is not None
 
     def end_goal(self) -> None:
@@ -143,7 +144,10 @@ class GoalRunner:
             goal.request_end()
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """End the running goal and take the server down. Harmless when called twice."""
+        """End the running goal and take the server down. Harmless when called twice.
+
+        The client of a goal that still runs gets no result: the server is gone.
+        """
         self.end_goal()
         thread = self._thread
         if thread is not None and thread is not threading.current_thread():
@@ -151,6 +155,9 @@ class GoalRunner:
         if self._server is not None:
             self._server.destroy()
             self._server = None
+        runners = getattr(self._node, 'goal_runners', [])
+        if self in runners:
+            runners.remove(self)
 
     def _cancel(self, _: ServerGoalHandle) -> CancelResponse:
         self.end_goal()
@@ -175,7 +182,6 @@ class GoalRunner:
             except Exception as error:
                 outcome.append(error)
             finally:
-                self._goal = None
                 done.set_result(None)
                 executor = self._node.executor
                 if executor is not None:
@@ -184,7 +190,10 @@ class GoalRunner:
         self._thread = threading.Thread(target=run, name='goal', daemon=True)
         self._thread.start()
         await done
-        return self._finish(handle, outcome[0])
+        try:
+            return self._finish(handle, outcome[0])
+        finally:
+            self._goal = None
 
     def _finish(self, handle: ServerGoalHandle, outcome: Any) -> Any:
         """Set the goal's final state from what its work returned or raised."""

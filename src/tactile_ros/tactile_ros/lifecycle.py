@@ -83,14 +83,18 @@ class TactileNode(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        if any(runner.is_busy for runner in self.goal_runners):
+            # To wait here would keep the executor from telling the goal's client its end,
+            # and a goal that needs other nodes from ever coming to rest.
+            self.get_logger().error(
+                'cannot clean up: a goal is still coming to rest; try again when it has ended'
+            )
+            return TransitionCallbackReturn.FAILURE
         self.tear_down()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        if self.is_active:
-            self.is_active = False
-            self.stop()
-        self.tear_down()
+        self._stop_and_tear_down()
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -107,8 +111,15 @@ class TactileNode(LifecycleNode):
 
     def take_down(self) -> None:
         """Stop, give everything back and destroy the node, from any state."""
-        if self.is_active:
-            self.is_active = False
-            self.stop()
-        self.tear_down()
-        self.destroy_node()
+        try:
+            self._stop_and_tear_down()
+        finally:
+            self.destroy_node()
+
+    def _stop_and_tear_down(self) -> None:
+        try:
+            if self.is_active:
+                self.is_active = False
+                self.stop()
+        finally:
+            self.tear_down()

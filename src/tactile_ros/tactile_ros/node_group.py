@@ -7,6 +7,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
@@ -30,20 +32,38 @@ class NodeGroup:
     have, so that the devices are brought to rest over a graph that still works.
     Use as a context manager.
 
+    A callback that raises ends the executor: a node that has lost a callback half way
+    must not go on moving things. The traceback is logged and the exception kept.
+
     Parameters
     ----------
     nodes : sequence of rclpy.node.Node
         Plain nodes are spun and destroyed; `TactileNode` are taken down in order.
     context : rclpy.context.Context, optional
         The nodes' context; the default context when left out.
+    on_end : callable
+        Called when the executor has stopped, for whatever reason, on its thread.
+
+    Attributes
+    ----------
+    ended : threading.Event
+        Set when the executor has stopped.
+    error : Exception or None
+        What a callback raised that ended the executor.
     """
 
-    def __init__(self, nodes: Sequence[Any], context: Context | None = None) -> None:
+    def __init__(
+        self,
+        nodes: Sequence[Any],
+        context: Context | None = None,
+        on_end: Callable[[], None] = lambda: None,
+    ) -> None:
         self._nodes = list(nodes)
+        self._on_end = on_end
         self._executor = SingleThreadedExecutor(context=context)
         self._ending = threading.Event()
         self.ended = threading.Event()
-        """Set when the executor has stopped, for whatever reason."""
+        self.error: Exception | None = None
         for node in self._nodes:
             self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name='executor', daemon=True)
@@ -63,11 +83,23 @@ class NodeGroup:
     def _spin(self) -> None:
         try:
             while not self._ending.is_set():
-                self._executor.spin_once(timeout_sec=0.5)
+                self._spin_once()
         except ExternalShutdownException:
             pass
+        except Exception as error:
+            self.error = error
+            _logger().fatal(f'a callback failed, so all nodes end here:\n{traceback.format_exc()}')
         finally:
             self.ended.set()
+            self._on_end()
+
+    def _spin_once(self) -> None:
+        try:
+            self._executor.spin_once(timeout_sec=0.5)
+        except rclpy_implementation.RCLError as error:
+            # rclpy raises here for what a stranger asks amiss, such as a lifecycle
+            # transition that the node's state does not have. That must not stop the rig.
+            _logger().error(f'a request failed: {error}')
 
     def close(self) -> None:
         """End goals, stop spinning, take the nodes down. Harmless when called twice."""
@@ -85,21 +117,29 @@ class NodeGroup:
             self._thread.join()
         nodes, self._nodes = self._nodes, []
         for node in reversed(nodes):
+            name = node.get_name()
             self._executor.remove_node(node)
-            if isinstance(node, TactileNode):
-                node.take_down()
-            else:
-                node.destroy_node()
+            try:
+                if isinstance(node, TactileNode):
+                    node.take_down()
+                else:
+                    node.destroy_node()
+            except Exception:  # the other nodes have devices to bring to rest, too
+                _logger().error(f'{name} did not end well:\n{traceback.format_exc()}')
         if nodes:
             self._executor.shutdown()
+
+
+def _logger() -> Any:
+    return get_logger('tactile')
 
 
 def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
     """Run one node until SIGINT or SIGTERM; return the process's exit code.
 
     With the parameter ``autostart`` (the default) the node configures and
-    activates itself; a node that cannot exits with 1. Without, it waits for a
-    lifecycle manager.
+    activates itself; a node that cannot, or whose callback raises, exits with 1.
+    Without, it waits for a lifecycle manager.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -111,7 +151,7 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
         try:
             node = factory()
         except Exception as error:
-            get_logger('tactile').fatal(f'cannot start: {error}')
+            _logger().fatal(f'cannot start: {error}')
             return 1
         if node.get_parameter('autostart').value and not node.bring_up():
             node.take_down()
@@ -119,8 +159,16 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
         with NodeGroup([node]) as group:
             while not stop.wait(0.2) and not group.ended.is_set():
                 pass
-    except KeyboardInterrupt:
-        pass
+        return 1 if group.error else 0
     finally:
         rclpy.try_shutdown()
-    return 0
+        ignore_signals()
+
+
+def ignore_signals() -> None:
+    """Let no further SIGINT or SIGTERM spoil the exit code of a process that is ending.
+
+    The interpreter gives signals their deadly default back before it is gone.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)

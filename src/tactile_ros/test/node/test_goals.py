@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import pytest
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from tactile_msgs.action import MoveGuide
 
@@ -195,3 +196,48 @@ def test_closing_the_group_ends_a_running_goal(rig, context):
         client.send()
         wait_until(lambda: server.runner.is_busy)
     assert ended.is_set()
+
+
+def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, context):
+    """The client lives elsewhere, so its executor goes on."""
+
+    def work(goal):
+        goal.wait(DEADLINE_S)
+        raise GoalAborted('came to rest')
+
+    for _ in range(5):
+        server = Server(work, context=context)
+        node = Node('far_client', context=context)
+        client = Client(node)
+        with NodeGroup([node], context=context):
+            with NodeGroup([server], context=context):
+                handle = client.send()
+                wait_until(lambda server=server: server.runner.is_busy)
+                future = handle.get_result_async()
+            assert client.wait(future).result.message == 'came to rest'
+
+
+def test_a_node_forgets_a_closed_runner(context):
+    server = Server(lambda goal: MoveGuide.Result(), context=context)
+    assert server.goal_runners == [server.runner]
+    server.take_down()
+    assert server.goal_runners == []
+
+
+def test_clean_up_waits_for_the_goal_to_end(rig):
+    release = threading.Event()
+
+    def work(goal):
+        release.wait(DEADLINE_S)
+        raise GoalAborted('came to rest')
+
+    server, client = rig(work)
+    assert server.bring_up()
+    handle = client.send()
+    wait_until(lambda: server.runner.is_busy)
+    server.trigger_deactivate()
+    assert server.trigger_cleanup() == TransitionCallbackReturn.FAILURE
+    release.set()
+    assert client.result(handle)[1].message == 'came to rest'
+    wait_until(lambda: not server.runner.is_busy)
+    assert server.trigger_cleanup() == TransitionCallbackReturn.SUCCESS

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -27,6 +28,10 @@ class Node(TactileNode):
             raise RuntimeError('device broken')
     def start(self):
         print('started', flush=True)
+        if self.config.device == 'faulty':
+            self.create_timer(0.01, self.fail)
+    def fail(self):
+        raise ZeroDivisionError('a bug')
     def tear_down(self):
         print('torn down', flush=True)
 
@@ -67,3 +72,21 @@ def test_parameter_of_the_wrong_type_is_one_sentence():
     assert process.returncode == 1
     assert 'cannot start' in errors
     assert 'Traceback' not in errors
+
+
+def test_callback_that_raises_ends_the_process_with_one_and_a_traceback():
+    process = start('--ros-args', '-p', 'device:=faulty')
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert output.split('\n')[-2] == 'torn down'
+    assert 'ZeroDivisionError: a bug' in errors
+
+
+def test_a_second_signal_does_not_change_the_exit_code():
+    process = start()
+    assert process.stdout.readline().strip() == 'started'
+    while process.poll() is None:  # also while the interpreter ends
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.001)
+    _, errors = process.communicate(timeout=10)
+    assert process.returncode == 0, errors

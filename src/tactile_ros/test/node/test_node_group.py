@@ -1,0 +1,78 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import threading
+from dataclasses import dataclass
+
+import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.node import Node
+
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import NodeGroup
+
+DEADLINE_S = 10.0
+
+
+@dataclass(frozen=True)
+class NoConfig:
+    pass
+
+
+class Probe(TactileNode):
+    def __init__(self, name='probe', fails_in='', **options):
+        super().__init__(name, NoConfig, **options)
+        self.fails_in = fails_in
+        self.is_torn_down = False
+
+    def stop(self):
+        if self.fails_in == 'stop':
+            raise RuntimeError('no stop')
+
+    def tear_down(self):
+        self.is_torn_down = True
+        if self.fails_in == 'tear_down':
+            raise RuntimeError('no end')
+
+
+def call(client, request):
+    assert client.wait_for_service(timeout_sec=DEADLINE_S)
+    future, done = client.call_async(request), threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    return future.result() if done.wait(DEADLINE_S) else None
+
+
+def test_a_callback_that_raises_ends_the_executor_and_is_kept(context):
+    node, ended = Probe(context=context), threading.Event()
+
+    def fail():
+        raise ZeroDivisionError('a bug')
+
+    node.create_timer(0.01, fail)
+    with NodeGroup([node], context=context, on_end=ended.set) as group:
+        assert ended.wait(DEADLINE_S)
+    assert isinstance(group.error, ZeroDivisionError)
+    assert node.is_torn_down
+
+
+def test_an_impossible_transition_does_not_stop_the_executor(context):
+    node, other = Probe(context=context), Node('other', context=context)
+    client = other.create_client(ChangeState, 'probe/change_state')
+    with NodeGroup([other], context=context), NodeGroup([node], context=context) as group:
+        activate = Transition(id=Transition.TRANSITION_ACTIVATE)
+        client.call_async(ChangeState.Request(transition=activate))
+        configure = Transition(id=Transition.TRANSITION_CONFIGURE)
+        assert call(client, ChangeState.Request(transition=configure)).success
+        assert not group.ended.is_set()
+    assert group.error is None
+
+
+@pytest.mark.parametrize('step', ['stop', 'tear_down'])
+def test_a_node_that_ends_badly_does_not_keep_the_others_from_it(context, step):
+    first = Probe('first', context=context)
+    last = Probe('last', fails_in=step, context=context)
+    assert last.bring_up()
+    with NodeGroup([first, last], context=context):
+        pass
+    assert first.is_torn_down
+    assert last.is_torn_down
