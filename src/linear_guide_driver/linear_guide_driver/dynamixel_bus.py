@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-import termios
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -15,9 +15,16 @@ import dynamixel_sdk
 from linear_guide_driver import dynamixel_registers as registers
 from linear_guide_driver.dynamixel_registers import Register
 from linear_guide_driver.errors import DeviceConnectionError, DeviceRefusedError
+from linear_guide_driver.serial_link import LINE_ERRORS
 
-LINE_ERRORS = (OSError, termios.error, TypeError)
 READ_WAIT_S = 0.002
+
+ATTEMPTS = 3
+"""At a ping, or at reading or writing one register: a lost packet must not lose a stop or a
+release. All registers hold absolute values, so to write one twice does no harm."""
+
+LATE_S = 0.02
+"""Rest before the next attempt: an answer that is merely late arrives in it and is dropped."""
 
 
 class SilentServoError(DeviceConnectionError):
@@ -75,15 +82,10 @@ class DynamixelBus:
         ------
         SilentServoError, DeviceConnectionError
         """
-        model, result, _ = self._call(lambda: self._packets.ping(self._port, self._id))
-        if result != dynamixel_sdk.COMM_SUCCESS:
-            raise SilentServoError(
-                f'no answer from {self._name}; check ID, baud, wiring and power'
-            )
-        return int(model)
+        return int(self._insist(self._ping_once))
 
     def read_block(self, block: Register) -> bytes:
-        """Return the bytes of a register or of a run of registers.
+        """Return the bytes of a register or of a run of registers, asking once.
 
         Raises
         ------
@@ -98,23 +100,18 @@ class DynamixelBus:
         return bytes(data)
 
     def read(self, register: Register) -> int:
-        """Return a register's value, signed where the register is."""
-        return registers.decode_register(register, self.read_block(register), register.address)
+        """Return a register's value, signed where the register is; try more than once."""
+        data = self._insist(lambda: self.read_block(register))
+        return registers.decode_register(register, data, register.address)
 
     def write(self, register: Register, value: int) -> None:
-        """Write a register's value, signed where the register is.
+        """Write a register's value, signed where the register is; try more than once.
 
         Raises
         ------
         SilentServoError, DeviceRefusedError, DeviceConnectionError
         """
-        data = list(value.to_bytes(register.size, 'little', signed=register.is_signed))
-        result, error = self._call(
-            lambda: self._packets.writeTxRx(
-                self._port, self._id, register.address, register.size, data
-            )
-        )
-        self._check(f'writing {value} to register {register.address}', result, error)
+        self._insist(lambda: self._write_once(register, value))
 
     def close(self) -> None:
         """Close the port. Harmless when called twice."""
@@ -124,8 +121,35 @@ class DynamixelBus:
 
     # -- inside --------------------------------------------------------------------------
 
+    def _ping_once(self) -> int:
+        model, result, _ = self._call(lambda: self._packets.ping(self._port, self._id))
+        if result != dynamixel_sdk.COMM_SUCCESS:
+            raise SilentServoError(
+                f'no answer from {self._name}; check ID, baud, wiring and power'
+            )
+        return int(model)
+
+    def _write_once(self, register: Register, value: int) -> None:
+        data = list(value.to_bytes(register.size, 'little', signed=register.is_signed))
+        result, error = self._call(
+            lambda: self._packets.writeTxRx(
+                self._port, self._id, register.address, register.size, data
+            )
+        )
+        self._check(f'writing {value} to register {register.address}', result, error)
+
+    def _insist(self, transaction: Callable[[], Any]) -> Any:
+        with self.lock:  # throughout: an old goal must not follow a newer one
+            for _ in range(ATTEMPTS - 1):
+                with suppress(SilentServoError):
+                    return transaction()
+                time.sleep(LATE_S)
+            return transaction()
+
     def _call(self, transaction: Callable[[], Any]) -> Any:
         with self._exclusive():
+            # The SDK before 4.0.5 leaves late answers in the buffer, for the next one to take.
+            self._port.ser.reset_input_buffer()
             return transaction()
 
     @contextmanager

@@ -17,6 +17,8 @@ from linear_guide_driver import (
     TendonActuatorClient,
     TendonActuatorConfig,
 )
+from linear_guide_driver import dynamixel_registers as registers
+from linear_guide_driver.dynamixel_bus import DynamixelBus, SilentServoError
 
 COUNT_M = 2 * 3.141592653589793 * 0.01 / 4096
 
@@ -47,6 +49,33 @@ def test_connect_sets_the_servo_up_in_a_safe_order(tendon, servo):
     assert dict(servo.writes) == {98: 50, 11: 5, 102: 112, 108: 0, 116: 2048, 64: 1}
     assert tendon.state.displacement_m == 0.0
     assert tendon.state.voltage_v == pytest.approx(12.1)
+
+
+def test_a_lost_answer_is_asked_for_again_and_a_third_one_is_silence(config, servo):
+    bus = DynamixelBus(config.port, config.baud, config.device_id)
+    servo.lost_answers = 2
+    assert bus.ping() == 1020
+    servo.lost_answers = 2
+    bus.write(registers.GOAL_CURRENT, 7)
+    assert servo.writes == [(102, 7)] * 3
+    servo.lost_answers = 3
+    with pytest.raises(SilentServoError, match='reading register 64'):
+        bus.read(registers.TORQUE_ENABLE)
+    servo.lost_answers = 1
+    with pytest.raises(SilentServoError):
+        bus.read_block(registers.STATE_BLOCK)
+    bus.close()
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one(config, servo):
+    bus = DynamixelBus(config.port, config.baud, config.device_id)
+    servo.late_s = 0.1
+    with pytest.raises(SilentServoError):
+        bus.read_block(registers.VELOCITY_LIMIT)
+    # Both have four bytes, and the late answer has arrived before the second question.
+    wait_until(lambda: bus._port.ser.in_waiting)
+    assert bus.read(registers.PRESENT_POSITION) == 2048
+    bus.close()
 
 
 def test_pull_and_release(tendon, servo):

@@ -40,6 +40,8 @@ class ScriptedServo:
         self.writes = []
         self.is_silent = False
         self.is_mute = False  # hears, but its answers are lost
+        self.lost_answers = 0  # how many of the next answers are lost
+        self.late_s = 0.0  # how late the next answer is
         self.stuck_at = None  # counts beyond which the load does not yield
         self._heard_s = self._turned_s = time.monotonic()
         self._master, self._slave = os.openpty()
@@ -140,10 +142,15 @@ class ScriptedServo:
     def _answer(self, error, data=b''):
         if self.is_mute:
             return
+        if self.lost_answers:
+            self.lost_answers -= 1
+            return
         alert = 0x80 if self.table[70] else 0
         body = bytes([0x55, error | alert]) + data
         body = body.replace(b'\xff\xff\xfd', b'\xff\xff\xfd\xfd')
         packet = (
             b'\xff\xff\xfd\x00' + bytes([self.table[7]]) + struct.pack('<H', len(body) + 2) + body
         )
+        late_s, self.late_s = self.late_s, 0.0
+        time.sleep(late_s)
         os.write(self._master, packet + struct.pack('<H', compute_crc(packet)))
