@@ -1,0 +1,85 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes of the load cell and of the guide's controller to numbers."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from measuring import Report, Row, measure_ratio
+
+from linear_guide_driver.grbl_protocol import GrblDecoder, StatusReport, encode_event
+from tendon_sensor_driver.line_protocol import LineDecoder, encode_reading
+from tendon_sensor_driver.records import TendonSensorConfig
+
+COUNT = 2000
+
+
+def run_lines(quick: bool) -> Report:
+    """Decode load-cell lines, against a split and two conversions."""
+    values = np.random.default_rng(4).normal(0.5, 0.3, COUNT)
+    lines = [encode_reading(17 * i, value) for i, value in enumerate(values)]
+
+    def split_each(pieces: list[bytes]) -> list[tuple[int, float]]:
+        readings = []
+        for piece in pieces:
+            for line in piece.splitlines():
+                ticks, value, *_ = line.split(b',')
+                readings.append((int(ticks), float(value)))
+        return readings
+
+    def decode(pieces: list[bytes]) -> list[tuple[int | None, float]]:
+        decoder = LineDecoder(TendonSensorConfig())
+        decoder.feed(b'\n', 0)
+        return [(r.device_ticks, r.value) for piece in pieces for r in decoder.feed(piece, 0)]
+
+    rows = []
+    for name, size in (('a line a read', 1), ('50 lines a read', 50)):
+        pieces = [b''.join(lines[i : i + size]) for i in range(0, COUNT, size)]
+        expected, got = split_each(pieces), decode(pieces)
+        wrong = sum(a != b for a, b in zip(expected, got, strict=True))
+        ratio = measure_ratio(
+            lambda pieces=pieces: decode(pieces),
+            lambda pieces=pieces: split_each(pieces),
+            rounds=5 if quick else 15,
+        )
+        rows.append(Row(name, ratio, wrong, 0))
+    return Report(
+        'load-cell lines: LineDecoder',
+        'bytes.split, int and float on whole lines: no cut line, no wrong unit, no count of '
+        'columns is seen',
+        f'readings of {COUNT} that differ from those of the floor',
+        rows,
+    )
+
+
+def run_status(quick: bool) -> Report:
+    """Decode Grbl's status reports, against one regular expression."""
+    positions = np.random.default_rng(5).uniform(-199.0, 0.0, COUNT).round(3)
+    plain = [StatusReport('Run', mpos_mm=(x, 0.0, 0.0), feed_mm_min=900.0) for x in positions]
+    offset = [
+        StatusReport('Idle', mpos_mm=(x, 0.0, 0.0), feed_mm_min=0.0, wco_mm=(0.0, 0.0, 0.0))
+        for x in positions
+    ]
+    match = re.compile(rb'<([A-Za-z]+)[^|]*\|MPos:(-?[\d.]+),(-?[\d.]+),(-?[\d.]+)').match
+    rows = []
+    for name, reports in (('state, position, speed', plain), ('and work offset', offset)):
+        lines = [encode_event(report) for report in reports]
+
+        def match_each(lines: list[bytes] = lines) -> list[float]:
+            return [float(found[2]) for line in lines if (found := match(line))]
+
+        def decode(lines: list[bytes] = lines) -> list[float]:
+            decoder = GrblDecoder()
+            return [event.mpos_mm[0] for line in lines for event in decoder.feed(line)]
+
+        wrong = sum(a != b for a, b in zip(match_each(), decode(), strict=True))
+        ratio = measure_ratio(decode, match_each, rounds=5 if quick else 15)
+        rows.append(Row(name, ratio, wrong, 0))
+    return Report(
+        'Grbl status reports: GrblDecoder',
+        'one regular expression a report that reads the state and the first axis',
+        f'positions of {COUNT} that differ from those of the floor',
+        rows,
+    )

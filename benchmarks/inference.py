@@ -1,0 +1,91 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""One window through the model file, against the scikit-learn estimator it came from."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from measuring import Report, Row, measure_ratio
+
+from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
+from tactile_features import FeatureConfig, compute_spectrum, spec_for
+
+
+def run_inference(quick: bool) -> Report:
+    """Classify one window at a time."""
+    rows = []
+    for task, table in (('texture', _texture_table()), ('stiffness', _stiffness_table())):
+        rng = np.random.default_rng(8)
+        first, second = rng.integers(0, len(table), (2, 100 if quick else 1000))
+        # Between two trials, where the border between two labels lies.
+        queries = table.values[first] + rng.random((len(first), 1)) * (
+            table.values[second] - table.values[first]
+        )
+        for classifier in CLASSIFIERS:
+            trained = train(table, classifier)
+            with tempfile.TemporaryDirectory() as folder:
+                model = write_model(Path(folder) / 'model.onnx', *trained, table.values)
+            estimator = trained.estimator
+            row = queries[:1]
+            ratio = measure_ratio(
+                lambda model=model, row=row: model.predict(row),
+                lambda estimator=estimator, row=row: estimator.predict(row),
+                rounds=5 if quick else 15,
+            )
+            changed = np.array(model.predict(queries)) != estimator.predict(queries)
+            difference = np.abs(model.compute_scores(queries) - _scores(estimator, queries)).max()
+            rows.append(
+                Row(
+                    f'{task}, {classifier}',
+                    ratio,
+                    float(difference),
+                    1e-9,
+                    more={'changed labels': int(changed.sum()), 'of': len(queries)},
+                )
+            )
+    return Report(
+        'inference: one window through TactileModel',
+        "scikit-learn's predict on the same row (480 x 91 texture, 300 x 3 stiffness)",
+        'largest difference of a score, on points between pairs of trials',
+        rows,
+    )
+
+
+def _scores(estimator: Any, queries: Any) -> Any:
+    if hasattr(estimator, 'predict_proba'):
+        return estimator.predict_proba(queries)
+    return estimator.decision_function(queries)
+
+
+def _texture_table() -> FeatureTable:
+    """Return 60 trials of 8 textures: four sines each, under noise."""
+    rng = np.random.default_rng(6)
+    time_s = np.arange(180) / 60.0
+    rows = []
+    for _ in range(8):
+        frequency_hz, amplitude_n = rng.uniform(1.0, 25.0, 4), rng.uniform(0.01, 0.1, 4)
+        phase = rng.uniform(0.0, 2 * np.pi, (60, 1, 4))
+        angle = 2 * np.pi * time_s[:, np.newaxis] * frequency_hz + phase
+        rows.append(np.sin(angle) @ amplitude_n + rng.normal(3.0, 0.1, (60, 180)))
+    labels = np.repeat([f'plate {k}' for k in range(8)], 60)
+    spec = spec_for('texture', FeatureConfig())
+    return FeatureTable(compute_spectrum(np.concatenate(rows)), labels, spec)
+
+
+def _stiffness_table() -> FeatureTable:
+    """Return 60 trials of 5 objects whose clouds touch."""
+    rng = np.random.default_rng(7)
+    centres = [
+        [-0.9, 12.6, -0.99],
+        [-0.6, 11, -0.97],
+        [-0.4, 10, -0.95],
+        [-0.2, 9, -0.9],
+        [-0.1, 8, -0.7],
+    ]
+    values = np.repeat(centres, 60, axis=0) * rng.normal(1.0, 0.03, (300, 3))
+    labels = np.repeat([f'object {k}' for k in range(5)], 60)
+    return FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()))

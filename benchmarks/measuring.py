@@ -1,0 +1,103 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Speed as a ratio, error with its bound: what every topic reports."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Time of ours over time of the floor, from rounds that take turns.
+
+    Attributes
+    ----------
+    median, low, high : float
+        Of the rounds' ratios: median and quartiles [1].
+    """
+
+    median: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case of a topic.
+
+    Attributes
+    ----------
+    case : str
+    ratio : Ratio or None
+        None where the case is about error alone.
+    error, bound : float or None
+        Our error, and what it must not exceed.
+    floor_error : float or None
+        The error of the floor on the same input.
+    more : dict of str to float or str
+        Columns of this topic alone.
+    """
+
+    case: str
+    ratio: Ratio | None = None
+    error: float | None = None
+    bound: float | None = None
+    floor_error: float | None = None
+    more: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Report:
+    """The table of one topic, with what its columns mean."""
+
+    title: str
+    floor: str
+    error: str
+    rows: list[Row]
+
+
+def measure_ratio(
+    ours: Callable[[], object],
+    floor: Callable[[], object],
+    rounds: int = 15,
+    round_s: float = 0.02,
+) -> Ratio:
+    """Time both in turns and return the ratio of their times.
+
+    Both run side by side within each round, so that a machine that is busy for a while
+    is busy for both.
+
+    Parameters
+    ----------
+    ours, floor : callable without arguments
+    rounds : int
+        How many ratios to take the median of; at least 2.
+    round_s : float
+        About how long each of the two runs in a round [s].
+    """
+    our_loops, floor_loops = _count_loops(ours, round_s), _count_loops(floor, round_s)
+    ratios = []
+    for _ in range(rounds):
+        floor_s = _time_loops(floor, floor_loops)
+        ratios.append(_time_loops(ours, our_loops) / floor_s)
+    low, median, high = statistics.quantiles(ratios, n=4)
+    return Ratio(median, low, high)
+
+
+def _count_loops(work: Callable[[], object], round_s: float) -> int:
+    first_s = _time_loops(work, 1)  # holds imports and the filling of caches too
+    if first_s > 10 * round_s:
+        return 1
+    return max(1, round(round_s / max(_time_loops(work, 1), 1e-7)))
+
+
+def _time_loops(work: Callable[[], object], loops: int) -> float:
+    start_s = time.perf_counter()
+    for _ in range(loops):
+        work()
+    return (time.perf_counter() - start_s) / loops

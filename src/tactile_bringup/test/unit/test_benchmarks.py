@@ -1,0 +1,75 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmarks run, and the errors that they report stay within their bounds.
+
+Times are not looked at: they are the machine's.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RUN = Path(__file__).resolve().parents[4] / 'benchmarks' / 'run.py'
+
+CHEAP = {
+    'spectrum': {'1 x 180': 1e-14, '480 x 180': 1e-14, 'offset 1e6 N': 1e-14},
+    'regression': {
+        '300 x 204': 1e-14,
+        'offset 1e6 N, 1e-6 N/s': 1e-14,
+        'times since 1970': 1e-14,
+        'a step of 1 ulp': 1e-14,
+    },
+    'extractor': {'single samples': 0, 'blocks of 12 samples': 0},
+    'lines': {'a line a read': 0, '50 lines a read': 0},
+    'status': {'state, position, speed': 0, 'and work offset': 0},
+}
+
+needs_benchmarks = pytest.mark.skipif(
+    not RUN.is_file(),
+    reason='the packages are not in their own repository: no benchmarks beside them',
+)
+
+
+@pytest.fixture(scope='module')
+def reports():
+    only = [argument for topic in CHEAP for argument in ('--only', topic)]
+    done = subprocess.run(
+        [sys.executable, str(RUN), '--quick', '--json', *only],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@needs_benchmarks
+@pytest.mark.parametrize(
+    ('topic', 'case', 'bound'),
+    [(topic, case, bound) for topic, cases in CHEAP.items() for case, bound in cases.items()],
+)
+def test_error_is_within_its_bound(reports, topic, case, bound):
+    rows = {row['case']: row for row in reports[topic]['rows']}
+    assert rows[case]['error'] <= bound
+    assert rows[case]['bound'] == bound
+
+
+@needs_benchmarks
+def test_the_reference_tells_a_lossy_computation(reports):
+    """A benchmark that calls everything exact would pass all bounds."""
+    for topic, case in (('spectrum', 'offset 1e6 N'), ('regression', 'times since 1970')):
+        rows = {row['case']: row for row in reports[topic]['rows']}
+        assert rows[case]['floor_error'] > 1e-12
+
+
+@needs_benchmarks
+def test_every_ratio_lies_between_its_quartiles(reports):
+    ratios = [row['ratio'] for report in reports.values() for row in report['rows']]
+    measured = [ratio for ratio in ratios if ratio]
+    assert len(measured) >= 2 * len(CHEAP)
+    for ratio in measured:
+        assert 0 < ratio['low'] <= ratio['median'] <= ratio['high']
