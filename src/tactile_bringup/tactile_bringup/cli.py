@@ -3,10 +3,9 @@
 """The ``tactile`` command: arguments and help. The work is in `tactile_bringup.commands`.
 
 Imports of the work are inside the functions: ``--help`` must not wait for ROS.
-Options are ``Optional[X]``: Ubuntu 24.04 has Typer 0.9, which refuses ``X | None``.
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
 """
-
-from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
