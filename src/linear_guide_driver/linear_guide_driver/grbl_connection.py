@@ -140,7 +140,7 @@ class GrblConnection:
         timeout_s : float
             [s]
         should_stop : callable
-            Ends the wait when it returns True.
+            Ends the wait when it returns True; keeps the line unsent when it does already.
         on_wake : callable
             Called some fifty times a second while waiting.
         answers_status : bool
@@ -150,6 +150,8 @@ class GrblConnection:
         ------
         MotionStoppedError, DeviceRefusedError, MotionFailedError, DeviceConnectionError
         """
+        if should_stop():
+            raise MotionStoppedError
         with self._changed:
             self._reply = None
             self._awaiting = not self._fault

@@ -10,6 +10,7 @@ the controller makes the position unknown until the guide has been homed again.
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -36,8 +37,9 @@ REPLY_TIMEOUT_S = 2.0
 SLACK_S = 2.0
 """Added to the computed duration of a motion before it counts as failed."""
 
-
 NOT_HOMED = 'the guide has not been homed since the driver connected'
+
+_logger = logging.getLogger(__name__)
 
 
 def _never() -> bool:
@@ -158,7 +160,7 @@ class LinearGuideClient:
             if connection.is_lost:
                 connection.close()
                 self._connection, self._settings = connection, settings = self._open()
-            self._begin('homing')
+            self._begin('homing', should_stop)
             self._trouble = 'the last homing did not succeed'
             started_s = time.monotonic()
             try:
@@ -170,6 +172,7 @@ class LinearGuideClient:
                     lambda: on_elapsed(time.monotonic() - started_s),
                     answers_status=False,
                 )
+                self._trouble = ''  # before the last look, so that no later fault is forgotten
                 report = connection.wait_report(REPLY_TIMEOUT_S)
             except MotionStoppedError:
                 connection.reset()
@@ -177,14 +180,18 @@ class LinearGuideClient:
                     'Homing was stopped; home before the next move.'
                 ) from None
             except LinearGuideDriverError as error:
+                self._trouble = self._trouble or 'the last homing did not succeed'
                 raise MotionFailedError(f'Homing failed: {error}.') from error
+            except BaseException:  # a fault of the caller's functions: nobody watches now
+                connection.reset()
+                raise
             position = self._to_position_m(report)
             if position is None or not -1e-6 <= position <= self._config.travel_m + 1e-6:
+                self._trouble = 'the last homing did not succeed'
                 raise MotionFailedError(
                     f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
                     f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
                 )
-            self._trouble = ''
             return self._to_state(report, self._clock_ns())
 
     def move_to(
@@ -219,18 +226,23 @@ class LinearGuideClient:
         with self._one_motion():
             connection, settings = self._require_connection()
             start_m = self._check_move(position_m, speed_m_s)
-            self._begin('move')
+            self._begin('move', should_stop)
             self._direction = 1 if position_m >= start_m else -1
+
+            def is_stopped() -> bool:
+                return should_stop() or self._stop.is_set()
+
             try:
-                connection.command(grbl.encode_modes(), REPLY_TIMEOUT_S)
+                connection.command(grbl.encode_modes(), REPLY_TIMEOUT_S, is_stopped)
                 connection.command(
                     grbl.encode_move((position_m - self._config.travel_m) * 1e3, speed_m_s * 60e3),
                     REPLY_TIMEOUT_S,
+                    is_stopped,
                 )
                 connection.command(
                     grbl.encode_dwell(),
                     settings.compute_move_duration_s(position_m - start_m, speed_m_s) + SLACK_S,
-                    lambda: should_stop() or self._stop.is_set(),
+                    is_stopped,
                     lambda: self._watch(on_state),
                 )
                 report = connection.wait_report(REPLY_TIMEOUT_S)
@@ -250,6 +262,9 @@ class LinearGuideClient:
                 raise MotionFailedError(
                     f'The move to {position_m:.4f} m failed: {error}; home the guide.'
                 ) from error
+            except BaseException:  # a fault of the caller's functions: nobody watches now
+                self._give_up(connection, 'a move was left unwatched')
+                raise
             return self._to_state(report, self._clock_ns())
 
     def request_stop(self) -> bool:
@@ -301,8 +316,11 @@ class LinearGuideClient:
             self._direction = 0
             self._slot.release()
 
-    def _begin(self, motion: str) -> None:
+    def _begin(self, motion: str, should_stop: Callable[[], bool]) -> None:
         with self._gate:
+            # Here, because `request_stop` does nothing before a motion has begun.
+            if should_stop():
+                raise MotionStoppedError('Stopped before the guide moved.')
             self._stop.clear()
             self._moving = motion
 
@@ -335,7 +353,7 @@ class LinearGuideClient:
 
     def _watch(self, on_state: Callable[[GuideState], None]) -> None:
         state = self.state
-        if state is None:
+        if state is None or self._stop.is_set():  # a stop begins with a hold of our own
             return
         if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
             raise MotionFailedError(f'the controller went to {state.state} by itself')
@@ -368,7 +386,10 @@ class LinearGuideClient:
         if report.state == 'Alarm':
             self._on_fault('the controller is locked in Alarm')
         self._last = (report, self._clock_ns())
-        self._on_state(self._to_state(*self._last))
+        try:
+            self._on_state(self._to_state(*self._last))
+        except Exception:  # the reader must outlive it: it sees alarms and answers
+            _logger.exception('the consumer of the guide states failed')
 
     def _to_position_m(self, report: grbl.StatusReport) -> float | None:
         if report.mpos_mm is None:

@@ -71,7 +71,7 @@ class LinearGuideNode(TactileNode):
             self.destroy_service(self._stop_service)
             self._stop_service = None
         if self._joint_states is not None:
-            self.destroy_publisher(self._joint_states)
+            self.destroy_lifecycle_publisher(self._joint_states)
             self._joint_states = None
 
     # -- goals -------------------------------------------------------------------------------

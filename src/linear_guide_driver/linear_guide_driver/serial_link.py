@@ -100,6 +100,9 @@ class SerialLink:
                 self._on_tick()
         except DeviceConnectionError as error:
             self._on_lost(str(error))
+        except Exception as error:  # nobody reads on, so the line is as good as lost
+            self._on_lost(f'reading {self._port} failed: {error!r}')
+            raise
 
     def _read_available(self) -> bytes:
         try:

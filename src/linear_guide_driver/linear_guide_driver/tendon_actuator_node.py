@@ -49,6 +49,7 @@ class TendonActuatorNode(TactileNode):
         self._strain: Any = None
         self._stop_service: Any = None
         self._diagnostics: Diagnostics | None = None
+        self._release_is_due = False
 
     def set_up(self, config: TendonActuatorConfig) -> None:
         self._joint_states = self.create_lifecycle_publisher(JointState, '~/joint_states', STREAM)
@@ -89,7 +90,7 @@ class TendonActuatorNode(TactileNode):
             self.destroy_subscription(self._strain)
             self._strain = None
         if self._joint_states is not None:
-            self.destroy_publisher(self._joint_states)
+            self.destroy_lifecycle_publisher(self._joint_states)
             self._joint_states = None
 
     # -- goals -------------------------------------------------------------------------------
@@ -103,6 +104,7 @@ class TendonActuatorNode(TactileNode):
         assert guard is not None
         throttle = Throttle(FEEDBACK_PERIOD_S)
         started_s = time.monotonic()
+        limit_before_n = guard.limit_n
 
         def on_state(state: TendonState) -> None:
             if throttle.is_due():
@@ -125,6 +127,7 @@ class TendonActuatorNode(TactileNode):
             message = f'The tendon rests at {state.displacement_m:.4f} m.'
             return PullTendon.Result(message=message, **rest())
         except MotionRefusedError as error:
+            guard.put_back(limit_before_n)  # the tendon still holds for the contact before
             raise GoalAborted(str(error)) from error
         except MotionStoppedError as error:
             verdict = guard.check(time.monotonic_ns())
@@ -155,18 +158,26 @@ class TendonActuatorNode(TactileNode):
         if sum([guard.add_sample(n, is_saturated, now_ns) for n in block.tension_n]):
             self.get_logger().error(f'{guard.describe()} Releasing the tendon.')
             self._release()
+        elif self._release_is_due:
+            self._release()
 
     def _release(self) -> None:
+        """Begin to release; what fails is tried again with the next strain block."""
         client = self._client
         if client is None:
             return
         try:
             client.request_release()
         except LinearGuideDriverError as error:
-            self.get_logger().error(f'cannot release the tendon: {error}')
+            if not self._release_is_due:  # else it has been said already
+                self.get_logger().error(f'cannot release the tendon, trying on: {error}')
+            self._release_is_due = True
+        else:
+            self._release_is_due = False
 
     def _end_motion(self) -> str:
         """End the goal and hold the tendon; return what went wrong, or nothing."""
+        self._release_is_due = False
         if self._runner is not None:
             self._runner.end_goal()
         if self._client is not None:
@@ -215,6 +226,9 @@ class TendonActuatorNode(TactileNode):
             return Health(ERROR, client.trouble, values)
         if guard.tension_n is None:
             return Health(WARN, 'No strain sample yet: the tension is not guarded.', values)
+        if not guard.is_alive(time.monotonic_ns()):
+            sentence = 'Valid strain samples have ceased: the tension is not guarded.'
+            return Health(WARN, sentence, values)
         return Health(OK, 'The actuator is ready.', values)
 
 

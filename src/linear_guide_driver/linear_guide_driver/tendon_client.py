@@ -8,6 +8,7 @@ driver or a cut line brings it to rest; the poll thread's reads keep it fed.
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -32,9 +33,10 @@ POSITION_TOLERANCE_M = 0.0005
 SLACK_S = 1.0
 """Added to the computed duration of a pull before it counts as stuck."""
 
-
 SILENT_POLLS = 3
 """Polls in a row without an answer after which the servo counts as silent."""
+
+_logger = logging.getLogger(__name__)
 
 
 def _never() -> bool:
@@ -185,6 +187,12 @@ class TendonActuatorClient:
         except (DeviceConnectionError, DeviceRefusedError) as error:
             self._fail(str(error))
             raise MotionFailedError(f'The pull failed: {error}.') from error
+        except LinearGuideDriverError:
+            raise
+        except BaseException:  # a fault of the caller's functions: nobody watches the pull now
+            with suppress(LinearGuideDriverError):
+                self.hold_here()
+            raise
         finally:
             self._slot.release()
 
@@ -242,6 +250,10 @@ class TendonActuatorClient:
         bus = self._require_bus()
         counts = registers.m_to_counts(displacement_m, config.pulley_radius_m)
         with bus.lock:
+            # Asked under the lock that `hold_here` takes, too: a stop comes either before
+            # the goal is written, and is seen here, or after it, and overrides it.
+            if should_stop():
+                raise MotionStoppedError('The pull was stopped before it began.')
             self._make_ready(bus)
             start_m = self._to_displacement_m(bus.read(registers.PRESENT_POSITION))
             goal = self._write_goal(
@@ -343,7 +355,13 @@ class TendonActuatorClient:
                 self._fail(str(error), needs_connect=True)
                 return
             if state is not None:
-                self._on_state(state)
+                self._report(state)
+
+    def _report(self, state: TendonState) -> None:
+        try:
+            self._on_state(state)
+        except Exception:  # the poll must outlive it: it feeds the watchdog
+            _logger.exception('the consumer of the tendon states failed')
 
     def _take(self, servo: registers.ServoState) -> TendonState:
         radius_m = self._config.pulley_radius_m

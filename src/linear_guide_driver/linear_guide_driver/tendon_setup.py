@@ -60,7 +60,7 @@ def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> TendonServo
     bus.write(registers.BUS_WATCHDOG, 0)  # a tripped watchdog locks the goals
     if bus.read(registers.TORQUE_ENABLE):
         bus.write(registers.TORQUE_ENABLE, 0)
-        _wait_settled(bus)
+    _wait_settled(bus)  # also with the torque off already: it may be off since just now
     for register, value in (
         (registers.DRIVE_MODE, 0),
         (registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION),

@@ -58,6 +58,11 @@ class TensionGuard:
         """Latest tension [N]; None before the first sample."""
         return self._tension_n
 
+    def is_alive(self, now_ns: int) -> bool:
+        """Return whether valid samples arrive, at monotonic time ``now_ns`` [ns]."""
+        with self._lock:
+            return self._is_alive(now_ns)
+
     def begin(self, contact: str, stop_tension_n: float, is_release: bool, now_ns: int) -> None:
         """Put the limit of a new pull in force.
 
@@ -110,6 +115,11 @@ class TensionGuard:
         with self._lock:
             self._stop_tension_n = 0.0
             self._is_release = False
+
+    def put_back(self, limit_n: float) -> None:
+        """Put the limit [N] in force that was before a pull that has not begun after all."""
+        with self._lock:
+            self._limit_n = limit_n
 
     def add_sample(self, tension_n: float, is_saturated: bool, now_ns: int) -> bool:
         """Take a valid sample; return True when the tendon must be released now.

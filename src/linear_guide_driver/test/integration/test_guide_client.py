@@ -129,6 +129,56 @@ def test_a_stop_brakes_and_keeps_the_position(guide, grbl, way):
     guide.move_to(0.001, 0.1)
 
 
+def test_a_stop_that_comes_first_moves_nothing(guide, grbl):
+    guide.home()
+    count = len(grbl.lines)
+    with pytest.raises(MotionStoppedError, match='before the guide moved'):
+        guide.move_to(0.1, 0.05, should_stop=lambda: True)
+    with pytest.raises(MotionStoppedError, match='before the guide moved'):
+        guide.home(should_stop=lambda: True)
+    assert len(grbl.lines) == count
+    guide.move_to(0.002, 0.1)
+
+
+def test_a_stop_between_the_lines_of_a_move_sends_no_move(guide, grbl):
+    guide.home()
+    grbl.replies['G21.*'] = b''  # the modes are never answered: the move waits there
+    move = Background(guide.move_to, 0.1, 0.05)
+    wait_until(lambda: grbl.lines[-1].startswith('G21'))
+    grbl.replies.clear()
+    assert guide.request_stop()
+    error = move.end()
+    assert isinstance(error, MotionStoppedError)
+    assert 'the position is kept' in str(error)
+    assert not any('G1' in line for line in grbl.lines)
+    guide.move_to(0.002, 0.1)
+
+
+def test_a_move_whose_watcher_fails_is_braked(guide, grbl):
+    guide.home()
+
+    def on_state(state):
+        if state.state == 'Run':
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        guide.move_to(0.19, 0.02, on_state)
+    wait_until(lambda: not grbl.is_moving)
+    with pytest.raises(MotionRefusedError, match='unwatched'):
+        guide.move_to(0.1, 0.05)
+
+
+def test_a_failing_consumer_of_states_does_not_end_the_reader(grbl):
+    def fail(_):
+        raise ZeroDivisionError
+
+    client = LinearGuideClient(LinearGuideConfig(port=grbl.port), fail)
+    client.connect()
+    client.home()
+    client.move_to(0.002, 0.05)
+    client.close()
+
+
 def test_a_stop_without_motion_does_nothing(guide, grbl):
     guide.home()
     assert not guide.request_stop()

@@ -158,6 +158,64 @@ def test_a_servo_that_holds_a_tendon_is_let_go_before_slack_is_read(config, serv
     tendon.close()
 
 
+def test_slack_is_read_when_the_tendon_has_unwound_though_the_torque_was_off(config, servo):
+    # As after a close just before: the finger's spring still turns the servo.
+    servo.put(132, 4, 2448)
+    began_s = time.monotonic()
+    servo.lose = lambda _: servo.put(
+        132, 4, max(2048, 2448 - int(1000 * (time.monotonic() - began_s)))
+    )
+    tendon = TendonActuatorClient(config)
+    tendon.connect()
+    assert servo.get(116) == 2048
+    tendon.close()
+
+
+@pytest.mark.parametrize('packets', [1, 2])
+def test_lost_packets_lose_no_stop(tendon, servo, packets):
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: servo.position > 2100)
+    left = {132: packets, 116: packets}  # of the present and the goal position
+
+    def lose(address):
+        left[address] = left.get(address, 0) - 1
+        return left[address] >= 0
+
+    servo.lose = lose
+    tendon.stop()
+    assert isinstance(pull.end(), MotionStoppedError)
+    wait_until(lambda: servo.position == servo.get(116))
+    assert servo.position < 2500
+
+
+def test_a_stop_before_the_goal_is_written_moves_nothing(tendon, servo):
+    count = len(servo.writes)
+    with pytest.raises(MotionStoppedError, match='before it began'):
+        tendon.pull_to(0.01, should_stop=lambda: True)
+    assert len(servo.writes) == count
+
+
+def test_a_pull_whose_watcher_fails_is_held(tendon, servo):
+    def on_state(state):
+        if state.displacement_m > 0.001:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        tendon.pull_to(0.02, 0.01, on_state)
+    wait_until(lambda: servo.position == servo.get(116))
+    assert servo.position < 2500
+
+
+def test_a_failing_consumer_of_states_does_not_end_the_poll(config, servo):
+    def fail(_):
+        raise ZeroDivisionError
+
+    tendon = TendonActuatorClient(config, fail)
+    tendon.connect()
+    assert tendon.pull_to(0.002).displacement_m == pytest.approx(0.002, abs=0.0005)
+    tendon.close()
+
+
 def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, servo):
     for change, text in (
         ({'port': '/dev/does-not-exist'}, 'cannot open'),

@@ -110,6 +110,16 @@ def test_deactivation_stops_the_guide(guide, grbl):
     assert (status, 'not active' in result.message) == ('aborted', True)
 
 
+def test_a_second_life_works_like_the_first(guide, grbl):
+    for _ in range(2):
+        home(guide)
+        assert guide.result(move(guide, 0.01, 0.1))[0] == 'succeeded'
+        for transition in ('deactivate', 'cleanup', 'configure', 'activate'):
+            assert getattr(guide.node, f'trigger_{transition}')().name == 'SUCCESS', transition
+        assert len(guide.node.goal_runners) == 2
+        assert len(guide.node._managed_entities) == 1
+
+
 def test_configure_fails_cleanly_without_a_port_and_works_afterwards(bench, grbl):
     bench.node = bench.make(LinearGuideNode, port='/dev/does-not-exist')
     assert not bench.node.bring_up()

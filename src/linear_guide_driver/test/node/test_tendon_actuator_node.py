@@ -103,6 +103,48 @@ def test_the_limit_is_guarded_while_holding(tendon, servo, sensor):
     wait_until(lambda: servo.position == 2048)
 
 
+def test_a_release_that_fails_is_tried_again(tendon, servo, sensor):
+    assert tendon.result(pull(tendon, 0.01))[0] == 'succeeded'
+    lost = []
+
+    def lose(address):  # more goal positions than one call tries to write
+        if address == 116 and len(lost) < 4:
+            lost.append(address)
+            return True
+        return False
+
+    servo.lose = lose
+    sensor.measure = lambda: 16.0
+    wait_until(lambda: servo.position == 2048)
+    assert len(lost) == 4
+
+
+def test_a_refused_pull_does_not_raise_the_limit(tendon, servo, sensor):
+    assert tendon.result(pull(tendon, 0.002, contact='abduction'))[0] == 'succeeded'
+    assert tendon.result(pull(tendon, 0.5, contact='flexion'))[0] == 'aborted'
+    sensor.measure = lambda: 4.0
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_a_sensor_that_dies_is_seen_in_the_diagnostics(tendon, servo, sensor):
+    diagnostics = []
+    tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+    wait_until(lambda: diagnostics and 'ready' in diagnostics[-1].status[0].message, 5.0)
+    sensor.status = StrainBlock.STATUS_STUCK
+    wait_until(lambda: 'have ceased' in diagnostics[-1].status[0].message, 5.0)
+    assert diagnostics[-1].status[0].level == b'\x01'
+
+
+def test_a_second_life_works_like_the_first(tendon, servo):
+    for _ in range(2):
+        assert tendon.result(pull(tendon, 0.005, 0.04))[0] == 'succeeded'
+        node = tendon.node
+        for transition in ('deactivate', 'cleanup', 'configure', 'activate'):
+            assert getattr(node, f'trigger_{transition}')().name == 'SUCCESS', transition
+        assert len(node.goal_runners) == 1
+        assert len(node._managed_entities) == 1
+
+
 def test_a_dead_sensor_ends_a_pull_with_a_stop_tension(tendon, servo, sensor):
     handle = pull(tendon, 0.02, 0.005, stop_tension_n=14.0)
     wait_until(lambda: servo.position > 2100)

@@ -40,6 +40,7 @@ class ScriptedServo:
         self.writes = []
         self.is_silent = False
         self.is_mute = False  # hears, but its answers are lost
+        self.lose = lambda address: False  # whether the packet for this register is lost
         self.lost_answers = 0  # how many of the next answers are lost
         self.late_s = 0.0  # how late the next answer is
         self.stuck_at = None  # counts beyond which the load does not yield
@@ -110,6 +111,8 @@ class ScriptedServo:
         assert packet[:4] == b'\xff\xff\xfd\x00'
         assert struct.unpack('<H', packet[-2:])[0] == compute_crc(packet[:-2])
         if packet[4] != self.table[7] or self.is_silent:
+            return
+        if packet[7] in (2, 3) and self.lose(struct.unpack('<H', packet[8:10])[0]):
             return
         self._heard_s = time.monotonic()
         instruction, parameters = (
