@@ -211,13 +211,12 @@ class Plant:
         # Object and fingertip in series: N = k max(0, indentation - rest).
         branch = self._branch_stiffness / (1 + step_s / mount.body.relaxation_time_s)
         material = self._stiffness + branch
+        series = finger.tip_stiffness_n_m * material / (finger.tip_stiffness_n_m + material)
+        # An object that is not under the tip feels no force, and goes on relaxing.
         present = np.abs(guide_m - mount.guide_m) <= mount.half_width_m
-        material = np.where(present, material, 0.0)
-        self._contact_n_m = (
-            finger.tip_stiffness_n_m * material / (finger.tip_stiffness_n_m + material)
-        )
+        self._contact_n_m = np.where(present, series, 0.0)
         self._rest_m = branch * self._indent_m / np.maximum(material, 1e-9)
-        self._share = 1 - self._contact_n_m / finger.tip_stiffness_n_m
+        self._share = np.where(present, 1 - series / finger.tip_stiffness_n_m, 0.0)
         self._wrap = finger.tendon_friction * np.maximum(self.bend_rad, 0.0)
         self._stop_rad = np.radians(finger.bend_stop_deg)
         self._tendon_rate = finger.moment_arm_m / (step_s * rig.tendon_friction_speed_m_s)

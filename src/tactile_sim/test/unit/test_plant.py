@@ -141,6 +141,28 @@ def test_friction_opposes_sliding():
     assert forces[0.0, 1] == pytest.approx(forces[0.0, -1], rel=1e-6)
 
 
+def test_object_out_of_reach_relaxes_without_force():
+    body = Body(200.0, 300.0, 2.0, 0.0)
+    mount = Mount(body, None, 0.0, 0.06, 0.01)
+    plant = make_plant(load_finger('flexion'), mount)
+    for _ in range(1000):
+        plant.step(0.06, 0.006, 1e-3)
+    assert plant.contact_force_n[0] > 0.1
+    indented_m = plant._indent_m[0]
+    assert indented_m > 1e-4
+    # Away from it the finger bends deeper than the object's top: it must not feel that.
+    for _ in range(1000):
+        plant.step(0.09, 0.008, 1e-3)
+        assert plant.contact_force_n[0] == 0.0
+    # Without force the branch decays with the time 2 s (200 + 300) / 200.
+    assert plant._indent_m[0] == pytest.approx(indented_m * np.exp(-1.0 / 5.0), rel=1e-3)
+    for _ in range(200):
+        plant.step(0.09, 0.0, 1e-3)
+    for _ in range(1000):
+        plant.step(0.06, 0.006, 1e-3)
+    assert plant.contact_force_n[0] > 0.1
+
+
 def test_step_without_solution_raises():
     plant = make_plant()
     with pytest.raises(ConvergenceError, match='no equilibrium'):
