@@ -153,14 +153,12 @@ class PhaseWindow:
                     f'max_gap_samples allows {self._config.max_gap_samples}'
                 )
             return f'the stream broke off and began again at sequence number {behind}'
-        if after is None:
-            return ''
         # Lost around the first or the last sample: whether they belonged to the
         # window, the nominal period tells.
         first = samples[0] if len(samples) else after
         if first['hole'] and first['stamp_ns'] - self._period_ns >= self._from_ns:
             return 'samples are missing at the start of the window'
-        is_cut_short = len(samples) and after['hole']
+        is_cut_short = len(samples) and after is not None and after['hole']
         if is_cut_short and samples['stamp_ns'][-1] + self._period_ns <= self._to_ns:
             return 'samples are missing at the end of the window'
         return ''

@@ -285,8 +285,17 @@ def test_samples_that_come_twice_count_once():
     assert extractor.restart_count == 0
 
 
+def test_a_loss_at_the_start_does_not_move_a_window_that_has_room_behind_it():
+    for lost in ((23,), (22, 23), range(15, 26)):
+        window = glide(block(0, lost[0]), block(lost[-1] + 1, 40), end_s=5.0)
+        assert window.outcome == Outcome.GAP, lost
+        assert 'at the start of the window' in window.reason
+    assert glide(block(0, 22), block(23, 40), end_s=5.0).first_sequence == 23
+
+
 def test_a_stream_that_begins_inside_the_phase():
-    assert glide(block(25, 30), end_s=4.0).first_sequence == 25
+    assert glide(block(23, 30), end_s=4.0).first_sequence == 23
+    assert glide(block(25, 30), end_s=4.0).outcome == Outcome.GAP
     assert glide(block(25, 30)).outcome == Outcome.GAP
     assert hold(block(24, 30)).outcome == Outcome.GAP
 
