@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,15 @@ from tactile_bringup.errors import BringupError
 from tactile_bringup.records import CONTACTS, PROTOCOLS
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.records import FeatureConfig
+
+RIG_NODES = (
+    'tendon_sensor',
+    'tactile_features',
+    'linear_guide',
+    'tendon_actuator',
+    'trial_runner',
+)
+"""Names of the nodes of the whole rig, but for its classifiers."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +132,11 @@ def recorder_node(
     simulated: bool,
 ) -> NodeDescription:
     """Return the recorder node for a rig; it notes what a replay needs to know."""
+    known = {f.name for f in fields(FeatureConfig)}  # every node has further ones
+    features = FeatureConfig(**{k: v for k, v in feature_parameters.items() if k in known})
     facts = {
         'simulated': simulated,
-        'feature_config': asdict(FeatureConfig(**feature_parameters)),
+        'feature_config': asdict(features),
         'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
     }
     return NodeDescription(
@@ -166,13 +177,3 @@ def parse_classifier_name(name: str) -> tuple[str, str]:
 def _merged(node: NodeDescription, parameters: Mapping[str, Mapping[str, Any]]) -> NodeDescription:
     merged = {**node.parameters, **parameters.get(node.name, {})}
     return NodeDescription(node.package, node.executable, node.name, merged)
-
-
-def check_names(
-    nodes: Sequence[NodeDescription], parameters: Mapping[str, Mapping[str, Any]]
-) -> None:
-    """Raise BringupError when ``parameters`` names a node that is not in the graph."""
-    unknown = sorted(set(parameters) - {node.name for node in nodes})
-    if unknown:
-        known = ', '.join(node.name for node in nodes)
-        raise BringupError(f'parameters for unknown nodes {", ".join(unknown)}; there are {known}')

@@ -22,7 +22,8 @@ from tactile_bringup.graph import (
     recorder_node,
     rig_graph,
 )
-from tactile_bringup.model_folder import find_models
+from tactile_bringup.model_folder import find_model
+from tactile_bringup.parameter_files import read_parameters
 from tactile_bringup.records import CONTACTS
 
 PORT_ARGUMENTS = {
@@ -92,16 +93,26 @@ def _rig_actions(context: LaunchContext, protocol: str) -> list[Node]:
     models = {}
     if value('models'):
         wanted = classifier_name(protocol, value('contact'))
-        models = {wanted: find_models(Path(value('models')))[wanted]}
+        models = {wanted: find_model(Path(value('models')), wanted)}
+    of_features = {}
+    if value('params_file'):
+        # The nodes read the file themselves; but what the feature node is told about windows,
+        # its classifiers and the recording must know, too.
+        of_features = read_parameters(
+            Path(value('params_file')),
+            ['tactile_features'],
+            value('namespace'),
+            others_allowed=True,
+        ).get('tactile_features', {})
     ports = Ports(value('guide_port'), value('tendon_port'), value('sensor_port'))
-    graph = rig_graph(ports, models, {}, simulated=simulated)
+    graph = rig_graph(ports, models, {'tactile_features': of_features}, simulated=simulated)
     if value('record'):
         graph.append(
             recorder_node(
                 Path(value('record')),
                 Path(value('models')) if value('models') else None,
                 tuple(models),
-                {},
+                of_features,
                 namespace=value('namespace'),
                 simulated=simulated,
             )

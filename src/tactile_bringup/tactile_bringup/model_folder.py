@@ -34,3 +34,17 @@ def find_models(folder: Path) -> dict[str, str]:
             f'no model files in {folder}, such as {example.name}; `tactile train` writes them'
         )
     return models
+
+
+def find_model(folder: Path, classifier: str) -> str:
+    """Return the model file of a folder for one classifier node.
+
+    Raises
+    ------
+    BringupError
+        When the folder has none for it.
+    """
+    models = find_models(folder)
+    if classifier not in models:
+        raise BringupError(f'{folder} has no model for the {classifier}, only {", ".join(models)}')
+    return models[classifier]

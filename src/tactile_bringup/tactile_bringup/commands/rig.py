@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import Ports, check_names, recorder_node, rig_graph
+from tactile_bringup.graph import RIG_NODES, Ports, recorder_node, rig_graph
 from tactile_bringup.graph_runner import ros_context, running_graph
 from tactile_bringup.model_folder import find_models
+from tactile_bringup.parameter_files import read_parameters
 from tactile_sim.rig_process import SimulatedRig
 
 
@@ -44,7 +43,10 @@ def run_rig(request: RigRequest) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     models = find_models(request.models) if request.models else {}
-    parameters = read_parameters(request.params) if request.params else {}
+    parameters: dict[str, dict[str, Any]] = {}
+    if request.params:
+        names = (*RIG_NODES, *models)
+        parameters = read_parameters(request.params, names, request.namespace)
     with ExitStack() as stack:
         ports = _ports(request, stack)
         nodes = rig_graph(ports, models, parameters, simulated=request.simulated)
@@ -59,34 +61,11 @@ def run_rig(request: RigRequest) -> None:
                     simulated=request.simulated,
                 )
             )
-        check_names(nodes, parameters)
         context = stack.enter_context(ros_context())
         stack.enter_context(running_graph(nodes, context, namespace=request.namespace))
         simulated = 'SIMULATED rig' if request.simulated else 'rig'
         output.say(f'{simulated} running: {", ".join(n.name for n in nodes)}. Ctrl-C ends it.')
         stop.wait()
-
-
-def read_parameters(path: Path) -> dict[str, dict[str, Any]]:
-    """Read a ROS parameter file: parameters by node name.
-
-    Raises
-    ------
-    BringupError
-        When it is not of ROS's form.
-    """
-    try:
-        document = yaml.safe_load(path.read_text())
-    except (OSError, yaml.YAMLError) as error:
-        raise BringupError(f'cannot read the parameters in {path}: {error}') from error
-    if not isinstance(document, dict):
-        raise BringupError(f'{path} is no ROS parameter file: node names are expected on top')
-    parameters = {}
-    for name, content in document.items():
-        if not isinstance(content, dict) or not isinstance(content.get('ros__parameters'), dict):
-            raise BringupError(f'{path}: "{name}" has no ros__parameters below it')
-        parameters[str(name).rpartition('/')[2]] = content['ros__parameters']
-    return parameters
 
 
 def _ports(request: RigRequest, stack: ExitStack) -> Ports:

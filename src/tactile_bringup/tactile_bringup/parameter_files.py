@@ -1,0 +1,77 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""ROS parameter files, read as ROS reads them: which of their entries are for which node."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tactile_bringup.bags import join_topic
+from tactile_bringup.errors import BringupError
+
+
+def read_parameters(
+    path: Path, names: Iterable[str], namespace: str = '', *, others_allowed: bool = False
+) -> dict[str, dict[str, Any]]:
+    """Return what a ROS parameter file sets for some nodes, by node name.
+
+    Parameters
+    ----------
+    path : Path
+    names : iterable of str
+        Names of the nodes, without their namespace.
+    namespace : str
+        Namespace of all of them.
+    others_allowed : bool
+        Pass over entries that are for none of these nodes.
+
+    Raises
+    ------
+    BringupError
+        When the file is not of ROS's form, or an entry is for none of these nodes.
+    """
+    try:
+        document = yaml.safe_load(path.read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise BringupError(f'cannot read the parameters in {path}: {error}') from error
+    if not isinstance(document, dict):
+        raise BringupError(f'{path} is no ROS parameter file: node names are expected on top')
+    full_names = {name: join_topic(namespace, name) for name in names}
+    found: dict[str, dict[str, Any]] = {}
+    for pattern, parameters in _entries(document, '', path):
+        expression = _as_expression(pattern)
+        matching = [name for name, full in full_names.items() if expression.fullmatch(full)]
+        if not matching and not others_allowed:
+            raise BringupError(
+                f'{path} has parameters for {pattern}; there are {", ".join(full_names.values())}'
+            )
+        for name in matching:
+            found.setdefault(name, {}).update(parameters)
+    return found
+
+
+def _entries(
+    document: Mapping[Any, Any], above: str, path: Path
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    for key, content in document.items():
+        name = f'{above}/{str(key).strip("/")}'
+        if not isinstance(content, dict) or not content:
+            raise BringupError(f'{path}: {name} has no ros__parameters below it')
+        parameters = content.get('ros__parameters', {})
+        if not isinstance(parameters, dict):
+            raise BringupError(f'{path}: the ros__parameters of {name} have no names')
+        if parameters:
+            yield name, parameters
+        below = {k: v for k, v in content.items() if k != 'ros__parameters'}
+        yield from _entries(below, name, path)
+
+
+def _as_expression(pattern: str) -> re.Pattern[str]:
+    wildcards = {'*': '/[^/]+', '**': '(?:/[^/]+)*'}
+    parts = pattern.strip('/').split('/')
+    return re.compile(''.join(wildcards.get(part, '/' + re.escape(part)) for part in parts))
