@@ -280,8 +280,13 @@ class TactileBag:
     def namespaces(self) -> tuple[str, ...]:
         """Namespaces of the fingers that were recorded; the root is ``''``."""
         suffix = f'/{STRAIN_TOPIC.name}'
-        names = (c.topic for c in self._reader.connections if c.topic.endswith(suffix))
+        names = {c.topic for c in self._reader.connections if c.topic.endswith(suffix)}
         return tuple(sorted(name[: -len(suffix)].strip('/') for name in names))
+
+    def _finger_of(self, topic: str) -> str | None:
+        """Return the innermost finger's namespace that a topic lies in."""
+        around = [name for name in self.namespaces if topic.startswith(join_topic(name, ''))]
+        return max(around, key=len, default=None)
 
     def messages(self, *type_names: str, namespace: str | None = None) -> Iterator[BagMessage]:
         """Yield messages in the order of their arrival.
@@ -291,19 +296,19 @@ class TactileBag:
         *type_names : str
             Only messages of these types; all of them when left out.
         namespace : str, optional
-            Only topics below this namespace.
+            Only topics of the finger with this namespace; not of one within it.
 
         Raises
         ------
         BagError
             When the file is damaged; what came before has been given.
         """
-        prefix = None if namespace is None else join_topic(namespace, '')
+        finger = None if namespace is None else namespace.strip('/')
         chosen = [
             c
             for c in self._reader.connections
             if (not type_names or c.msgtype in type_names)
-            and (prefix is None or c.topic.startswith(prefix))
+            and (finger is None or self._finger_of(c.topic) == finger)
         ]
         if not chosen:
             return

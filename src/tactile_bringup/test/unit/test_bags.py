@@ -56,6 +56,18 @@ def test_what_is_written_is_read_bit_for_bit(bag_path):
         assert list(bag.messages(EVENT)) == []
 
 
+def test_fingers_within_one_another_do_not_mix(tmp_path):
+    with BagWriter(tmp_path / 'bag', {}) as writer:
+        for i, namespace in enumerate(('', 'hand', 'hand/thumb', 'hands')):
+            name = writer.add_topic(STRAIN_TOPIC, namespace)
+            writer.write(name, i, block(writer.store, i, [1.0]))
+    with TactileBag(tmp_path / 'bag') as bag:
+        assert bag.namespaces == ('', 'hand', 'hand/thumb', 'hands')
+        for i, namespace in enumerate(bag.namespaces):
+            assert [m.received_at_ns for m in bag.messages(STRAIN, namespace=namespace)] == [i]
+        assert list(bag.messages(STRAIN, namespace='foot')) == []
+
+
 def test_latched_topics_are_offered_as_such(bag_path):
     metadata = (bag_path / 'metadata.yaml').read_text()
     assert 'transient_local' in metadata
