@@ -14,6 +14,7 @@ from tactile_bringup.bags import EVENT, TactileBag
 from tactile_bringup.errors import BagError
 from tactile_bringup.replay import recorded_config, replay_windows
 from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.records import TASKS
 from tactile_features.conversions import event_from_msg
 from tactile_features.records import FeatureConfig, FeatureWindow, Outcome, TrialEvent
 from tactile_features.spec import spec_for
@@ -90,20 +91,33 @@ def _collect(
     found: dict[tuple[str, str], LabelledWindows],
     left_out: list[str],
 ) -> None:
-    trials: dict[str, TrialEvent] = {}
-    for message in bag.messages(EVENT, namespace=namespace):
-        event = event_from_msg(message.decode())
-        trials.setdefault(event.trial_id, event)
+    events = [
+        event_from_msg(message.decode()) for message in bag.messages(EVENT, namespace=namespace)
+    ]
     for window in replay_windows(bag, config, namespace, finish=True):
-        event = trials[window.trial_id]
+        event = _event_before(window, events)
         if window.outcome != Outcome.OK:
             left_out.append(f'{window.trial_id}: {window.reason}')
         elif not event.object_label:
             left_out.append(f'{window.trial_id}: the trial has no label')
         else:
-            group = found.setdefault((event.protocol, event.contact), LabelledWindows())
+            # By what the features are: a trial of one protocol may have a window of the other.
+            key = TASKS[window.feature_set], event.contact
+            group = found.setdefault(key, LabelledWindows())
             group.windows.append(window)
             group.events.append(event)
+
+
+def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
+    """Return the window's trial's last event before it; a trial's name may come again."""
+    return max(
+        (
+            event
+            for event in events
+            if event.trial_id == window.trial_id and event.stamp_ns <= window.window_start_ns
+        ),
+        key=lambda event: event.stamp_ns,
+    )
 
 
 def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> FeatureTable:

@@ -63,6 +63,32 @@ def test_trials_without_a_label_are_left_out(stiffness_bag, tmp_path):
     assert all('no label' in sentence for sentence in found.left_out)
 
 
+def test_windows_go_by_their_features_and_not_by_the_name_of_the_protocol(stiffness_bag, tmp_path):
+    def rename(type_name, message):
+        if type_name == EVENT and message.object_label == 'pla':
+            message.protocol = 'texture'
+        if type_name == EVENT and message.object_label == 'sponge':
+            message.protocol = ''
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'renamed', rename)])
+    (table,) = found.tables.values()
+    assert list(found.tables) == [('stiffness', 'flexion')]
+    usual = read_tables([stiffness_bag]).tables['stiffness', 'flexion']
+    assert table.compute_sha256() == usual.compute_sha256()
+
+
+def test_label_is_that_of_the_moment_when_the_name_of_a_trial_comes_again(stiffness_bag, tmp_path):
+    def forget_names(type_name, message):
+        if type_name == EVENT:
+            message.trial_id = 'trial'
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'nameless', forget_names)])
+    usual = read_tables([stiffness_bag]).tables['stiffness', 'flexion']
+    assert found.tables['stiffness', 'flexion'].compute_sha256() == usual.compute_sha256()
+
+
 def test_bag_without_trials_is_refused_with_the_reason(stiffness_bag, tmp_path):
     path = rewrite(
         stiffness_bag, tmp_path / 'silent', lambda kind, m: m if kind == STRAIN else None
