@@ -174,7 +174,8 @@ def _same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
         return bool(a.shape == b.shape and a.tobytes() == b.tobytes())
-    return bool(a == b)
+    # The texts tell -0.0 from 0.0, and no other two numbers that are equal.
+    return bool(a == b) and repr(a) == repr(b)
 
 
 def _short(value: Any) -> str:

@@ -54,6 +54,15 @@ def test_a_difference_in_the_last_bit_is_reported(results):
     assert 'values' in comparison.first_difference
 
 
+def test_the_sign_of_a_zero_score_is_reported(results):
+    def with_score(score):
+        answers = [dataclasses.replace(results.classifications[0], scores=(1.0, score))]
+        return TactileResults([], answers)
+
+    assert compare(with_score(0.0), with_score(0.0), NAMES).is_equal
+    assert 'scores' in compare(with_score(0.0), with_score(-0.0), NAMES).first_difference
+
+
 def test_a_shifted_stamp_is_reported(results):
     stamp = results.windows[3].window_start_ns + 1
     assert (
