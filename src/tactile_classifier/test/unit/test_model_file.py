@@ -40,7 +40,7 @@ def test_model_file_answers_as_scikit_learn_does(request, tmp_path, table, class
     size = table.values.std(axis=0)
     for values in (table.values, table.values + rng.normal(size=table.values.shape) * size / 3):
         scores = model.compute_scores(values)
-        np.testing.assert_allclose(scores, sklearn_scores(estimator, values), atol=1e-6, rtol=0)
+        np.testing.assert_allclose(scores, sklearn_scores(estimator, values), atol=1e-12, rtol=0)
         np.testing.assert_array_equal(model.predict(values), estimator.predict(values))
 
 
@@ -50,7 +50,7 @@ def test_two_classes(small_table, tmp_path, classifier):
     estimator, manifest = train(table, classifier)
     model = write_model(tmp_path / 'm.onnx', estimator, manifest, table.values)
     scores = model.compute_scores(table.values)
-    np.testing.assert_allclose(scores, sklearn_scores(estimator, table.values), atol=1e-5)
+    np.testing.assert_allclose(scores, sklearn_scores(estimator, table.values), atol=1e-12, rtol=0)
     assert scores.shape == (24, 2)
 
 
