@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -84,6 +84,7 @@ def running_graph(
     namespace: str = '',
     others: Sequence[Any] = (),
     quiet: bool = False,
+    on_end: Callable[[], None] = lambda: None,
 ) -> Iterator[dict[str, Any]]:
     """Run nodes on one executor until the block ends; give them by name.
 
@@ -96,11 +97,13 @@ def running_graph(
         Nodes that are spun beside them, and destroyed at the end.
     quiet : bool
         Log warnings and errors only.
+    on_end : callable
+        Called, on a thread of the graph, when the nodes have stopped running.
 
     Raises
     ------
     BringupError
-        When a node cannot be configured or activated.
+        When a node cannot be configured or activated, or a callback of one failed.
     """
     nodes: dict[str, Any] = {}
     try:
@@ -110,8 +113,9 @@ def running_graph(
             if not node.bring_up():
                 raise BringupError(f'the node {name} could not be started; its log says why')
     except BaseException:
-        for node in nodes.values():
-            node.take_down()
+        NodeGroup([*others, *nodes.values()], context=context).close()
         raise
-    with NodeGroup([*others, *nodes.values()], context=context):
+    with NodeGroup([*others, *nodes.values()], context=context, on_end=on_end) as group:
         yield nodes
+    if group.error is not None:
+        raise BringupError(f'a node failed and all were ended: {group.error}') from group.error

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import threading
 import time
 from typing import Any
@@ -18,7 +19,7 @@ from tactile_msgs.msg import Classification
 from tactile_bringup.bags import classification_topic
 from tactile_bringup.errors import BringupError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.trial_runner_node import wait_for
+from tactile_bringup.trial_runner_node import send
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.records import ClassificationResult
 from tactile_ros.qos import RESULTS
@@ -101,12 +102,16 @@ class OperatorNode(Node):  # type: ignore[misc]
     def _call(self, client: ActionClient, what: str, goal: Any) -> Any:
         if not client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S):
             raise BringupError(f'{what}: the action server does not answer; is the rig running?')
-        handle = wait_for(client.send_goal_async(goal), ANSWER_TIMEOUT_S)
-        if handle is None or not handle.accepted:
-            raise BringupError(f'{what}: the goal was not taken')
-        reply = wait_for(handle.get_result_async(), TRIAL_TIMEOUT_S)
-        if reply is None:
-            raise BringupError(f'{what}: no end within {TRIAL_TIMEOUT_S:.0f} s')
+        try:
+            handle = send(self, lambda: client.send_goal_async(goal)).result(ANSWER_TIMEOUT_S)
+        except concurrent.futures.TimeoutError:
+            raise BringupError(f'{what}: the goal was not taken') from None
+        if not handle.accepted:
+            raise BringupError(f'{what}: the goal was rejected')
+        try:
+            reply = send(self, handle.get_result_async).result(TRIAL_TIMEOUT_S)
+        except concurrent.futures.TimeoutError:
+            raise BringupError(f'{what}: no end within {TRIAL_TIMEOUT_S:.0f} s') from None
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
             raise BringupError(f'{what}: {reply.result.message}')
         return reply.result

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -108,21 +108,26 @@ def replay_through_nodes(
                 player.count_publishers(player.resolve_topic_name(name)) > 0
                 for name in (FEATURES_TOPIC.name, *(classification_topic(m).name for m in models))
             ),
-            'the nodes did not find each other',
+            lambda: 'the nodes did not find each other',
         )
         sent = {STRAIN: 0, EVENT: 0}
+
+        def lag() -> str:
+            taken = {STRAIN: features.extractor.block_count, EVENT: features.extractor.event_count}
+            return f'the nodes lag behind, with {taken} taken of {sent}'
+
         for message in bag.messages(STRAIN, EVENT, namespace=namespace):
             publishers[message.type_name].publish(message.data)
             sent[message.type_name] += 1
             # The latched topic is short: an event must be taken before the next one.
             if message.type_name == EVENT or sent[STRAIN] % BATCH == 0:
-                _spin_until(executor, lambda: _caught_up(features, sent), 'the nodes lag behind')
-        _spin_until(executor, lambda: _caught_up(features, sent), 'the nodes lag behind')
+                _spin_until(executor, lambda: _caught_up(features, sent), lag)
+        _spin_until(executor, lambda: _caught_up(features, sent), lag)
         _spin_until(
             executor,
             lambda: len(results.windows) >= len(expected.windows)
             and len(results.classifications) >= len(expected.classifications),
-            f'the nodes answered with {len(results.windows)} windows and '
+            lambda: f'the nodes answered with {len(results.windows)} windows and '
             f'{len(results.classifications)} classifications, expected were '
             f'{len(expected.windows)} and {len(expected.classifications)}',
         )
@@ -147,9 +152,11 @@ def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:
     return bool(extractor.block_count >= sent[STRAIN] and extractor.event_count >= sent[EVENT])
 
 
-def _spin_until(executor: SingleThreadedExecutor, condition: Any, otherwise: str) -> None:
+def _spin_until(
+    executor: SingleThreadedExecutor, condition: Callable[[], bool], otherwise: Callable[[], str]
+) -> None:
     deadline = time.monotonic() + DEADLINE_S
     while not condition():
         if time.monotonic() > deadline:
-            raise BringupError(f'replay through nodes: {otherwise} within {DEADLINE_S:.0f} s')
+            raise BringupError(f'replay through nodes: {otherwise()} within {DEADLINE_S:.0f} s')
         executor.spin_once(timeout_sec=0.05)

@@ -4,13 +4,18 @@
 
 from __future__ import annotations
 
+import concurrent.futures
+import math
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
+from rclpy.node import Node
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
@@ -27,14 +32,19 @@ from tactile_bringup.trial_protocols import (
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
-from tactile_ros.qos import EVENTS
+from tactile_ros.qos import EVENTS, STREAM
+
+POLL_S = 0.02
+"""How often a trial that waits looks for a reason to end."""
 
 
 class TrialRunnerNode(TactileNode):
     """Runs trials: action ``~/run_trial``, events on ``~/events``.
 
     When a trial ends early, for whatever reason, guide and tendon are stopped
-    and the tendon is released; nothing moves again without a new goal.
+    and the tendon is released; nothing moves again without a new goal. A trial ends
+    early, too, when the actuator lets the tendon go in contact: its guard or its watchdog
+    has acted, and what follows would be no trial.
     """
 
     def __init__(self, node_name: str = 'trial_runner', **node_options: Any) -> None:
@@ -44,6 +54,9 @@ class TrialRunnerNode(TactileNode):
         self._guide: ActionClient | None = None
         self._tendon: ActionClient | None = None
         self._stops: list[Any] = []
+        self._tendon_states: Any = None
+        self._contact = _Contact()
+        self._request: TrialRequest | None = None
         self._count = 0
 
     def set_up(self, config: TrialConfig) -> None:
@@ -54,6 +67,9 @@ class TrialRunnerNode(TactileNode):
             self.create_client(Trigger, 'linear_guide/stop'),
             self.create_client(Trigger, 'tendon_actuator/stop'),
         ]
+        self._tendon_states = self.create_subscription(
+            JointState, 'tendon_actuator/joint_states', self._on_tendon_state, STREAM
+        )
         self._runner = GoalRunner(
             self,
             RunTrial,
@@ -63,13 +79,22 @@ class TrialRunnerNode(TactileNode):
         )
 
     def stop(self) -> None:
-        if self._runner is not None:
+        if self._runner is not None and self._runner.is_busy:
             self._runner.end_goal()
+            # From here, since the trial's thread can send nothing while this one is busy,
+            # as it is when the node is shut down.
+            self._ask_to_stop()
 
     def tear_down(self) -> None:
         if self._runner is not None:
-            self._runner.close()
+            # Not for long: with the executor waiting here, the trial gets no more answers.
+            self._runner.close(timeout_s=0.5)
+            if self._runner.is_busy and self._request and self._tendon and self.context.ok():
+                self._tendon.send_goal_async(self._pull(self._release(), self._request))
             self._runner = None
+        if self._tendon_states is not None:
+            self.destroy_subscription(self._tendon_states)
+            self._tendon_states = None
         for client in (self._guide, self._tendon):
             if client is not None:
                 client.destroy()
@@ -78,7 +103,7 @@ class TrialRunnerNode(TactileNode):
             self.destroy_client(stop)
         self._stops = []
         if self._events is not None:
-            self.destroy_publisher(self._events)
+            self.destroy_lifecycle_publisher(self._events)
             self._events = None
 
     # -- one trial, on the goal's own thread -----------------------------------------
@@ -96,6 +121,7 @@ class TrialRunnerNode(TactileNode):
             glide_speed_m_s=asked.glide_speed_m_s,
             hold_s=asked.hold_s,
         )
+        self._request = request
         started = time.monotonic()
         phase = ''
         try:
@@ -107,6 +133,7 @@ class TrialRunnerNode(TactileNode):
                     goal.feedback(phase=phase, elapsed_s=time.monotonic() - started)
                 self._carry_out(step, request, goal)
         except Exception as error:
+            self._contact.end()
             self._bring_to_rest(request)
             self._announce(request, TrialEvent.PHASE_ABORTED, str(error))
             if isinstance(error, GoalCanceled):
@@ -122,13 +149,26 @@ class TrialRunnerNode(TactileNode):
         self, step: GuideStep | TendonStep | WaitStep, request: TrialRequest, goal: Goal
     ) -> None:
         if isinstance(step, WaitStep):
-            if goal.wait(step.duration_s):
+            end_s = time.monotonic() + step.duration_s
+            while (left_s := end_s - time.monotonic()) > 0:
+                goal.wait(min(left_s, POLL_S))
                 goal.check()
+                self._contact.check()
         elif isinstance(step, GuideStep):
             move = MoveGuide.Goal(position_m=step.position_m, speed_m_s=step.speed_m_s)
             self._call(self._guide, 'linear guide', move, goal)
         else:
+            self._contact.end()
             self._call(self._tendon, 'tendon actuator', self._pull(step, request), goal)
+            if step.displacement_m > 0:
+                self._contact.begin(step.displacement_m)
+
+    def _on_tendon_state(self, state: JointState) -> None:
+        for displacement_m in state.position:
+            self._contact.take(displacement_m)
+
+    def _release(self) -> TendonStep:
+        return TendonStep(TrialEvent.PHASE_RELEASE, 0.0, self.config.pull_speed_m_s)
 
     def _pull(self, step: TendonStep, request: TrialRequest) -> PullTendon.Goal:
         return PullTendon.Goal(
@@ -153,7 +193,14 @@ class TrialRunnerNode(TactileNode):
         if self._events is not None:
             self._events.publish(event)
 
-    def _call(self, client: Any, who: str, message: Any, goal: Goal | None) -> Any:
+    def _call(
+        self,
+        client: Any,
+        who: str,
+        message: Any,
+        goal: Goal | None,
+        timeout_s: float = math.inf,
+    ) -> Any:
         """Send one action goal and wait for its end; raise unless it succeeded.
 
         Without a trial's ``goal`` the call cannot be cancelled: it is part of
@@ -161,40 +208,121 @@ class TrialRunnerNode(TactileNode):
         """
         if not client.wait_for_server(timeout_sec=self.config.server_timeout_s):
             raise GoalAborted(f'the {who} does not answer; is its node active?')
-        handle = wait_for(client.send_goal_async(message), self.config.server_timeout_s)
-        if handle is None:
-            raise GoalAborted(f'the {who} did not take the goal')
+        answer = send(self, lambda: client.send_goal_async(message))
+        try:
+            handle = answer.result(self.config.server_timeout_s)
+        except concurrent.futures.TimeoutError:
+            answer.add_done_callback(_cancel_late_goal)
+            raise GoalAborted(f'the {who} did not take the goal') from None
         if not handle.accepted:
             raise GoalAborted(f'the {who} rejected the goal')
-        result_future = handle.get_result_async()
-        ended = threading.Event()
-        result_future.add_done_callback(lambda _: ended.set())
-        cancelled = False
-        while not ended.wait(0.02):
-            if goal is not None and goal.end_requested and not cancelled:
-                cancelled = True
-                handle.cancel_goal_async()
+        result = send(self, handle.get_result_async)
+        deadline_s = time.monotonic() + timeout_s
+        end: Exception | None = None  # why the device has been asked to end its goal
+        while not concurrent.futures.wait([result], POLL_S).done:
+            if goal is not None and end is None:
+                try:
+                    goal.check()
+                    self._contact.check()
+                except (GoalAborted, GoalCanceled) as error:
+                    end = error
+                    send(self, handle.cancel_goal_async)
+                    deadline_s = time.monotonic() + self.config.server_timeout_s
             if not self.context.ok():
                 raise GoalAborted('the process is ending')
-        reply = result_future.result()
+            if not client.server_is_ready():
+                raise end or GoalAborted(f'the {who} went away; is its node running?')
+            if time.monotonic() > deadline_s:
+                raise end or GoalAborted(f'the {who} did not end its goal; see its log')
+        reply = result.result()
+        if end is not None:
+            raise end
         if goal is not None:
             goal.check()
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
             raise GoalAborted(f'{who}: {reply.result.message}')
         return reply.result
 
-    def _bring_to_rest(self, request: TrialRequest) -> None:
-        """Stop both devices, then release the tendon."""
-        pending = [
+    def _ask_to_stop(self) -> list[Any]:
+        return [
             stop.call_async(Trigger.Request()) for stop in self._stops if stop.service_is_ready()
         ]
-        for future in pending:
-            wait_for(future, 1.0)
+
+    def _bring_to_rest(self, request: TrialRequest) -> None:
+        """Stop both devices, then release the tendon."""
         try:
-            release = TendonStep(TrialEvent.PHASE_RELEASE, 0.0, self.config.pull_speed_m_s)
-            self._call(self._tendon, 'tendon actuator', self._pull(release, request), None)
+            for future in self._ask_to_stop():
+                wait_for(future, 1.0)
+            seconds = self.config.displacement_m(request.contact) / self.config.pull_speed_m_s
+            self._call(
+                self._tendon,
+                'tendon actuator',
+                self._pull(self._release(), request),
+                None,
+                seconds + self.config.server_timeout_s,
+            )
         except Exception as error:
             self.get_logger().error(f'the tendon could not be released: {error}')
+
+
+class _Contact:
+    """Whether the tendon is kept at the displacement that a trial has pulled it to.
+
+    It counts as let go at half the displacement, once it has been seen at nine tenths:
+    states that were measured before the pull ended may still arrive after it.
+    """
+
+    def __init__(self) -> None:
+        self._displacement_m = math.inf
+        self._was_seen = False
+        self._is_lost = False
+
+    def begin(self, displacement_m: float) -> None:
+        self._was_seen = self._is_lost = False
+        self._displacement_m = displacement_m
+
+    def end(self) -> None:
+        self._displacement_m = math.inf
+        self._was_seen = self._is_lost = False
+
+    def take(self, displacement_m: float) -> None:
+        if displacement_m >= 0.9 * self._displacement_m:
+            self._was_seen = True
+        elif self._was_seen and displacement_m < 0.5 * self._displacement_m:
+            self._is_lost = True
+
+    def check(self) -> None:
+        if self._is_lost:
+            raise GoalAborted('the tendon actuator has let the tendon go; its log says why')
+
+
+def _cancel_late_goal(answer: concurrent.futures.Future[Any]) -> None:
+    if answer.exception() is None and answer.result().accepted:
+        answer.result().cancel_goal_async()
+
+
+def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future[Any]:
+    """Have the executor's thread send a request of ``node``; return its answer to be.
+
+    An action client of rclpy notes a request only after it is sent: were it sent from
+    another thread, the executor could take in the answer before that, and drop it.
+    """
+    answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
+
+    def pass_on(future: Future) -> None:
+        answer.set_result(future.result())
+
+    def start() -> None:
+        try:
+            request().add_done_callback(pass_on)
+        except Exception as error:
+            answer.set_exception(error)
+
+    executor = node.executor
+    if executor is None:
+        raise GoalAborted('the process is ending')
+    executor.create_task(start)
+    return answer
 
 
 def wait_for(future: Future, timeout_s: float) -> Any:

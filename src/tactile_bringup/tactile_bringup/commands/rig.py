@@ -18,6 +18,7 @@ from tactile_bringup.graph import RIG_NODES, Ports, recorder_node, rig_graph
 from tactile_bringup.graph_runner import ros_context, running_graph
 from tactile_bringup.model_folder import find_models
 from tactile_bringup.parameter_files import read_parameters
+from tactile_ros.node_group import ignore_signals
 from tactile_sim.rig_process import SimulatedRig
 
 
@@ -37,7 +38,20 @@ class RigRequest:
 
 
 def run_rig(request: RigRequest) -> None:
-    """Run the rig's nodes until SIGINT or SIGTERM."""
+    """Run the rig's nodes until SIGINT or SIGTERM.
+
+    Raises
+    ------
+    BringupError
+        When the arguments do not fit, a node cannot be started, or one fails later.
+    """
+    try:
+        _run_until_signal(request)
+    finally:
+        ignore_signals()
+
+
+def _run_until_signal(request: RigRequest) -> None:
     output = Output(as_json=False)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -62,7 +76,9 @@ def run_rig(request: RigRequest) -> None:
                 )
             )
         context = stack.enter_context(ros_context())
-        stack.enter_context(running_graph(nodes, context, namespace=request.namespace))
+        stack.enter_context(
+            running_graph(nodes, context, namespace=request.namespace, on_end=stop.set)
+        )
         simulated = 'SIMULATED rig' if request.simulated else 'rig'
         output.say(f'{simulated} running: {", ".join(n.name for n in nodes)}. Ctrl-C ends it.')
         stop.wait()

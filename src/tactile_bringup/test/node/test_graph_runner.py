@@ -1,0 +1,26 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import threading
+
+import pytest
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.graph import NodeDescription
+from tactile_bringup.graph_runner import running_graph
+
+RUNNER = NodeDescription('tactile_bringup', 'trial_runner_node', 'trial_runner', {})
+
+
+def test_a_callback_that_fails_is_told_at_once_and_at_the_end(context):
+    ended = threading.Event()
+
+    def fail():
+        raise ZeroDivisionError('a bug')
+
+    def run():
+        with running_graph([RUNNER], context, on_end=ended.set) as nodes:
+            nodes['trial_runner'].create_timer(0.01, fail)
+            assert ended.wait(10.0)
+
+    with pytest.raises(BringupError, match='a node failed and all were ended: a bug'):
+        run()
