@@ -63,6 +63,8 @@ class SimulatedRig:
             stdout=subprocess.PIPE,
             stderr=self._complaints,
             bufsize=0,
+            # Out of the reach of Ctrl-C: the rig must outlive the drivers that bring it to rest.
+            start_new_session=True,
         )
         self._pending = b''
         try:

@@ -142,3 +142,28 @@ def test_a_dead_rig_says_so(tmp_path):
             rig.truth()
     with pytest.raises(RigError, match='closed'):
         rig.truth()
+
+
+def test_ctrl_c_in_the_terminal_of_its_program_does_not_end_the_rig():
+    program = """
+import signal, sys
+from tactile_sim import SimulatedRig
+signal.signal(signal.SIGINT, lambda *_: None)
+with SimulatedRig() as rig:
+    print('ready', flush=True)
+    sys.stdin.readline()
+    print(rig.truth()['tension_n'], flush=True)
+"""
+    process = subprocess.Popen(
+        [sys.executable, '-c', program],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout.readline() == 'ready\n'
+    os.killpg(process.pid, signal.SIGINT)
+    output, errors = process.communicate('go on\n', timeout=DEADLINE_S)
+    assert process.returncode == 0, errors
+    assert float(output) < 1.0
