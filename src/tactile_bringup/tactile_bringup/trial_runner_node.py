@@ -37,6 +37,10 @@ from tactile_ros.qos import EVENTS, STREAM
 POLL_S = 0.02
 """How often a trial that waits looks for a reason to end."""
 
+RELEASE_ATTEMPTS = 3
+RELEASE_PAUSE_S = 0.3
+"""A servo that has been silent for a moment takes a fresh command once it is heard again."""
+
 
 class TrialRunnerNode(TactileNode):
     """Runs trials: action ``~/run_trial``, events on ``~/events``.
@@ -253,16 +257,28 @@ class TrialRunnerNode(TactileNode):
         try:
             for future in self._ask_to_stop():
                 wait_for(future, 1.0)
-            seconds = self.config.displacement_m(request.contact) / self.config.pull_speed_m_s
-            self._call(
-                self._tendon,
-                'tendon actuator',
-                self._pull(self._release(), request),
-                None,
-                seconds + self.config.server_timeout_s,
-            )
+            for _ in range(RELEASE_ATTEMPTS - 1):
+                try:
+                    self._call_release(request)
+                    return
+                except GoalAborted as error:
+                    self.get_logger().warning(f'releasing the tendon again: {error}')
+                    time.sleep(RELEASE_PAUSE_S)
+                    if not self._tendon.server_is_ready():
+                        break
+            self._call_release(request)
         except Exception as error:
             self.get_logger().error(f'the tendon could not be released: {error}')
+
+    def _call_release(self, request: TrialRequest) -> None:
+        seconds = self.config.displacement_m(request.contact) / self.config.pull_speed_m_s
+        self._call(
+            self._tendon,
+            'tendon actuator',
+            self._pull(self._release(), request),
+            None,
+            seconds + self.config.server_timeout_s,
+        )
 
 
 class _Contact:

@@ -17,7 +17,7 @@ from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
 
 from tactile_bringup.trial_runner_node import TrialRunnerNode, send
-from tactile_ros.goals import GoalRunner
+from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
@@ -37,6 +37,7 @@ class Device(TactileNode):
         super().__init__(name, NoConfig, **options)
         self.goals = []
         self.waits_in = ()  # numbers of the goals that wait, from 1
+        self.fails_in = ()
         self.stopped = threading.Event()
         self._type = action_type
         self._runner = GoalRunner(self, action_type, f'~/{verb}', self._work)
@@ -49,6 +50,8 @@ class Device(TactileNode):
             while not goal.wait(0.01) and not self.stopped.is_set():
                 pass
             goal.check()
+        if len(self.goals) in self.fails_in:
+            raise GoalAborted('the servo was silent')
         return self._type.Result(message='ended')
 
     def _on_stop(self, _, response):
@@ -151,6 +154,12 @@ def test_a_tendon_that_is_let_go_in_contact_ends_the_trial(bench, protocol):
     bench.publish_tendon(0.0020)
     assert 'has let the tendon go' in bench.end(handle)
     assert bench.tendon.goals[-1].displacement_m == 0.0
+
+
+def test_a_release_that_fails_is_tried_again(bench):
+    bench.tendon.fails_in = (1, 2, 3)  # the pull and two releases
+    assert 'the servo was silent' in bench.end(bench.start('stiffness'))
+    assert [goal.displacement_m > 0 for goal in bench.tendon.goals] == [True] + 3 * [False]
 
 
 def test_shutdown_in_a_glide_stops_the_devices_and_releases_the_tendon(bench):
