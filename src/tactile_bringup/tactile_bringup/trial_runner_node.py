@@ -254,31 +254,27 @@ class TrialRunnerNode(TactileNode):
 
     def _bring_to_rest(self, request: TrialRequest) -> None:
         """Stop both devices, then release the tendon."""
-        try:
-            for future in self._ask_to_stop():
-                wait_for(future, 1.0)
-            for _ in range(RELEASE_ATTEMPTS - 1):
-                try:
-                    self._call_release(request)
-                    return
-                except GoalAborted as error:
-                    self.get_logger().warning(f'releasing the tendon again: {error}')
-                    time.sleep(RELEASE_PAUSE_S)
-                    if not self._tendon.server_is_ready():
-                        break
-            self._call_release(request)
-        except Exception as error:
-            self.get_logger().error(f'the tendon could not be released: {error}')
+        for future in self._ask_to_stop():
+            wait_for(future, 1.0)
+        for attempt in range(RELEASE_ATTEMPTS):
+            if attempt:
+                time.sleep(RELEASE_PAUSE_S)
+            problem = self._try_release(request)
+            if not problem or self._tendon is None or not self._tendon.server_is_ready():
+                break
+        if problem:
+            self.get_logger().error(f'the tendon could not be released: {problem}')
 
-    def _call_release(self, request: TrialRequest) -> None:
+    def _try_release(self, request: TrialRequest) -> str:
+        """Release the tendon; return what went wrong, or nothing."""
         seconds = self.config.displacement_m(request.contact) / self.config.pull_speed_m_s
-        self._call(
-            self._tendon,
-            'tendon actuator',
-            self._pull(self._release(), request),
-            None,
-            seconds + self.config.server_timeout_s,
-        )
+        pull = self._pull(self._release(), request)
+        timeout_s = seconds + self.config.server_timeout_s
+        try:
+            self._call(self._tendon, 'tendon actuator', pull, None, timeout_s)
+        except Exception as error:  # whatever it is, the trial must still tell its end
+            return str(error)
+        return ''
 
 
 class _Contact:
