@@ -236,6 +236,8 @@ class TactileBag:
             self._check_types()
             custom = self._reader.storage.metadata.custom or {}
             self.facts: dict[str, Any] = json.loads(custom.get(FACTS_KEY, '{}'))
+            if not isinstance(self.facts, dict):
+                raise BagError('the facts in its metadata are not a JSON object')
         except (BagError, ValueError) as error:
             self.close()
             raise BagError(f'{self.path}: {error}') from error

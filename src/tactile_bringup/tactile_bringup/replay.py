@@ -18,14 +18,16 @@ import numpy as np
 
 from tactile_bringup.bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
 from tactile_bringup.errors import BagError
+from tactile_bringup.graph import parse_classifier_name
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.inference import TactileModel
-from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
     strain_block_from_msg,
 )
+from tactile_features.errors import FeatureError
 from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import FeatureConfig, FeatureWindow
 from tactile_features.spec import spec_for
@@ -48,11 +50,10 @@ class TactileResults:
 def recorded_config(bag: TactileBag) -> FeatureConfig:
     """Return the feature parameters that the recording was made with."""
     values = bag.facts.get('feature_config', {})
-    known = {f.name for f in fields(FeatureConfig)}
-    unknown = sorted(set(values) - known)
-    if unknown:
-        raise BagError(f'{bag.path}: unknown feature parameters {", ".join(unknown)}')
-    return FeatureConfig(**values)
+    try:
+        return FeatureConfig(**values)
+    except (TypeError, FeatureError) as error:
+        raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
 
 
 def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
@@ -97,7 +98,7 @@ def replay_through_core(
     ----------
     bag : TactileBag
     models : mapping of str to TactileModel
-        By any name; a window goes to every model of its task and contact.
+        By the name of the classifier node, which says the contact that it takes.
     config : FeatureConfig
     namespace : str
         Namespace of the finger.
@@ -106,8 +107,10 @@ def replay_through_core(
         model.check_fits(spec_for(model.task, config))
     results = TactileResults(windows=replay_windows(bag, config, namespace))
     for window in results.windows:
-        for model in models.values():
-            if model.accepts(window):
+        for name, model in models.items():
+            task, contact = parse_classifier_name(name)
+            takes_contact = ClassifierConfig(task=task, contact=contact).takes_contact
+            if model.accepts(window) and takes_contact(window.contact):
                 results.classifications.append(model.classify(window))
     return results.sort()
 

@@ -35,7 +35,6 @@ from tactile_sim.fast_trials import (
     simulate_trials,
 )
 
-RATE_HZ = 60
 SAMPLES_PER_BLOCK = 12
 EPOCH_NS = 1_600_000_000_000_000_000
 """Where simulated time begins, so that the same seed gives the same bytes."""
@@ -50,6 +49,11 @@ class PlannedTrial:
 
     phases: tuple[tuple[str, float], ...]
     timeline: Timeline
+    rate_hz: float
+
+    @property
+    def sample_count(self) -> int:
+        return round(self.timeline.duration_s * self.rate_hz)
 
 
 def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
@@ -86,10 +90,10 @@ def plan_trial(config: TrialConfig, request: TrialRequest) -> PlannedTrial:
             tendon_m = step.displacement_m
     phases.append(('done', now_s))
     # Whole blocks, so that trials follow each other without a gap in the sequence.
-    block_s = SAMPLES_PER_BLOCK / RATE_HZ
+    block_s = SAMPLES_PER_BLOCK / rig.load_cell.rate_hz
     duration_s = np.ceil((now_s + IDLE_S) / block_s) * block_s
     timeline = Timeline(guide_moves, tendon_moves, duration_s, config.guide_start_m)
-    return PlannedTrial(tuple(phases), timeline)
+    return PlannedTrial(tuple(phases), timeline, rig.load_cell.rate_hz)
 
 
 @dataclass(frozen=True)
@@ -202,7 +206,7 @@ class _TrialClock:
     ) -> Iterator[tuple[int, str, Any]]:
         """Yield (time, type, message) of one trial in the order of time."""
         # The sample at the very end is the first one of the next trial.
-        tension_n = trials.tension_n[index, : round(self._planned.timeline.duration_s * RATE_HZ)]
+        tension_n = trials.tension_n[index, : self._planned.sample_count]
         begin_ns = self._stamp_ns(0)
         trial_id = f'{self._plan.name}-{self._plan.seed}-{label}-{index:04d}'
         items: list[tuple[int, str, Any]] = []
@@ -217,7 +221,7 @@ class _TrialClock:
         yield from sorted(items, key=lambda item: item[0])
 
     def _stamp_ns(self, sample: int) -> int:
-        return EPOCH_NS + (self._first_sample + sample) * 1_000_000_000 // RATE_HZ
+        return EPOCH_NS + round((self._first_sample + sample) * 1e9 / self._planned.rate_hz)
 
     def _header(self, stamp_ns: int, frame_id: str) -> Any:
         time_class = self._types['builtin_interfaces/msg/Time']
@@ -228,7 +232,7 @@ class _TrialClock:
         return self._types[STRAIN](
             header=self._header(self._stamp_ns(first), 'tendon_sensor_link'),
             sequence=self._first_sample + first,
-            period_ns=round(1_000_000_000 / RATE_HZ),
+            period_ns=round(1e9 / self._planned.rate_hz),
             tension_n=np.ascontiguousarray(values, dtype=np.float64),
             lost_before=0,
             stamp_error_s=0.0,

@@ -92,8 +92,9 @@ def test_model_for_other_windows_is_refused(stiffness_bag, trained):
             replay_through_core(bag, load_models(find_models(trained)), config)
 
 
-def test_unknown_feature_parameters_are_refused(stiffness_bag):
+def test_unusable_feature_parameters_are_refused(stiffness_bag):
     with TactileBag(stiffness_bag) as bag:
-        bag.facts['feature_config'] = {'colour': 1}
-        with pytest.raises(BagError, match='colour'):
-            recorded_config(bag)
+        for values in ({'colour': 1}, {'rate_hz': 'fast'}, {'rate_hz': -1.0}, [1], 'red'):
+            bag.facts['feature_config'] = values
+            with pytest.raises(BagError, match='feature parameters'):
+                recorded_config(bag)
