@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import os
 import threading
+import time
 import unittest
 from pathlib import Path
 
@@ -34,7 +35,14 @@ from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import RESULTS
 from tactile_sim.rig_process import SimulatedRig
 
-DEADLINE_S = 30.0
+DEADLINE_S = 60.0
+OUTPUTS = (
+    'tendon_sensor/strain',
+    'linear_guide/joint_states',
+    'tendon_actuator/joint_states',
+    'trial_runner/events',
+    'tactile_features/features',
+)
 OBJECTS = {'texture': 'R1', 'stiffness': 'sponge'}
 
 
@@ -80,6 +88,10 @@ class TestTrial(unittest.TestCase):
                 TactileFeatures, 'tactile_features/features', on_features, RESULTS
             )
             with NodeGroup([operator, listener], context=context):
+                deadline_s = time.monotonic() + DEADLINE_S
+                while not all(listener.count_publishers(topic) for topic in OUTPUTS):
+                    self.assertLess(time.monotonic(), deadline_s, 'not every node has come up')
+                    time.sleep(0.1)
                 operator.home_guide()
                 rig.mount(protocol, OBJECTS[protocol], 'flexion')
                 operator.run_trial(TrialRequest(protocol, 'flexion', OBJECTS[protocol], 't1'))
