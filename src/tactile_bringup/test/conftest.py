@@ -28,6 +28,7 @@ def stiffness_bag(tmp_path_factory):
 @pytest.fixture(scope='session')
 def trained(stiffness_bag, tmp_path_factory):
     """Return a folder with a model that was trained on the small recording."""
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     from tactile_bringup.bag_tables import read_tables
     from tactile_bringup.model_folder import model_path
     from tactile_classifier.model_file import write_model

@@ -97,6 +97,7 @@ def test_simulated_bags_become_models(tmp_path):
     done = tactile('simulate', 'stiffness', '-o', tmp_path / 'bags', *options)
     assert done.returncode == 2
     assert 'exists already' in done.stderr
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     done = tactile('train', bag['path'], '-o', tmp_path / 'models', '--classifier', 'tree')
     assert done.returncode == 0, done.stderr
     assert 'SIMULATED' in done.stdout

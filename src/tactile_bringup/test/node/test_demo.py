@@ -4,6 +4,10 @@
 
 import json
 
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
 from tactile_bringup.commands.demo import run_demo
 
 

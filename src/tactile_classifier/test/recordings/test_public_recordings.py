@@ -66,6 +66,7 @@ def test_holds(holds):
 
 @pytest.mark.parametrize('table', ['fabrics', 'holds'])
 def test_model_files_keep_every_label(request, tmp_path, table):
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     table = request.getfixturevalue(table)
     for classifier in CLASSIFIERS:
         for scaling in SCALINGS:

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.model_file import write_model
 from tactile_classifier.records import Outcome

@@ -4,8 +4,11 @@ import builtins
 import dataclasses
 
 import numpy as np
-import onnx
 import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+import onnx
 from onnx import TensorProto, helper
 
 from tactile_classifier import inference

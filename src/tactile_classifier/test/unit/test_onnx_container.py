@@ -1,7 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-import onnx
 import pytest
+
+pytest.importorskip('onnx', reason='onnx, which comes with skl2onnx, is not installed')
+
+import onnx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import TensorProto, helper
