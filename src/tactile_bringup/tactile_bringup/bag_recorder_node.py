@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.bags import BagWriter, RecordedTopic, join_topic, recorded_topics
+from tactile_bringup.bags import BagWriter, RecordedTopic, recorded_topics
 from tactile_bringup.records import RecorderConfig
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.message_classes import message_class
@@ -26,7 +26,8 @@ class BagRecorderNode(TactileNode):
     def __init__(self, node_name: str = 'bag_recorder', **node_options: Any) -> None:
         super().__init__(node_name, RecorderConfig, **node_options)
         self._writer: BagWriter | None = None
-        self._subscriptions_by_topic: dict[str, Any] = {}
+        self._topics: dict[str, RecordedTopic] = {}
+        self._recording: list[Any] = []
         self.message_count = 0
 
     def set_up(self, config: RecorderConfig) -> None:
@@ -35,20 +36,21 @@ class BagRecorderNode(TactileNode):
         self._writer = BagWriter(Path(config.bag), json.loads(config.facts))
         for namespace in config.namespaces:
             for topic in recorded_topics(config.classifiers):
-                self._record(namespace, topic)
+                self._topics[self._writer.add_topic(topic, namespace)] = topic
 
-    def _record(self, namespace: str, topic: RecordedTopic) -> None:
+    def start(self) -> None:
+        # Subscribed only now: what a latched topic holds must come while it can be written.
+        self._recording = [self._record(name, topic) for name, topic in self._topics.items()]
+
+    def _record(self, name: str, topic: RecordedTopic) -> Any:
         assert self._writer is not None
         writer = self._writer
-        self._writer.add_topic(topic, namespace)
-        name = join_topic(namespace, topic.name)
 
         def on_message(data: bytes) -> None:
-            if self.is_active:
-                writer.write_raw(name, self.get_clock().now().nanoseconds, data)
-                self.message_count += 1
+            writer.write_raw(name, self.get_clock().now().nanoseconds, data)
+            self.message_count += 1
 
-        self._subscriptions_by_topic[name] = self.create_subscription(
+        return self.create_subscription(
             message_class(topic.type_name),
             name,
             on_message,
@@ -56,14 +58,18 @@ class BagRecorderNode(TactileNode):
             raw=True,
         )
 
+    def stop(self) -> None:
+        for subscription in self._recording:
+            self.destroy_subscription(subscription)
+        self._recording = []
+
     def unmatched_topics(self) -> list[str]:
         """Return the topics that have no publisher yet: a recording would lack them."""
-        return [name for name in self._subscriptions_by_topic if not self.count_publishers(name)]
+        return [name for name in self._topics if not self.count_publishers(name)]
 
     def tear_down(self) -> None:
-        for subscription in self._subscriptions_by_topic.values():
-            self.destroy_subscription(subscription)
-        self._subscriptions_by_topic = {}
+        self.stop()
+        self._topics = {}
         if self._writer is not None:
             self._writer.close()
             self._writer = None

@@ -140,9 +140,9 @@ class TrialRunnerNode(TactileNode):
             self._contact.end()
             self._bring_to_rest(request)
             self._announce(request, TrialEvent.PHASE_ABORTED, str(error))
-            if isinstance(error, GoalCanceled):
-                raise
-            raise GoalAborted(f'trial {request.trial_id} ended in {phase}: {error}') from error
+            end = GoalCanceled if isinstance(error, GoalCanceled) else GoalAborted
+            message = f'trial {request.trial_id} ended in {phase}: {error}'
+            raise end(message, trial_id=request.trial_id) from error
         self._announce(request, TrialEvent.PHASE_DONE)
         return RunTrial.Result(
             trial_id=request.trial_id,

@@ -103,7 +103,8 @@ def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(context):
         watcher.wait_for_phase('glide')
         wait_for(handle.cancel_goal_async(), DEADLINE_S)
         reply = wait_for(handle.get_result_async(), DEADLINE_S)
-        assert reply.result.message == 'cancelled'
+        assert reply.result.message == 'trial t ended in glide: cancelled'
+        assert reply.result.trial_id == 't'
         watcher.wait_for_phase('aborted')
         truth = truth_at_rest(rig)
         assert truth['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)

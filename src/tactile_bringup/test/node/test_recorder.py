@@ -8,7 +8,8 @@ from tactile_msgs.msg import StrainBlock, TrialEvent
 
 from tactile_bringup.bags import EVENT, STRAIN, TactileBag
 from tactile_bringup.graph import recorder_node
-from tactile_bringup.graph_runner import running_graph
+from tactile_bringup.graph_runner import create_node, running_graph
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
 
 DEADLINE_S = 10.0
@@ -49,3 +50,21 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         assert bag.namespaces == ('thumb',)
         assert [m.data for m in bag.messages(STRAIN)] == blocks
         assert [m.decode().trial_id for m in bag.messages(EVENT)] == ['a']
+
+
+def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
+    source = Node('source', context=context)
+    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    events.publish(TrialEvent(trial_id='early', phase='approach'))
+    path = tmp_path / 'bag'
+    recorder = create_node(recorder_node(path, None, (), {}, simulated=False), context)
+    recorder.trigger_configure()
+    with NodeGroup([source, recorder], context=context):
+        wait_until(lambda: '/trial_runner/events' not in recorder.unmatched_topics())
+        assert recorder.message_count == 0
+        recorder.trigger_activate()
+        wait_until(lambda: recorder.message_count == 1)
+        recorder.trigger_deactivate()
+        events.publish(TrialEvent(trial_id='late', phase='done'))
+        recorder.trigger_activate()
+        wait_until(lambda: recorder.message_count >= 2)

@@ -138,7 +138,7 @@ def test_a_device_that_ignores_a_cancel_does_not_keep_the_trial(bench):
     handle = bench.start('stiffness')
     wait_until(lambda: bench.guide._runner.is_busy)
     send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
-    assert bench.end(handle) == 'cancelled'
+    assert bench.end(handle).endswith('cancelled')
     assert bench.phases[-1] == 'aborted'
     stuck.set()
 
@@ -185,7 +185,7 @@ def test_a_second_life_of_the_trial_runner_works_like_the_first(bench):
         handle = bench.start('stiffness')
         wait_until(lambda: bench.guide._runner.is_busy)
         bench.runner.trigger_deactivate()
-        assert bench.end(handle) == 'cancelled'
+        assert bench.end(handle).endswith('cancelled')
         wait_until(lambda: not bench.runner.goal_runners[0].is_busy)
         for transition in ('cleanup', 'configure', 'activate'):
             result = getattr(bench.runner, f'trigger_{transition}')()
