@@ -23,6 +23,7 @@ def classification_to_msg(result: ClassificationResult) -> Any:
         header=Header(stamp=to_time(result.window_end_ns), frame_id=result.frame_id),
         task=result.task,
         trial_id=result.trial_id,
+        contact=result.contact,
         model_id=result.model_id,
         simulated=result.simulated,
         outcome=int(result.outcome),
@@ -47,6 +48,7 @@ def classification_from_msg(message: Any) -> ClassificationResult:
     return ClassificationResult(
         task=message.task,
         trial_id=message.trial_id,
+        contact=message.contact,
         model_id=message.model_id,
         simulated=bool(message.simulated),
         outcome=Outcome(message.outcome),

@@ -143,6 +143,7 @@ class TactileModel:
         return ClassificationResult(
             task=self.manifest.task,
             trial_id=window.trial_id,
+            contact=window.contact,
             model_id=self.model_id,
             simulated=window.simulated or self.manifest.simulated,
             outcome=Outcome.NO_FEATURES if reason else Outcome.LABEL,

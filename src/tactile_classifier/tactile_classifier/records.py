@@ -70,6 +70,7 @@ class ClassificationResult:
 
     task: str
     trial_id: str
+    contact: str
     model_id: str
     simulated: bool
     outcome: Outcome

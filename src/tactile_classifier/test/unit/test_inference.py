@@ -25,6 +25,7 @@ def test_classification_repeats_the_window_and_names_the_model(model, make_windo
     assert result.labels == model.labels
     assert result.label == result.labels[int(np.argmax(result.scores))]
     assert (result.task, result.trial_id) == ('texture', 'trial-30')
+    assert result.contact == make_window(30).contact == 'flexion'
     assert result.model_id == model.model_id
     assert (result.window_start_ns, result.window_end_ns) == (10**18 + 1, 10**18 + 2_983_333_334)
     assert result.frame_id == 'tendon_sensor_link'
