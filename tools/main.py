@@ -12,6 +12,7 @@ from testing import run_tests
 from workspace import ROOT, SetupError, Workspace, say
 
 DEFAULT_DISTRO = 'jazzy'
+OURS = ('build', 'clean', 'run', 'test')
 
 USAGE = """\
 usage: ./tactile COMMAND [ARGUMENT ...]
@@ -52,6 +53,11 @@ def main(arguments: list[str]) -> int:
             say(USAGE)
             return 0 if arguments else 2
         command, rest = arguments[0], arguments[1:]
+        if command in OURS and rest[:1] in (['-h'], ['--help']):
+            say(USAGE)
+            return 0
+        if command in ('build', 'clean') and rest:
+            raise SetupError(f'{command} takes no arguments.')
         if command == 'clean':
             shutil.rmtree(ROOT / '.tactile', ignore_errors=True)
             return 0
@@ -64,9 +70,7 @@ def main(arguments: list[str]) -> int:
             workspace.execute(rest)
         if command == 'test':
             return run_tests(workspace, rest)
-        workspace.execute(
-            [str(workspace.install / 'lib' / 'tactile_bringup' / 'tactile'), *arguments]
-        )
+        workspace.execute([str(workspace.command), *arguments])
     except SetupError as error:
         print(f'tactile: {error}', file=sys.stderr)
         return 2

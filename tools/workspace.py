@@ -44,6 +44,7 @@ class Workspace:
         self.build_base = self.base / 'build'
         self.log = self.base / 'setup.log'
         self.state_file = self.base / 'state.json'
+        self.command = self.install / 'lib' / 'tactile_bringup' / 'tactile'
 
     # -- what is there ---------------------------------------------------------
 
@@ -106,6 +107,11 @@ class Workspace:
         if not need_build:
             return
         started = time.monotonic()
+        if ' ' in str(ROOT):
+            raise SetupError(
+                f'the path of this clone has a space in it ({ROOT}), which the build tools and '
+                'scripts of ROS 2 do not take; move the clone'
+            )
         check_compiler()
         if need_venv:
             say(f'Setting up ROS 2 {self.distro} in {self.base.relative_to(ROOT)}/ (once)')
@@ -242,6 +248,9 @@ class Workspace:
             RMW_IMPLEMENTATION='rmw_fastrtps_cpp',
         )
         env.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        # These two would go into the home folder.
+        env.setdefault('ROS_LOG_DIR', str(self.base / 'ros_log'))
+        env.setdefault('MPLCONFIGDIR', str(self.base / 'matplotlib'))
         overlay: dict[str, str] = json.loads(self.state().get('overlay', '{}'))
         return {**env, **overlay}
 
@@ -253,7 +262,11 @@ class Workspace:
         ]
 
     def execute(self, command: list[str]) -> None:
-        os.execvpe(command[0], command, self.environment())
+        """Become another program, in the environment of the workspace."""
+        environment = self.environment()
+        if shutil.which(command[0], path=environment['PATH']) is None:
+            raise SetupError(f'there is no program {command[0]} in the workspace or on the path.')
+        os.execvpe(command[0], command, environment)
 
 
 def check_compiler() -> None:
