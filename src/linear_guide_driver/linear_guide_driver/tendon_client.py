@@ -33,8 +33,11 @@ POSITION_TOLERANCE_M = 0.0005
 SLACK_S = 1.0
 """Added to the computed duration of a pull before it counts as stuck."""
 
-SILENT_POLLS = 3
-"""Polls in a row without an answer after which the servo counts as silent."""
+SILENT_POLLS = 5
+"""Polls in a row without an answer after which the servo counts as silent: about 0.2 s.
+
+Fewer ended pulls on a busy host, where an answer can be late three times in a row.
+"""
 
 _logger = logging.getLogger(__name__)
 

@@ -31,7 +31,10 @@ JsonOption = Annotated[
     bool, typer.Option('--json', help='Print the result as JSON on standard output.')
 ]
 SeedOption = Annotated[
-    int, typer.Option(help='Seed of everything random; the same seed gives the same result.')
+    int,
+    typer.Option(
+        min=0, max=2**32 - 1, help='Seed of everything random: the same seed, the same numbers.'
+    ),
 ]
 
 
@@ -152,6 +155,8 @@ def train(
             'one unit; standard for stiffness, whose features do not.'
         ),
     ] = None,
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
+    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
     seed: SeedOption = 0,
     json_output: JsonOption = False,
 ) -> None:
@@ -169,7 +174,7 @@ def train(
             output,
             classifier=classifier.value,
             scaling=scaling.value if scaling else None,
-            seed=seed,
+            cross_validation={'folds': folds, 'repetitions': repetitions, 'random_state': seed},
             as_json=json_output,
         )
 
@@ -269,21 +274,78 @@ def replay(
     raise typer.Exit(0 if equal else 1)
 
 
+GuideOption = Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')]
+TendonOption = Annotated[str, typer.Option(help='Serial port of the Dynamixel.')]
+SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
+SimulatedOption = Annotated[
+    bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
+]
+ModelsOption = Annotated[
+    Optional[Path], typer.Option(help='Folder with model files, as `tactile train` writes them.')
+]
+ParamsOption = Annotated[
+    Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
+]
+
+
+@app.command()
+def trials(
+    protocol: Annotated[Protocol, typer.Argument(help='Which kind of trial.')],
+    label: Annotated[
+        str, typer.Option('--object', help='The plate or object that lies under the finger.')
+    ],
+    output: Annotated[
+        Path, typer.Option('--output', '-o', help='Bag to record into; must not exist yet.')
+    ],
+    contact: Annotated[Contact, typer.Option(help='How the finger touches.')] = Contact.flexion,
+    count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1,
+    session: Annotated[
+        str, typer.Option(help="Name of the session, part of the trials' ids. Default: the time.")
+    ] = '',
+    models: ModelsOption = None,
+    guide: GuideOption = '',
+    tendon: TendonOption = '',
+    sensor: SensorOption = '',
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    seed: SeedOption = 1,
+    json_output: JsonOption = False,
+) -> None:
+    """Run trials on one plate or object, one after the other, and record them.
+
+    Homes the guide, then repeats the protocol: with ``--models`` each trial is
+    classified as well. The bags of several such sessions are what `tactile train` takes.
+    On the simulated rig the named plate or object is put under the finger; on a real one
+    that is your part, before you press Enter on this command.
+    """
+    with refusals():
+        from tactile_bringup.commands.rig import PortArguments
+        from tactile_bringup.commands.trials import TrialsRequest, run_trials
+
+        run_trials(
+            TrialsRequest(
+                protocol=protocol.value,
+                object_label=label,
+                contact=contact.value,
+                count=count,
+                bag=output,
+                models=models,
+                ports=PortArguments(guide, tendon, sensor, simulated, seed),
+                params=params,
+                session=session,
+            ),
+            as_json=json_output,
+        )
+
+
 @app.command()
 def rig(
-    models: Annotated[
-        Optional[Path],
-        typer.Option(help='Folder with model files, as `tactile train` writes them.'),
-    ] = None,
-    guide: Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')] = '',
-    tendon: Annotated[str, typer.Option(help='Serial port of the Dynamixel.')] = '',
-    sensor: Annotated[str, typer.Option(help='Serial port of the load cell.')] = '',
-    simulated: Annotated[
-        bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
-    ] = False,
-    params: Annotated[
-        Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
-    ] = None,
+    models: ModelsOption = None,
+    guide: GuideOption = '',
+    tendon: TendonOption = '',
+    sensor: SensorOption = '',
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
     namespace: Annotated[str, typer.Option(help='Namespace of all nodes.')] = '',
     record: Annotated[
         Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
@@ -293,21 +355,19 @@ def rig(
     """Run all nodes of the rig in this process until Ctrl-C.
 
     Sensor, guide, tendon, trial runner, features and one classifier for each model.
+    Trials are then asked for with the action ``trial_runner/run_trial``; to run some
+    without any other program, use `tactile trials`.
     """
     with refusals():
-        from tactile_bringup.commands.rig import RigRequest, run_rig
+        from tactile_bringup.commands.rig import PortArguments, RigRequest, run_rig
 
         run_rig(
             RigRequest(
                 models=models,
-                guide=guide,
-                tendon=tendon,
-                sensor=sensor,
-                simulated=simulated,
+                ports=PortArguments(guide, tendon, sensor, simulated, seed),
                 params=params,
                 namespace=namespace,
                 record=record,
-                seed=seed,
             )
         )
 

@@ -39,7 +39,7 @@ def create_node(
     Raises
     ------
     BringupError
-        When a parameter is out of range or of the wrong type.
+        When a parameter is not known, out of range or of the wrong type.
     """
     module, _, name = NODE_CLASSES[description.executable].partition(':')
     node_class = getattr(import_module(module), name)
@@ -56,6 +56,10 @@ def create_node(
         )
     except ParameterException as error:
         raise BringupError(f'the node {description.name} cannot be made: {error}') from error
+    unknown = [name for name in description.parameters if not node.has_parameter(name)]
+    if unknown:
+        node.take_down()
+        raise BringupError(f'the node {description.name} has no parameter {", ".join(unknown)}')
     if quiet:
         node.get_logger().set_level(LoggingSeverity.WARN)
     return node

@@ -20,6 +20,7 @@ from tactile_bringup.bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, Tactil
 from tactile_bringup.errors import BagError
 from tactile_bringup.graph import parse_classifier_name
 from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_features.conversions import (
@@ -116,8 +117,23 @@ def replay_through_core(
 
 
 def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:
-    """Load model files by name."""
-    return {name: TactileModel.load(Path(path)) for name, path in paths.items()}
+    """Load model files by the name of their classifier node.
+
+    Raises
+    ------
+    ModelFileError
+        When a file cannot be used, or is for another task or contact than its name says.
+    """
+    models = {}
+    for name, path in paths.items():
+        model = models[name] = TactileModel.load(Path(path))
+        task, contact = parse_classifier_name(name)
+        if model.task != task or model.contact not in ('', contact):
+            raise ModelFileError(
+                f'model {path} is for {model.task} {model.contact}, not for {task} {contact}; '
+                'give the file the name of what it is for'
+            )
+    return models
 
 
 @dataclass(frozen=True)

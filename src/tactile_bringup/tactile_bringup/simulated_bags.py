@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tactile_bringup.bags import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, BagWriter
-from tactile_bringup.records import TrialConfig
+from tactile_bringup.records import CONTACTS, PROTOCOLS, TrialConfig
 from tactile_bringup.trial_protocols import (
     GuideStep,
     TendonStep,
@@ -120,15 +120,13 @@ class SimulationPlan:
 
 def simulate_label(plan: SimulationPlan, label: str, config: TrialConfig) -> SimulatedTrials:
     """Simulate a plan's trials on one plate or object; other labels do not change them."""
-    labels = list_objects(plan.protocol)
-    seeds = np.random.SeedSequence(plan.seed).generate_state(len(labels))
     return simulate_trials(
         plan.protocol,
         label,
         plan.contact,
         plan_trial(config, TrialRequest(plan.protocol, plan.contact)).timeline,
         plan.trials_per_label,
-        int(seeds[labels.index(label)]),
+        plan.seed,
     )
 
 
@@ -258,8 +256,7 @@ class _TrialClock:
 def paper_plans(trials_per_label: int, seed: int) -> Sequence[SimulationPlan]:
     """Return the paper's four sets: texture and stiffness, flexion and abduction."""
     return [
-        SimulationPlan(protocol, contact, trials_per_label, seed + offset)
-        for offset, (protocol, contact) in enumerate(
-            (p, c) for p in ('texture', 'stiffness') for c in ('flexion', 'abduction')
-        )
+        SimulationPlan(protocol, contact, trials_per_label, seed)
+        for protocol in PROTOCOLS
+        for contact in CONTACTS
     ]

@@ -42,5 +42,5 @@ def accuracy_caption(evaluation: Evaluation) -> str:
     return (
         f'accuracy in %: {evaluation.split}, {evaluation.trials} trials; '
         f'± standard deviation over {evaluation.scores[0].spread_of}; '
-        f'chance {100 * evaluation.chance:.0f}'
+        f'chance {100 * evaluation.chance:.1f}'
     )

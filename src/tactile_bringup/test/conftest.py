@@ -5,6 +5,7 @@
 import pytest
 from domain_coordinator import domain_id
 
+from tactile_bringup.bags import BagWriter, RecordedTopic, TactileBag
 from tactile_bringup.graph_runner import ros_context
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulated_bags import SimulationPlan, write_simulated_bag
@@ -15,6 +16,24 @@ from tactile_features.records import FeatureConfig
 def context():
     with domain_id() as domain, ros_context(int(domain)) as context:
         yield context
+
+
+@pytest.fixture(scope='session')
+def rewrite():
+    """Return a function that copies a bag and changes it on the way."""
+
+    def rewrite(source, target, change):
+        """Copy a bag, message by message; ``change`` returns the message, or None to lose it."""
+        with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+            for name, (type_name, _) in bag.topics.items():
+                writer.add_topic(RecordedTopic(name.strip('/'), type_name))
+            for message in bag.messages():
+                new = change(message.type_name, message.decode())
+                if new is not None:
+                    writer.write(message.topic, message.received_at_ns, new)
+        return target
+
+    return rewrite
 
 
 @pytest.fixture(scope='session')

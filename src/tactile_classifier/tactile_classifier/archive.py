@@ -26,6 +26,10 @@ MAX_ARCHIVE_BYTES = 2**30
 Array = npt.NDArray[Any]
 
 
+MAX_MAGNITUDE = 1e100
+"""Largest absolute value in an archive [its unit]."""
+
+
 @dataclasses.dataclass(frozen=True)
 class LabelledTrials:
     """Raw signals of many trials, with what is known about each.
@@ -192,6 +196,11 @@ def _check_trials(path: Path, arrays: dict[str, Array], folds: int) -> LabelledT
     if len(bad):
         raise DatasetError(
             f'x in {path} is not finite in {len(bad)} of {trials} trials, first in trial {bad[0]}'
+        )
+    if np.abs(x).max() > MAX_MAGNITUDE:
+        raise DatasetError(
+            f'x in {path} has values beyond {MAX_MAGNITUDE:g}, whose squares would overflow; '
+            'scale it'
         )
     label = label.astype(str)
     if len(np.unique(label)) < 2:

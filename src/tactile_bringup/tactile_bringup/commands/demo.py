@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,40 +14,25 @@ import numpy as np
 from domain_coordinator import domain_id
 
 from tactile_bringup.bags import TactileBag
+from tactile_bringup.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_bringup.commands.output import Output
 from tactile_bringup.commands.replay import ReplayReport, print_report, replay_and_compare
 from tactile_bringup.commands.simulate import make_bags
 from tactile_bringup.commands.train import TrainedModel, read_with_progress, train_models
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import Ports, recorder_node, rig_graph
-from tactile_bringup.graph_runner import ros_context, running_graph
-from tactile_bringup.model_folder import find_models
-from tactile_bringup.operator_node import OperatorNode
+from tactile_bringup.graph import Ports
 from tactile_bringup.plots import plot_spectra, plot_strain
 from tactile_bringup.replay import recorded_results
 from tactile_bringup.simulated_bags import paper_plans
 from tactile_bringup.traces import read_trace
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_sim.description import list_objects
 from tactile_sim.rig_process import SimulatedRig
 
 MATCH_TIMEOUT_S = 10.0
 PAPER_TRIALS = 60
 """Trials of each plate in the paper (section III.A)."""
-
-
-@dataclass(frozen=True)
-class LiveTrial:
-    """One live trial: what was asked, what was answered."""
-
-    request: TrialRequest
-    answer: ClassificationResult
-
-    @property
-    def is_right(self) -> bool:
-        return self.answer.label == self.request.object_label
 
 
 def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> bool:
@@ -67,11 +51,19 @@ def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> b
     output.say('[bold]2  Training and cross-validation[/bold]')
     found = read_with_progress(bags, output)
     trained = train_models(
-        found, folder / 'models', output, classifier='knn', scaling=None, seed=0
+        found, folder / 'models', output, classifier='knn', scaling=None, cross_validation={}
     )
 
     output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
-    live = run_live_trials(folder, choose_trials(seed, short=short), seed, output)
+    with SimulatedRig(seed=seed) as rig, domain_id() as domain:
+        setup = LiveSetup(
+            ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),
+            bag=folder / 'recording',
+            models=folder / 'models',
+            simulated=True,
+            domain_id=int(domain),
+        )
+        live = run_live_trials(setup, choose_trials(seed, short=short), output, hand=rig)
 
     output.say('\n[bold]4  The recording, replayed[/bold]')
     reports = replay_and_compare(folder / 'recording', None, through_nodes=True)
@@ -108,7 +100,7 @@ def choose_trials(seed: int, *, short: bool) -> list[TrialRequest]:
     """Draw what the live trials are run on; flexion first, since the finger is remounted."""
     generator = np.random.default_rng(seed)
     requests: list[TrialRequest] = []
-    for contact, of_texture, of_stiffness in (('flexion', 4, 4), ('abduction', 2, 2)):
+    for contact, of_texture, of_stiffness in (('flexion', 4, 3), ('abduction', 1, 2)):
         for protocol, count in (('texture', of_texture), ('stiffness', of_stiffness)):
             labels = generator.permutation(list_objects(protocol))
             for label in labels[: 1 if short else count]:
@@ -116,55 +108,6 @@ def choose_trials(seed: int, *, short: bool) -> list[TrialRequest]:
                 name = f'live-{number:02d}-{protocol}-{contact}-{label}'
                 requests.append(TrialRequest(protocol, contact, str(label), name, 'demo'))
     return requests
-
-
-def run_live_trials(
-    folder: Path, requests: Sequence[TrialRequest], seed: int, output: Output
-) -> list[LiveTrial]:
-    """Run trials on simulated devices through the whole graph, and record them."""
-    models = find_models(folder / 'models')
-    classifiers = tuple(models)
-    live: list[LiveTrial] = []
-    with (
-        SimulatedRig(seed=seed) as rig,
-        domain_id() as domain,
-        ros_context(int(domain)) as context,
-    ):
-        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
-        graph = rig_graph(ports, models, {}, simulated=True)
-        graph.append(
-            recorder_node(folder / 'recording', folder / 'models', classifiers, {}, simulated=True)
-        )
-        operator = OperatorNode(classifiers, context)
-        with running_graph(graph, context, others=[operator], quiet=True) as nodes:
-            wait_until_matched(nodes['bag_recorder'])
-            operator.home_guide()
-            for request in requests:
-                rig.mount(request.protocol, request.object_label, request.contact)
-                operator.run_trial(request)
-                trial = LiveTrial(request, operator.wait_for_answer(request.trial_id))
-                live.append(trial)
-                output.say(describe_trial(trial))
-    return live
-
-
-def wait_until_matched(recorder_node: Any) -> None:
-    """Wait until every recorded topic has its publisher."""
-    deadline = time.monotonic() + MATCH_TIMEOUT_S
-    while missing := recorder_node.unmatched_topics():
-        if time.monotonic() > deadline:
-            raise BringupError(f'no publisher on {", ".join(missing)}; not recording without it')
-        time.sleep(0.02)
-
-
-def describe_trial(trial: LiveTrial) -> str:
-    """Return one line: what was under the finger, what the classifier said."""
-    request, answer = trial.request, trial.answer
-    what = f'   {request.protocol:9} {request.contact:9} true {request.object_label:13}'
-    if answer.outcome != Outcome.LABEL:
-        return f'{what} no answer: {answer.reason}'
-    verdict = '[green]right[/green]' if trial.is_right else '[red]wrong[/red]'
-    return f'{what} says {answer.label:13} ({max(answer.scores):.2f} of the votes) {verdict}'
 
 
 def draw_plots(folder: Path, live: Sequence[LiveTrial], trained: Sequence[TrainedModel]) -> None:
@@ -224,16 +167,7 @@ def summarise(
         'folder': str(folder),
         'seconds': round(seconds, 1),
         'models': [model.to_dict() for model in trained],
-        'live_trials': [
-            {
-                **asdict(trial.request),
-                'answer': trial.answer.label,
-                'reason': trial.answer.reason,
-                'right': trial.is_right,
-                'model_id': trial.answer.model_id,
-            }
-            for trial in live
-        ],
+        'live_trials': [trial.to_dict() for trial in live],
         'replay': [report.to_dict() for report in reports],
     }
 
@@ -251,9 +185,9 @@ def print_summary(
     )
     output.say(f'Results in {folder}:')
     for name, what in (
-        ('recording/', 'MCAP bag of the live trials; `./tactile replay` takes it'),
-        ('models/', 'ONNX model files; `./tactile rig --models` takes them'),
-        ('training/', 'bags of the simulated training trials; `./tactile train` takes them'),
+        ('recording/', 'MCAP bag of the live trials; `tactile replay` takes it'),
+        ('models/', 'ONNX model files; `tactile rig --models` takes them'),
+        ('training/', 'bags of the simulated training trials; `tactile train` takes them'),
         ('summary.json', 'all numbers'),
         ('strain_trace.png', 'tension during one stiffness trial, with its phases'),
         ('texture_spectra.png', 'amplitude spectrum of one trial on each plate'),

@@ -9,10 +9,13 @@ progress always goes to standard error.
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from tactile_bringup.errors import BringupError
 
 
 class Output:
@@ -48,3 +51,17 @@ class Output:
             console=self._err,
             transient=True,
         )
+
+
+def make_output_folder(folder: Path) -> None:
+    """Make a folder for results, before the work that fills it.
+
+    Raises
+    ------
+    BringupError
+        When it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BringupError(f'cannot make the folder {folder}: {error.strerror}') from error

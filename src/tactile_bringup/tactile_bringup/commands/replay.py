@@ -88,6 +88,12 @@ def replay_and_compare(
         config = recorded_config(bag)
         for namespace in bag.namespaces:
             recorded = recorded_results(bag, namespace)
+            if not recorded.windows:
+                raise BringupError(
+                    f'{path} holds no features: there is nothing to compare a replay with. '
+                    'No trial ended while it was recorded, or it was made without nodes '
+                    '(tactile simulate); tactile train and tactile evaluate take it all the same'
+                )
             core = replay_through_core(bag, models, config, namespace)
             comparisons = {
                 'recorded and plain core': compare(recorded, core, ('the recording', 'the core'))
@@ -109,7 +115,8 @@ def _recorded_folder(bag: TactileBag) -> Path | None:
     name = bag.facts.get('models', '')
     if not name:
         return None
-    folder = Path(bag.path, name).resolve()
+    bag_folder = bag.path if bag.path.is_dir() else bag.path.parent
+    folder = (bag_folder / name).resolve()
     if not folder.is_dir():
         raise BringupError(
             f'the models of this recording are not in {folder}; name their folder with --models'

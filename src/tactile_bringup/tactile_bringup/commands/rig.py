@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,18 +22,25 @@ from tactile_sim.rig_process import SimulatedRig
 
 
 @dataclass(frozen=True)
-class RigRequest:
-    """The arguments of `tactile rig`; see its ``--help``."""
+class PortArguments:
+    """Where the three devices are: three ports, or simulated ones with a seed."""
 
-    models: Path | None
     guide: str
     tendon: str
     sensor: str
     simulated: bool
+    seed: int
+
+
+@dataclass(frozen=True)
+class RigRequest:
+    """The arguments of `tactile rig`; see its ``--help``."""
+
+    models: Path | None
+    ports: PortArguments
     params: Path | None
     namespace: str
     record: Path | None
-    seed: int
 
 
 def run_rig(request: RigRequest) -> None:
@@ -57,13 +63,11 @@ def _run_until_signal(request: RigRequest) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     models = find_models(request.models) if request.models else {}
-    parameters: dict[str, dict[str, Any]] = {}
-    if request.params:
-        names = (*RIG_NODES, *models)
-        parameters = read_parameters(request.params, names, request.namespace)
+    parameters = read_rig_parameters(request.params, request.models, request.namespace)
+    simulated = request.ports.simulated
     with ExitStack() as stack:
-        ports = _ports(request, stack)
-        nodes = rig_graph(ports, models, parameters, simulated=request.simulated)
+        ports, _ = open_ports(request.ports, stack)
+        nodes = rig_graph(ports, models, parameters, simulated=simulated)
         if request.record:
             nodes.append(
                 recorder_node(
@@ -72,32 +76,49 @@ def _run_until_signal(request: RigRequest) -> None:
                     tuple(models),
                     parameters.get('tactile_features', {}),
                     namespace=request.namespace,
-                    simulated=request.simulated,
+                    simulated=simulated,
                 )
             )
         context = stack.enter_context(ros_context())
         stack.enter_context(
             running_graph(nodes, context, namespace=request.namespace, on_end=stop.set)
         )
-        simulated = 'SIMULATED rig' if request.simulated else 'rig'
-        output.say(f'{simulated} running: {", ".join(n.name for n in nodes)}. Ctrl-C ends it.')
+        kind = 'SIMULATED rig' if simulated else 'rig'
+        output.say(f'{kind} running: {", ".join(n.name for n in nodes)}. Ctrl-C ends it.')
         stop.wait()
 
 
-def _ports(request: RigRequest, stack: ExitStack) -> Ports:
-    given = {name: getattr(request, name) for name in ('guide', 'tendon', 'sensor')}
-    if request.simulated:
+def read_rig_parameters(
+    path: Path | None, models: Path | None, namespace: str
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters of the rig's nodes from a ROS parameter file, if one is given."""
+    if path is None:
+        return {}
+    classifiers = find_models(models) if models else {}
+    return read_parameters(path, (*RIG_NODES, *classifiers), namespace)
+
+
+def open_ports(arguments: PortArguments, stack: ExitStack) -> tuple[Ports, SimulatedRig | None]:
+    """Return the ports, and the simulated rig behind them if it is one.
+
+    Parameters
+    ----------
+    arguments : PortArguments
+    stack : contextlib.ExitStack
+        Ends the simulated rig.
+
+    Raises
+    ------
+    BringupError
+        When ports are missing, or given beside ``--simulated``.
+    """
+    given = {name: getattr(arguments, name) for name in ('guide', 'tendon', 'sensor')}
+    if arguments.simulated:
         if any(given.values()):
             raise BringupError('--simulated brings its own ports; leave the others out')
-        return stack.enter_context(simulated_ports(request.seed))
+        rig = stack.enter_context(SimulatedRig(seed=arguments.seed))
+        return Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor), rig
     missing = [f'--{name}' for name, port in given.items() if not port]
     if missing:
         raise BringupError(f'name the ports: {", ".join(missing)}; or use --simulated')
-    return Ports(**given)
-
-
-@contextmanager
-def simulated_ports(seed: int) -> Iterator[Ports]:
-    """Run simulated devices and give their ports."""
-    with SimulatedRig(seed=seed) as rig:
-        yield Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
+    return Ports(**given), None

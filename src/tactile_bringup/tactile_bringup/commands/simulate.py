@@ -9,7 +9,7 @@ from pathlib import Path
 
 from joblib import Parallel, delayed
 
-from tactile_bringup.commands.output import Output
+from tactile_bringup.commands.output import Output, make_output_folder
 from tactile_bringup.errors import BagError
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulated_bags import (
@@ -68,6 +68,7 @@ def make_bags(folder: Path, plans: Sequence[SimulationPlan], output: Output) -> 
     BagError
         When one of the bags exists already: nothing is simulated then.
     """
+    make_output_folder(folder)
     for plan in plans:
         if (folder / plan.name).exists():
             raise BagError(f'{folder / plan.name} exists already; name another folder')

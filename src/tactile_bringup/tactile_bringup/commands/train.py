@@ -4,14 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tactile_bringup.bag_tables import BagTables, read_tables
 from tactile_bringup.commands.evaluate import evaluate_with_progress
-from tactile_bringup.commands.output import Output
+from tactile_bringup.commands.output import Output, make_output_folder
 from tactile_bringup.model_folder import model_path
 from tactile_bringup.tables import (
     CLASSIFIER_TITLES,
@@ -50,7 +50,7 @@ def run_train(
     *,
     classifier: str,
     scaling: str | None,
-    seed: int,
+    cross_validation: Mapping[str, int],
     as_json: bool,
 ) -> None:
     """Train on bags and print what came out."""
@@ -61,7 +61,7 @@ def run_train(
         output,
         classifier=classifier,
         scaling=scaling,
-        seed=seed,
+        cross_validation=cross_validation,
     )
     output.result({'models': [model.to_dict() for model in trained]})
 
@@ -85,13 +85,13 @@ def train_models(
     *,
     classifier: str,
     scaling: str | None,
-    seed: int,
+    cross_validation: Mapping[str, int],
 ) -> list[TrainedModel]:
     """Cross-validate the four classifiers on each table and write the chosen one's model."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_output_folder(folder)
     models = []
     for (task, contact), table in found.tables.items():
-        evaluation = evaluate_with_progress(table, output, random_state=seed)
+        evaluation = evaluate_with_progress(table, output, **cross_validation)
         simulated = ', SIMULATED trials' if table.column('simulated').any() else ''
         output.say(accuracy_table(evaluation, f'{task}, {contact}{simulated}'))
         output.say(accuracy_caption(evaluation))

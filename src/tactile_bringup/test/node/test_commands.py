@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tactile_bringup import cli
+from tactile_bringup.bags import STRAIN
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_bringup.cli import main; main()'
 
@@ -40,7 +41,9 @@ def archive(tmp_path):
     return path
 
 
-@pytest.mark.parametrize('command', ['', 'demo', 'simulate', 'train', 'evaluate', 'replay', 'rig'])
+@pytest.mark.parametrize(
+    'command', ['', 'demo', 'simulate', 'train', 'evaluate', 'trials', 'replay', 'rig']
+)
 def test_help_reads_like_a_manual(command):
     done = tactile(*([command] if command else []), '--help')
     assert done.returncode == 0
@@ -115,11 +118,42 @@ def test_too_few_trials_to_train_on_are_refused(stiffness_bag, tmp_path):
     assert 'fewer than the 6 folds' in done.stderr
 
 
-def test_replay_says_equal_or_the_first_difference(stiffness_bag, trained, tmp_path):
-    # The simulated bag holds no features, so a replay must find that and exit with 1.
-    done = tactile('replay', stiffness_bag, '--models', trained, '--no-nodes')
+def test_replay_of_a_bag_without_features_says_so(stiffness_bag, trained):
+    done = tactile('replay', stiffness_bag, '--models', trained)
+    assert done.returncode == 2
+    assert 'nothing to compare' in done.stderr
+
+
+def test_trials_are_run_recorded_and_replayed(rewrite, trained, tmp_path):
+    bag = tmp_path / 'bag'
+    options = ('--simulated', '--models', trained, '-o', bag, '--session', 's', '--json')
+    done = tactile('trials', 'stiffness', '--object', 'none', *options)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document['simulated'] is True
+    (trial,) = document['trials']
+    assert trial['trial_id'] == 's-stiffness-flexion-none-0001'
+    assert trial['answer'] == 'none'
+    done = tactile('replay', bag)
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count('equal, bit for bit') == 2
+
+    def disturb(type_name, message):
+        if type_name == STRAIN:
+            message.tension_n = message.tension_n + 1e-6
+        return message
+
+    done = tactile('replay', rewrite(bag, tmp_path / 'disturbed', disturb), '--no-nodes')
     assert done.returncode == 1
-    assert '0 feature windows in the recording, 15 in the core' in done.stdout
+    assert 'values is' in done.stdout
+
+
+def test_trials_on_what_is_not_there_are_refused(tmp_path):
+    options = ('--simulated', '-o', tmp_path / 'bag')
+    done = tactile('trials', 'texture', '--object', 'X9', *options)
+    assert done.returncode == 2
+    assert 'X9' in done.stderr
+    assert 'Traceback' not in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -128,6 +162,8 @@ def test_replay_says_equal_or_the_first_difference(stiffness_bag, trained, tmp_p
         (['replay', 'nowhere'], 'not a readable bag'),
         (['train', 'nowhere', '-o', 'out'], 'not a readable bag'),
         (['rig'], 'name the ports'),
+        (['simulate', 'texture', '-o', '/proc/nowhere'], 'cannot make the folder'),
+        (['simulate', 'texture', '-o', 'out', '--seed', '-1'], '--seed'),
         (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'brings its own ports'),
         (['rig', '--models', 'nowhere'], 'no model files'),
         (['rig', '--simulated', '--params', 'nowhere.yaml'], 'nowhere.yaml'),
@@ -154,6 +190,10 @@ def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
     done = tactile('rig', '--simulated', '--params', params)
     assert done.returncode == 2
     assert 'tendon_senser' in done.stderr
+    params.write_text('tendon_sensor:\n  ros__parameters:\n    ratehz: 60.0\n')
+    done = tactile('rig', '--simulated', '--params', params)
+    assert done.returncode == 2
+    assert 'no parameter ratehz' in done.stderr
     params.write_text('tendon_sensor:\n  ros__parameters:\n    rate_hz: -1.0\n')
     done = tactile('rig', '--simulated', '--params', params)
     assert done.returncode == 2

@@ -8,18 +8,6 @@ from tactile_bringup.bags import EVENT, STRAIN, BagWriter, RecordedTopic, Tactil
 from tactile_bringup.errors import BagError
 
 
-def rewrite(source, target, change):
-    """Copy a bag, message by message; ``change`` returns the message, or None to lose it."""
-    with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
-        for name, (type_name, _) in bag.topics.items():
-            writer.add_topic(RecordedTopic(name.strip('/'), type_name))
-        for message in bag.messages():
-            new = change(message.type_name, message.decode())
-            if new is not None:
-                writer.write(message.topic, message.received_at_ns, new)
-    return target
-
-
 def test_table_has_one_row_a_trial_with_its_label(stiffness_bag):
     found = read_tables([stiffness_bag])
     assert found.left_out == ()
@@ -33,7 +21,7 @@ def test_table_has_one_row_a_trial_with_its_label(stiffness_bag):
     assert len(set(table.column('trial_id'))) == 15
 
 
-def test_lost_samples_leave_their_trial_out_and_say_so(stiffness_bag, tmp_path):
+def test_lost_samples_leave_their_trial_out_and_say_so(rewrite, stiffness_bag, tmp_path):
     seen = []
 
     def lose_one_block(type_name, message):
@@ -51,7 +39,7 @@ def test_lost_samples_leave_their_trial_out_and_say_so(stiffness_bag, tmp_path):
     assert '12 samples are missing' in found.left_out[0]
 
 
-def test_trials_without_a_label_are_left_out(stiffness_bag, tmp_path):
+def test_trials_without_a_label_are_left_out(rewrite, stiffness_bag, tmp_path):
     def forget(type_name, message):
         if type_name == EVENT and message.object_label == 'pla':
             message.object_label = ''
@@ -63,7 +51,9 @@ def test_trials_without_a_label_are_left_out(stiffness_bag, tmp_path):
     assert all('no label' in sentence for sentence in found.left_out)
 
 
-def test_windows_go_by_their_features_and_not_by_the_name_of_the_protocol(stiffness_bag, tmp_path):
+def test_windows_go_by_their_features_and_not_by_the_name_of_the_protocol(
+    rewrite, stiffness_bag, tmp_path
+):
     def rename(type_name, message):
         if type_name == EVENT and message.object_label == 'pla':
             message.protocol = 'texture'
@@ -78,7 +68,9 @@ def test_windows_go_by_their_features_and_not_by_the_name_of_the_protocol(stiffn
     assert table.compute_sha256() == usual.compute_sha256()
 
 
-def test_label_is_that_of_the_moment_when_the_name_of_a_trial_comes_again(stiffness_bag, tmp_path):
+def test_label_is_that_of_the_moment_when_the_name_of_a_trial_comes_again(
+    rewrite, stiffness_bag, tmp_path
+):
     def forget_names(type_name, message):
         if type_name == EVENT:
             message.trial_id = 'trial'
@@ -89,7 +81,7 @@ def test_label_is_that_of_the_moment_when_the_name_of_a_trial_comes_again(stiffn
     assert found.tables['stiffness', 'flexion'].compute_sha256() == usual.compute_sha256()
 
 
-def test_bag_without_trials_is_refused_with_the_reason(stiffness_bag, tmp_path):
+def test_bag_without_trials_is_refused_with_the_reason(rewrite, stiffness_bag, tmp_path):
     path = rewrite(
         stiffness_bag, tmp_path / 'silent', lambda kind, m: m if kind == STRAIN else None
     )

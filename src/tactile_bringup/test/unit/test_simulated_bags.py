@@ -10,6 +10,7 @@ from tactile_bringup.simulated_bags import (
     SimulationPlan,
     paper_plans,
     plan_trial,
+    simulate_label,
     write_simulated_bag,
 )
 from tactile_bringup.trial_protocols import TrialRequest
@@ -75,9 +76,19 @@ def test_plan_keeps_the_glide_speed():
     assert glide_s == pytest.approx(config.glide_length_m / config.glide_speed_m_s + ramps_s)
 
 
-def test_paper_plans_are_the_four_sets_with_seeds_of_their_own():
+def test_paper_plans_are_the_four_sets():
     plans = paper_plans(60, 1)
     assert {(p.protocol, p.contact) for p in plans} == {
         (p, c) for p in ('texture', 'stiffness') for c in ('flexion', 'abduction')
     }
-    assert len({p.seed for p in plans}) == 4
+    assert len(plans) == 4
+
+
+def test_one_seed_makes_other_trials_for_each_contact_and_label():
+    config = TrialConfig(simulated=True)
+    noise = [
+        simulate_label(SimulationPlan('stiffness', contact, 1, 1), label, config).tension_n[0, :12]
+        for contact in ('flexion', 'abduction')
+        for label in ('none', 'pla')
+    ]
+    assert len({values.tobytes() for values in noise}) == 4

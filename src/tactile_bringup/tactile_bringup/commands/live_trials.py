@@ -1,0 +1,170 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Trials run one after the other on a rig, recorded, and classified where models are at hand."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from tactile_bringup.commands.output import Output
+from tactile_bringup.errors import BringupError
+from tactile_bringup.graph import (
+    Ports,
+    classifier_name,
+    recorder_node,
+    rig_graph,
+)
+from tactile_bringup.graph_runner import ros_context, running_graph
+from tactile_bringup.model_folder import find_models
+from tactile_bringup.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_sim.rig_process import SimulatedRig
+
+MATCH_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True)
+class LiveTrial:
+    """One live trial: what was asked, and what was answered where a classifier listens."""
+
+    request: TrialRequest
+    answer: ClassificationResult | None
+
+    @property
+    def is_right(self) -> bool:
+        return self.answer is not None and self.answer.label == self.request.object_label
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        request, answer = self.request, self.answer
+        return {
+            'trial_id': request.trial_id,
+            'session_id': request.session_id,
+            'protocol': request.protocol,
+            'contact': request.contact,
+            'object_label': request.object_label,
+            'answer': answer.label if answer else '',
+            'reason': answer.reason if answer else 'no classifier for this task and contact',
+            'right': self.is_right,
+            'model_id': answer.model_id if answer else '',
+        }
+
+
+@dataclass(frozen=True)
+class LiveSetup:
+    """A rig to run trials on.
+
+    Attributes
+    ----------
+    ports : Ports
+    bag : pathlib.Path
+        Where to record; must not exist yet.
+    models : pathlib.Path or None
+        Folder of the model files; None runs without classifiers.
+    parameters : mapping
+        ROS parameters by node name.
+    simulated : bool
+    domain_id : int or None
+        ROS domain; None takes the environment's.
+    """
+
+    ports: Ports
+    bag: Path
+    models: Path | None
+    simulated: bool
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    domain_id: int | None = None
+
+
+def run_live_trials(
+    setup: LiveSetup,
+    requests: Sequence[TrialRequest],
+    output: Output,
+    *,
+    hand: SimulatedRig | None,
+) -> list[LiveTrial]:
+    """Home the guide, run the trials, record them; print a line for each.
+
+    A trial that fails is said and run once more; one that fails again ends the session.
+
+    Parameters
+    ----------
+    setup : LiveSetup
+    requests : sequence of TrialRequest
+        Each with a trial id of its own.
+    output : Output
+    hand : SimulatedRig or None
+        Puts what each request names under the simulated finger; on a real rig that is
+        the experimenter's part.
+
+    Raises
+    ------
+    BringupError
+        When a node cannot be started, a topic has no publisher, or a trial fails twice.
+    """
+    models = find_models(setup.models) if setup.models else {}
+    graph = rig_graph(setup.ports, models, setup.parameters, simulated=setup.simulated)
+    graph.append(
+        recorder_node(
+            setup.bag,
+            setup.models,
+            tuple(models),
+            setup.parameters.get('tactile_features', {}),
+            simulated=setup.simulated,
+        )
+    )
+    live: list[LiveTrial] = []
+    with ros_context(setup.domain_id) as context:
+        operator = OperatorNode(tuple(models), context)
+        with running_graph(graph, context, others=[operator], quiet=True) as nodes:
+            wait_until_matched(nodes['bag_recorder'])
+            operator.home_guide()
+            for request in requests:
+                if hand is not None:
+                    hand.mount(request.protocol, request.object_label, request.contact)
+                done = run_with_second_try(operator, request, output)
+                listens = classifier_name(request.protocol, request.contact) in models
+                answer = operator.wait_for_answer(done.trial_id) if listens else None
+                live.append(LiveTrial(done, answer))
+                output.say(describe_trial(live[-1]))
+    return live
+
+
+def run_with_second_try(
+    operator: OperatorNode, request: TrialRequest, output: Output
+) -> TrialRequest:
+    """Run a trial, once more if it fails; return the request that succeeded."""
+    try:
+        operator.run_trial(request)
+    except BringupError as error:
+        output.say(f'   {error}; once more')
+        request = replace(request, trial_id=f'{request.trial_id}-again')
+        operator.run_trial(request)
+    return request
+
+
+def wait_until_matched(recorder: Any) -> None:
+    """Wait until every recorded topic has its publisher."""
+    deadline = time.monotonic() + MATCH_TIMEOUT_S
+    while missing := recorder.unmatched_topics():
+        if time.monotonic() > deadline:
+            raise BringupError(f'no publisher on {", ".join(missing)}; not recording without it')
+        time.sleep(0.02)
+
+
+def describe_trial(trial: LiveTrial) -> str:
+    """Return one line: what was under the finger, what the classifier said."""
+    request, answer = trial.request, trial.answer
+    what = f'   {request.protocol:9} {request.contact:9} true {request.object_label:13}'
+    if answer is None:
+        return f'{what} recorded'
+    if answer.outcome != Outcome.LABEL:
+        return f'{what} no answer: {answer.reason}'
+    verdict = '[green]right[/green]' if trial.is_right else '[red]wrong[/red]'
+    score = f'{max(answer.scores):.2f} {answer.score_kind}'
+    return f'{what} says {answer.label:13} ({score}) {verdict}'

@@ -1,0 +1,71 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`tactile trials`: a session of trials on one plate or object, recorded."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from tactile_bringup.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
+from tactile_bringup.commands.output import Output
+from tactile_bringup.commands.rig import PortArguments, open_ports, read_rig_parameters
+from tactile_bringup.trial_protocols import TrialRequest
+
+
+@dataclass(frozen=True)
+class TrialsRequest:
+    """The arguments of `tactile trials`; see its ``--help``."""
+
+    protocol: str
+    object_label: str
+    contact: str
+    count: int
+    bag: Path
+    models: Path | None
+    ports: PortArguments
+    params: Path | None
+    session: str
+
+
+def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
+    """Run the trials and print what came out."""
+    output = Output(as_json)
+    session = request.session or time.strftime('%Y%m%d-%H%M%S')
+    trials = [
+        TrialRequest(
+            request.protocol,
+            request.contact,
+            request.object_label,
+            f'{session}-{request.protocol}-{request.contact}-{request.object_label}-{i + 1:04d}',
+            session,
+        )
+        for i in range(request.count)
+    ]
+    with ExitStack() as stack:
+        ports, hand = open_ports(request.ports, stack)
+        setup = LiveSetup(
+            ports=ports,
+            bag=request.bag,
+            models=request.models,
+            simulated=request.ports.simulated,
+            parameters=read_rig_parameters(request.params, request.models, ''),
+        )
+        if setup.simulated:
+            output.say('SIMULATED rig: no number is a measurement.')
+        live = run_live_trials(setup, trials, output, hand=hand)
+    _summarise(live, request, output)
+
+
+def _summarise(live: list[LiveTrial], request: TrialsRequest, output: Output) -> None:
+    simulated = ', SIMULATED' if request.ports.simulated else ''
+    output.say(f'{request.bag}: {len(live)} trials{simulated}')
+    output.result(
+        {
+            'simulated': request.ports.simulated,
+            'bag': str(request.bag),
+            'trials': [trial.to_dict() for trial in live],
+        }
+    )
