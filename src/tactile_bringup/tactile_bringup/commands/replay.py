@@ -116,7 +116,7 @@ def _recorded_folder(bag: TactileBag) -> Path | None:
     if not name:
         return None
     bag_folder = bag.path if bag.path.is_dir() else bag.path.parent
-    folder = (bag_folder / name).resolve()
+    folder = Path(bag_folder, name).resolve()
     if not folder.is_dir():
         raise BringupError(
             f'the models of this recording are not in {folder}; name their folder with --models'
