@@ -19,10 +19,10 @@ from tactile_msgs.msg import Classification
 from tactile_bringup.bags import classification_topic
 from tactile_bringup.errors import BringupError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.trial_runner_node import send
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.records import ClassificationResult
 from tactile_ros.qos import RESULTS
+from tactile_ros.requests import send
 
 TRIAL_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 5.0

@@ -6,15 +6,11 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
-from rclpy.node import Node
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
@@ -33,6 +29,7 @@ from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
+from tactile_ros.requests import send, wait_for
 
 POLL_S = 0.02
 """How often a trial that waits looks for a reason to end."""
@@ -311,39 +308,6 @@ class _Contact:
 def _cancel_late_goal(answer: concurrent.futures.Future[Any]) -> None:
     if answer.exception() is None and answer.result().accepted:
         answer.result().cancel_goal_async()
-
-
-def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future[Any]:
-    """Have the executor's thread send a request of ``node``; return its answer to be.
-
-    An action client of rclpy notes a request only after it is sent: were it sent from
-    another thread, the executor could take in the answer before that, and drop it.
-    """
-    answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
-
-    def pass_on(future: Future) -> None:
-        answer.set_result(future.result())
-
-    def start() -> None:
-        try:
-            request().add_done_callback(pass_on)
-        except Exception as error:
-            answer.set_exception(error)
-
-    executor = node.executor
-    if executor is None:
-        raise GoalAborted('the process is ending')
-    executor.create_task(start)
-    return answer
-
-
-def wait_for(future: Future, timeout_s: float) -> Any:
-    """Block this thread, not the executor's, until the future is done; None on time-out."""
-    done = threading.Event()
-    future.add_done_callback(lambda _: done.set())
-    if not future.done() and not done.wait(timeout_s):
-        return None
-    return future.result()
 
 
 def main() -> int:

@@ -13,6 +13,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from tactile_ros.requests import send
+
 DEADLINE_S = 10.0
 
 
@@ -40,23 +42,19 @@ class Bench:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         return node_class(context=self.context, parameter_overrides=overrides)
 
-    @staticmethod
-    def wait(future):
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        assert future.done() or done.wait(DEADLINE_S), 'no answer'
-        return future.result()
+    def ask(self, request):
+        return send(self.peer, request).result(DEADLINE_S)
 
     def send(self, action_type, name, **fields):
         client = ActionClient(self.peer, action_type, name)
         assert client.wait_for_server(timeout_sec=DEADLINE_S)
         goal = action_type.Goal(**fields)
-        return self.wait(
-            client.send_goal_async(goal, lambda message: self.feedback.append(message.feedback))
+        return self.ask(
+            lambda: client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
         )
 
     def result(self, handle):
-        reply = self.wait(handle.get_result_async())
+        reply = self.ask(handle.get_result_async)
         names = {
             GoalStatus.STATUS_SUCCEEDED: 'succeeded',
             GoalStatus.STATUS_CANCELED: 'canceled',
@@ -67,7 +65,7 @@ class Bench:
     def call_stop(self, name):
         client = self.peer.create_client(Trigger, name)
         assert client.wait_for_service(timeout_sec=DEADLINE_S)
-        return self.wait(client.call_async(Trigger.Request()))
+        return self.ask(lambda: client.call_async(Trigger.Request()))
 
     def close(self):
         self.executor.shutdown()

@@ -65,7 +65,7 @@ def test_a_cancel_brakes_and_the_guide_can_go_on(guide, grbl):
     home(guide)
     handle = move(guide, 0.15, 0.05)
     wait_until(lambda: grbl.is_moving)
-    guide.wait(handle.cancel_goal_async())
+    guide.ask(handle.cancel_goal_async)
     status, result = guide.result(handle)
     assert status == 'canceled'
     assert 'the position is kept' in result.message

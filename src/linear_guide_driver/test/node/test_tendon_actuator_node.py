@@ -158,7 +158,7 @@ def test_a_dead_sensor_ends_a_pull_with_a_stop_tension(tendon, servo, sensor):
 def test_a_cancel_holds_the_tendon_where_it_is(tendon, servo):
     handle = pull(tendon, 0.02, 0.01)
     wait_until(lambda: servo.position > 2100)
-    tendon.wait(handle.cancel_goal_async())
+    tendon.ask(handle.cancel_goal_async)
     status, result = tendon.result(handle)
     assert status == 'canceled'
     assert 'held there' in result.message

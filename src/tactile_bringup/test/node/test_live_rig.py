@@ -17,8 +17,8 @@ from tactile_bringup.graph_runner import running_graph
 from tactile_bringup.model_folder import find_models
 from tactile_bringup.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.trial_runner_node import wait_for
 from tactile_ros.qos import EVENTS
+from tactile_ros.requests import send
 from tactile_sim.rig_process import SimulatedRig
 
 DEADLINE_S = 20.0
@@ -45,7 +45,7 @@ class Watcher(Node):
     def start_trial(self, protocol):
         assert self.client.wait_for_server(timeout_sec=DEADLINE_S)
         goal = RunTrial.Goal(protocol=protocol, contact='flexion', trial_id='t')
-        return wait_for(self.client.send_goal_async(goal), DEADLINE_S)
+        return send(self, lambda: self.client.send_goal_async(goal)).result(DEADLINE_S)
 
 
 @contextmanager
@@ -101,8 +101,8 @@ def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(context):
         rig.mount('texture', 'R1', 'flexion')
         handle = watcher.start_trial('texture')
         watcher.wait_for_phase('glide')
-        wait_for(handle.cancel_goal_async(), DEADLINE_S)
-        reply = wait_for(handle.get_result_async(), DEADLINE_S)
+        send(watcher, handle.cancel_goal_async).result(DEADLINE_S)
+        reply = send(watcher, handle.get_result_async).result(DEADLINE_S)
         assert reply.result.message == 'trial t ended in glide: cancelled'
         assert reply.result.trial_id == 't'
         watcher.wait_for_phase('aborted')
@@ -118,7 +118,7 @@ def test_rig_that_dies_in_a_trial_aborts_it(context):
         handle = watcher.start_trial('stiffness')
         watcher.wait_for_phase('contact')
         rig.close()
-        reply = wait_for(handle.get_result_async(), DEADLINE_S)
+        reply = send(watcher, handle.get_result_async).result(DEADLINE_S)
         assert 'ended in' in reply.result.message
         watcher.wait_for_phase('aborted')
 

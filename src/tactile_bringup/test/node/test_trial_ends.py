@@ -16,11 +16,12 @@ from std_srvs.srv import Trigger
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
 
-from tactile_bringup.trial_runner_node import TrialRunnerNode, send
+from tactile_bringup.trial_runner_node import TrialRunnerNode
 from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
+from tactile_ros.requests import send
 
 DEADLINE_S = 10.0
 

@@ -14,6 +14,7 @@ from tactile_msgs.action import MoveGuide
 from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup
+from tactile_ros.requests import send
 
 DEADLINE_S = 10.0
 
@@ -48,27 +49,24 @@ class Client:
     """Blocking calls from the test's thread."""
 
     def __init__(self, node):
+        self.node = node
         self.client = ActionClient(node, MoveGuide, 'server/move')
         self.feedback = []
 
-    @staticmethod
-    def wait(future):
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        assert future.done() or done.wait(DEADLINE_S), 'no answer'
-        return future.result()
+    def ask(self, request):
+        return send(self.node, request).result(DEADLINE_S)
 
     def send(self, position_m=0.1):
         assert self.client.wait_for_server(timeout_sec=DEADLINE_S)
         goal = MoveGuide.Goal(position_m=position_m)
-        handle = self.wait(
-            self.client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
+        handle = self.ask(
+            lambda: self.client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
         )
         assert handle.accepted
         return handle
 
     def result(self, handle):
-        reply = self.wait(handle.get_result_async())
+        reply = self.ask(handle.get_result_async)
         return reply.status, reply.result
 
 
@@ -148,7 +146,7 @@ def test_cancel_reaches_the_worker_at_once(rig):
 
     server, client = rig(work)
     handle = client.send()
-    client.wait(handle.cancel_goal_async())
+    client.ask(handle.cancel_goal_async)
     status, result = client.result(handle)
     assert status == GoalStatus.STATUS_CANCELED
     assert result.message == 'cancelled'
@@ -213,8 +211,10 @@ def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, contex
             with NodeGroup([server], context=context):
                 handle = client.send()
                 wait_until(lambda server=server: server.runner.is_busy)
-                future = handle.get_result_async()
-            assert client.wait(future).result.message == 'came to rest'
+                answer = send(node, handle.get_result_async)
+                # Answered after it was asked: by then the server has the request above.
+                assert client.result(client.send())[1].message == 'another goal is running'
+            assert answer.result(DEADLINE_S).result.message == 'came to rest'
 
 
 def test_a_node_forgets_a_closed_runner(context):
