@@ -113,7 +113,8 @@ class NodeGroup:
             time.sleep(0.01)
         self._ending.set()
         if self._thread.is_alive():
-            self._executor.wake()
+            # A mere wake-up would go back to waiting; something to do ends the wait.
+            self._executor.create_task(lambda: None)
             self._thread.join()
         nodes, self._nodes = self._nodes, []
         for node in reversed(nodes):
