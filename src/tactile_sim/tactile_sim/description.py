@@ -1,87 +1,132 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The rig, its fingers, plates and objects, as described in ``config/*.yaml``."""
+"""The rig, its fingers, plates and objects as frozen dataclasses; ``catalogue`` reads them."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
-from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
-
-import yaml
+from dataclasses import dataclass
+from typing import Any
 
 from tactile_sim.errors import DescriptionError
 
-PROTOCOLS = ('texture', 'stiffness')
+PROTOCOLS = ('texture', 'stiffness', 'slip')
 CONTACTS = ('flexion', 'abduction')
-
-_CONFIG = Path(__file__).resolve().parent / 'config'
-_T = TypeVar('_T')
-
-
-def _positive() -> Any:
-    return field(metadata={'above': 0.0})
+GROOVES = ('none', 'rectangular', 'triangular', 'circular', 'profile')
+MOTIONS = ('slide', 'roll')
+MOST_BRANCHES = 3
+MOST_POINTS = 1000
 
 
-def _not_negative() -> Any:
-    return field(metadata={'from': 0.0})
+# Ranges are wide: they keep typing errors and other units out, not unusual rigs.
+def _above(low: float, high: float, **default: Any) -> Any:
+    return dataclasses.field(metadata={'above': low, 'to': high}, **default)
 
 
-def _any_number() -> Any:
-    return field(metadata={})
+def _between(low: float, high: float, **default: Any) -> Any:
+    return dataclasses.field(metadata={'from': low, 'to': high}, **default)
 
 
 @dataclass(frozen=True)
 class Finger:
-    """A tendon-driven finger of constant curvature, bending in one plane."""
+    """A tendon-driven finger that bends in one plane; ``docs/simulation.md`` has its equations."""
 
-    length_m: float = _positive()
-    moment_arm_m: float = _positive()
-    bending_stiffness_nm_rad: float = _positive()
-    creep_stiffness_nm_rad: float = _not_negative()
-    creep_time_s: float = _positive()
-    damping_nm_s_rad: float = _positive()
-    mass_kg: float = _not_negative()
-    tip_mass_kg: float = _not_negative()
-    tip_radius_m: float = _positive()
-    tip_stiffness_n_m: float = _positive()
-    contact_bend_deg: float = _positive()
-    tendon_stiffness_n_m: float = _positive()
-    tendon_friction: float = _not_negative()
-    bend_stop_deg: float = _positive()
-    stop_stiffness_nm_rad: float = _positive()
+    length_m: float = _between(0.01, 1.0)
+    moment_arm_m: float = _between(1e-4, 0.1)
+    bending_stiffness_nm_rad: float = _between(1e-5, 100.0)
+    creep_stiffness_nm_rad: float = _between(0.0, 100.0)
+    creep_time_s: float = _between(1e-3, 1e5)
+    damping_nm_s_rad: float = _between(1e-7, 10.0)
+    mass_kg: float = _between(0.0, 2.0)
+    tip_mass_kg: float = _between(0.0, 2.0)
+    tip_radius_m: float = _between(2e-4, 0.05)
+    tip_stiffness_n_m: float = _between(1.0, 1e8)
+    tip_shear_stiffness_n_m: float = _between(1.0, 1e8)
+    contact_bend_deg: float = _above(0.0, 150.0)
+    tendon_stiffness_n_m: float = _between(1.0, 1e7)
+    tendon_friction: float = _between(0.0, 1.0)
+    tendon_presliding_m: float = _between(1e-7, 1e-3)
+    bend_stop_deg: float = _above(0.0, 150.0)
+    stop_stiffness_nm_rad: float = _between(1e-3, 1e4)
+    stiffness_per_k: float = _between(-0.05, 0.05)
 
     def __post_init__(self) -> None:
-        if not self.contact_bend_deg < self.bend_stop_deg < 150.0:
+        if not self.contact_bend_deg < self.bend_stop_deg:
             raise DescriptionError(
-                'contact_bend_deg must be below bend_stop_deg, and that below 150 deg'
+                f'contact_bend_deg is {self.contact_bend_deg:g}; '
+                f'it must be below bend_stop_deg, which is {self.bend_stop_deg:g}'
             )
 
 
 @dataclass(frozen=True)
 class Plate:
-    """A rigid texture plate: flat end, grooved zone, flat end; dimensions in millimetres."""
+    """A rigid texture plate: flat end, grooved zone, flat end; dimensions in millimetres.
+
+    Attributes
+    ----------
+    groove
+        One of ``GROOVES``. Rectangular, triangular and circular grooves have a pitch, a width
+        and a depth; ``none`` has neither; ``profile`` has points.
+    points_mm
+        Polyline (x, height) over the grooved zone: x rises from 0 to ``grooved_mm``, and
+        height 0 is the top of the plate.
+    """
 
     groove: str
-    pitch_mm: float = _positive()
-    width_mm: float = _not_negative()
-    depth_mm: float = _not_negative()
-    end_mm: float = _positive()
-    grooved_mm: float = _positive()
-    friction: float = _not_negative()
+    end_mm: float = _between(0.1, 1000.0)
+    grooved_mm: float = _between(0.1, 1000.0)
+    friction: float = _between(0.0, 5.0)
+    pitch_mm: float = _between(0.0, 1000.0, default=0.0)
+    width_mm: float = _between(0.0, 1000.0, default=0.0)
+    depth_mm: float = _between(0.0, 100.0, default=0.0)
+    points_mm: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        shapes = ('none', 'rectangular', 'triangular', 'circular')
-        if self.groove not in shapes:
-            raise DescriptionError(f'groove is {self.groove!r}; it must be one of {shapes}')
-        if self.groove != 'none' and not 0 < self.width_mm <= self.pitch_mm:
-            raise DescriptionError('width_mm must be above 0 and at most pitch_mm')
+        if self.groove not in GROOVES:
+            raise DescriptionError(f'groove is {self.groove!r}; it must be one of {GROOVES}')
+        if self.groove == 'profile':
+            self._check_points()
+        elif self.points_mm:
+            raise DescriptionError('points_mm is only for groove: profile; leave it out')
+        if self.groove in ('none', 'profile'):
+            if self.pitch_mm or self.width_mm or self.depth_mm:
+                raise DescriptionError(
+                    f'groove: {self.groove} has no pitch_mm, width_mm and depth_mm; leave them out'
+                )
+        else:
+            self._check_grooves()
+
+    def _check_grooves(self) -> None:
+        if not 0.05 <= self.width_mm <= self.pitch_mm <= self.grooved_mm:
+            raise DescriptionError(
+                f'width_mm is {self.width_mm:g}, pitch_mm {self.pitch_mm:g} and grooved_mm '
+                f'{self.grooved_mm:g}; a width is at least 0.05 and at most the pitch, and the '
+                'pitch at most grooved_mm'
+            )
+        if self.depth_mm <= 0.0:
+            raise DescriptionError('depth_mm of a groove must be above 0; or use groove: none')
         if self.groove == 'circular' and self.depth_mm > self.width_mm / 2:
             raise DescriptionError('depth_mm of a circular groove is at most half its width_mm')
+
+    def _check_points(self) -> None:
+        if not 2 <= len(self.points_mm) <= MOST_POINTS:
+            raise DescriptionError(
+                f'points_mm has {len(self.points_mm)} points; '
+                f'groove: profile needs 2 to {MOST_POINTS}, each [x, height]'
+            )
+        along, heights = zip(*self.points_mm, strict=True)
+        rising = all(a < b for a, b in itertools.pairwise(along))
+        if not (rising and along[0] == 0.0 and along[-1] == self.grooved_mm):
+            raise DescriptionError(
+                'the x of points_mm must rise from 0 to grooved_mm, '
+                f'which is {self.grooved_mm:g}, each above the one before it'
+            )
+        if not all(-100.0 <= height <= 0.0 for height in heights):
+            raise DescriptionError(
+                'the heights of points_mm must be between -100 and 0; 0 is the top of the plate'
+            )
 
     @property
     def length_m(self) -> float:
@@ -90,29 +135,89 @@ class Plate:
 
 
 @dataclass(frozen=True)
-class Body:
-    """An object to press on: a standard linear solid; stiffness 0 means that nothing is there."""
+class Branch:
+    """One relaxing branch of a Prony series: a spring behind a dashpot."""
 
-    stiffness_n_m: float = _not_negative()
-    branch_stiffness_n_m: float = _not_negative()
-    relaxation_time_s: float = _positive()
-    friction: float = _not_negative()
+    stiffness_n_m: float = _above(0.0, 1e9)
+    relaxation_time_s: float = _between(1e-3, 1e5)
+
+
+@dataclass(frozen=True)
+class Body:
+    """An object to press on; stiffness 0 means that nothing is there.
+
+    Attributes
+    ----------
+    stiffness_n_m
+        What holds for ever [N/m].
+    branches
+        What relaxes besides, at most three branches.
+    softening_m
+        Compression at which the force turns from proportional to growing with its root, as
+        that of a buckling shell does (Pogorelov) [m]; 0 for a solid that never does.
+    friction
+        Static friction of the fingertip on it [1].
+    """
+
+    stiffness_n_m: float = _between(0.0, 1e9)
+    branches: tuple[Branch, ...]
+    softening_m: float = _between(0.0, 0.1)
+    friction: float = _between(0.0, 5.0)
 
     def __post_init__(self) -> None:
-        if self.stiffness_n_m == 0 and self.branch_stiffness_n_m > 0:
-            raise DescriptionError('a body without stiffness_n_m cannot have a branch')
+        if len(self.branches) > MOST_BRANCHES:
+            raise DescriptionError(
+                f'branches has {len(self.branches)} entries; at most {MOST_BRANCHES} are computed'
+            )
+        if self.stiffness_n_m == 0 and self.branches:
+            raise DescriptionError(
+                'a body without stiffness_n_m cannot have branches; write branches: []'
+            )
+
+
+@dataclass(frozen=True)
+class HeldObject:
+    """An object that the fingertip holds down while something pulls it sideways.
+
+    Attributes
+    ----------
+    motion
+        ``slide`` or ``roll``: what it does when the fingertip lets it go.
+    radius_m
+        Of a cylinder that rolls [m]; 0 when it slides.
+    kinetic_friction
+        Ratio of kinetic to static friction, in (0, 1].
+    drive_stiffness_n_m
+        Of what pulls it sideways [N/m].
+    """
+
+    body: Body
+    motion: str
+    radius_m: float = _between(0.0, 0.2)
+    kinetic_friction: float = _above(0.0, 1.0)
+    drive_stiffness_n_m: float = _between(1.0, 1e6)
+
+    def __post_init__(self) -> None:
+        if self.motion not in MOTIONS:
+            raise DescriptionError(f'motion is {self.motion!r}; it must be one of {MOTIONS}')
+        if self.motion == 'roll' and self.radius_m < 1e-3:
+            raise DescriptionError('radius_m of an object that rolls must be at least 0.001')
+        if self.motion == 'slide' and self.radius_m != 0:
+            raise DescriptionError('radius_m of an object that slides must be 0')
+        if self.body.stiffness_n_m == 0:
+            raise DescriptionError('body.stiffness_n_m of a held object must be above 0')
 
 
 @dataclass(frozen=True)
 class Guide:
     """The linear guide and its Grbl controller."""
 
-    travel_m: float = _positive()
-    max_speed_m_s: float = _positive()
-    acceleration_m_s2: float = _positive()
-    step_m: float = _positive()
-    pull_off_m: float = _positive()
-    power_up_m: float = _not_negative()
+    travel_m: float = _between(0.01, 10.0)
+    max_speed_m_s: float = _between(1e-4, 10.0)
+    acceleration_m_s2: float = _between(1e-3, 100.0)
+    step_m: float = _between(1e-8, 1e-3)
+    pull_off_m: float = _between(1e-5, 0.1)
+    power_up_m: float = _between(0.0, 10.0)
 
     def __post_init__(self) -> None:
         if not self.power_up_m <= self.travel_m:
@@ -123,16 +228,16 @@ class Guide:
 class TendonDrive:
     """The Dynamixel and its pulley."""
 
-    pulley_radius_m: float = _positive()
-    counts_per_turn: int = _positive()
-    slack_count: int = _not_negative()
-    torque_constant_nm_a: float = _positive()
-    friction_current_a: float = _not_negative()
-    max_speed_m_s: float = _positive()
-    max_acceleration_m_s2: float = _positive()
-    back_drive_n: float = _not_negative()
-    back_drive_n_s_m: float = _positive()
-    reboot_s: float = _not_negative()
+    pulley_radius_m: float = _between(1e-3, 0.2)
+    counts_per_turn: int = _between(16, 1 << 24)
+    slack_count: int = _between(0, 1 << 24)
+    torque_constant_nm_a: float = _between(1e-3, 100.0)
+    friction_current_a: float = _between(0.0, 10.0)
+    max_speed_m_s: float = _between(1e-4, 10.0)
+    max_acceleration_m_s2: float = _between(1e-3, 1000.0)
+    back_drive_n: float = _between(0.0, 1000.0)
+    back_drive_n_s_m: float = _between(1e-3, 1e6)
+    reboot_s: float = _between(0.0, 60.0)
 
     @property
     def m_per_count(self) -> float:
@@ -142,12 +247,21 @@ class TendonDrive:
 
 @dataclass(frozen=True)
 class LoadCell:
-    """The load cell on the tendon."""
+    """The load cell on the tendon; ``sensing`` has what each number does."""
 
-    rate_hz: float = _positive()
-    clock_error_ppm: float = _any_number()
-    noise_n: float = _not_negative()
-    capacity_n: float = _positive()
+    rate_hz: float = _between(1.0, 1e4)
+    clock_error_ppm: float = _between(-1e4, 1e4)
+    noise_n: float = _between(0.0, 100.0)
+    capacity_n: float = _between(0.01, 1e5)
+    low_pass_hz: float = _between(0.1, 1e5)
+    resolution_n: float = _between(1e-9, 10.0)
+    drift_n_rt_s: float = _between(0.0, 10.0)
+    crosstalk: float = _between(-0.5, 0.5)
+    bias_n_per_k: float = _between(-1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if not self.resolution_n <= self.capacity_n:
+            raise DescriptionError('resolution_n must be at most capacity_n')
 
     @property
     def period_s(self) -> float:
@@ -159,25 +273,41 @@ class LoadCell:
 class Placement:
     """What lies where in the guide's frame."""
 
-    texture_guide_m: float = _not_negative()
-    texture_lead_m: float = _not_negative()
-    tray_depth_m: float = _positive()
-    object_guide_m: float = _not_negative()
-    object_half_width_m: float = _positive()
+    texture_guide_m: float = _between(0.0, 10.0)
+    texture_lead_m: float = _between(0.0, 1.0)
+    tray_depth_m: float = _between(1e-5, 0.1)
+    object_guide_m: float = _between(0.0, 10.0)
+    object_half_width_m: float = _between(1e-4, 1.0)
+
+
+@dataclass(frozen=True)
+class Pull:
+    """How held objects are pulled sideways."""
+
+    distance_m: float = _between(1e-5, 0.1)
+    speed_m_s: float = _between(1e-5, 1.0)
 
 
 @dataclass(frozen=True)
 class VariationSpread:
-    """Standard deviations from trial to trial."""
+    """Standard deviations; those without a unit are relative."""
 
-    contact_height_m: float = _not_negative()
-    placement_m: float = _not_negative()
-    friction: float = _not_negative()
-    stiffness: float = _not_negative()
+    contact_height_m: float = _between(0.0, 0.01)
+    placement_m: float = _between(0.0, 0.05)
+    friction: float = _between(0.0, 0.3)
+    object_stiffness: float = _between(0.0, 0.3)
+    finger_stiffness: float = _between(0.0, 0.3)
+    glide_speed: float = _between(0.0, 0.3)
+    tendon_zero_m: float = _between(0.0, 0.01)
+    temperature_k: float = _between(0.0, 20.0)
 
-    def __post_init__(self) -> None:
-        if max(self.friction, self.stiffness) > 0.3:
-            raise DescriptionError('a relative variation must be at most 0.3')
+
+@dataclass(frozen=True)
+class VariationLevels:
+    """What differs from trial to trial, and what from session to session."""
+
+    trial: VariationSpread
+    session: VariationSpread
 
 
 @dataclass(frozen=True)
@@ -188,94 +318,24 @@ class Rig:
     tendon: TendonDrive
     load_cell: LoadCell
     placement: Placement
-    variation: VariationSpread
-    friction_speed_m_s: float = _positive()
-    tendon_friction_speed_m_s: float = _positive()
+    pull: Pull
+    variation: VariationLevels
+
+    def __post_init__(self) -> None:
+        for name in ('texture_guide_m', 'object_guide_m'):
+            if getattr(self.placement, name) > self.guide.travel_m:
+                raise DescriptionError(f'placement.{name} must be at most guide.travel_m')
 
 
-def parse_description(kind: type[_T], values: object, name: str) -> _T:
-    """Build one frozen description from the values of a YAML mapping.
+def __getattr__(name: str) -> Any:
+    # Until all callers take these from the catalogue.
+    from tactile_sim import catalogue
 
-    Raises
-    ------
-    DescriptionError
-        A key is missing or unknown, or a value is no number, not finite or out of range.
-    """
-    if not isinstance(values, Mapping):
-        raise DescriptionError(f'{name} must be a mapping of names to values')
-    hints = get_type_hints(kind)
-    unknown, missing = sorted(set(values) - set(hints)), sorted(set(hints) - set(values))
-    if unknown or missing:
-        parts = [f'{k} is missing' for k in missing] + [f'{k} is unknown' for k in unknown]
-        raise DescriptionError(f'{name}: {", ".join(parts)}')
-    built: dict[str, Any] = {}
-    for item in dataclasses.fields(kind):  # type: ignore[arg-type]
-        where, value, wanted = f'{name}.{item.name}', values[item.name], hints[item.name]
-        if isinstance(wanted, type) and dataclasses.is_dataclass(wanted):
-            built[item.name] = parse_description(wanted, value, where)
-        elif wanted is str:
-            built[item.name] = str(value)
-        else:
-            built[item.name] = _parse_number(wanted, value, where, item.metadata)
-    try:
-        return kind(**built)
-    except DescriptionError as error:
-        raise DescriptionError(f'{name}: {error}') from None
-
-
-def _parse_number(wanted: type, value: object, where: str, limits: Mapping[str, Any]) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise DescriptionError(f'{where} is {value!r}; it must be a finite number')
-    if wanted is int and not isinstance(value, int):
-        raise DescriptionError(f'{where} is {value!r}; it must be a whole number')
-    if value <= limits.get('above', -math.inf):
-        raise DescriptionError(f'{where} is {value}; it must be above {limits["above"]}')
-    if value < limits.get('from', -math.inf):
-        raise DescriptionError(f'{where} is {value}; it must be at least {limits["from"]}')
-    return value if wanted is int else float(value)
-
-
-@lru_cache
-def _load_yaml(name: str) -> Any:
-    return yaml.safe_load((_CONFIG / name).read_text(encoding='utf-8'))
-
-
-@lru_cache
-def load_finger(contact: str) -> Finger:
-    """Load the finger for ``flexion`` or ``abduction``; DescriptionError otherwise."""
-    if contact not in CONTACTS:
-        raise DescriptionError(f'contact is {contact!r}; it must be one of {CONTACTS}')
-    return parse_description(Finger, _load_yaml(f'finger_{contact}.yaml'), f'finger_{contact}')
-
-
-@lru_cache
-def load_rig() -> Rig:
-    """Load the rig around the finger."""
-    return parse_description(Rig, _load_yaml('rig.yaml'), 'rig')
-
-
-def list_objects(protocol: str) -> tuple[str, ...]:
-    """Labels that can be mounted for a protocol, in the paper's order."""
-    if protocol not in PROTOCOLS:
-        raise DescriptionError(f'protocol is {protocol!r}; it must be one of {PROTOCOLS}')
-    return tuple(_load_yaml('plates.yaml' if protocol == 'texture' else 'objects.yaml'))
-
-
-@lru_cache
-def load_plate(label: str) -> Plate:
-    """Load the texture plate of this label; DescriptionError if there is none."""
-    return parse_description(Plate, _find('texture', 'plates.yaml', label), f'plate {label}')
-
-
-@lru_cache
-def load_body(label: str) -> Body:
-    """Load the stiffness object of this label; DescriptionError if there is none."""
-    return parse_description(Body, _find('stiffness', 'objects.yaml', label), f'object {label}')
-
-
-def _find(protocol: str, file_name: str, label: str) -> object:
-    try:
-        return _load_yaml(file_name)[label]
-    except KeyError:
-        labels = ', '.join(list_objects(protocol))
-        raise DescriptionError(f'no {protocol} object {label!r}; there are {labels}') from None
+    if name == 'list_objects':
+        return catalogue.list_objects
+    methods = {'load_finger': 'finger', 'load_plate': 'plate', 'load_body': 'body'}
+    if name in methods:
+        return getattr(catalogue.default_catalogue(), methods[name])
+    if name == 'load_rig':
+        return catalogue.default_catalogue().rig
+    raise AttributeError(f'module {__name__} has no attribute {name}')
