@@ -102,7 +102,7 @@ def _read_document(events: Iterator[yaml.Event], name: str) -> Any:
 def _read_node(events: Iterator[yaml.Event], event: yaml.Event, where: str, depth: int) -> Any:
     if isinstance(event, yaml.AliasEvent):
         raise DescriptionError(f'{where} is the alias *{event.anchor}; write the value itself')
-    if event.tag is not None:
+    if isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent) and event.tag is not None:
         raise DescriptionError(f'{where} has the tag {show(event.tag)}; write the value alone')
     if isinstance(event, yaml.ScalarEvent):
         return _read_scalar(event.value) if event.implicit[0] else event.value

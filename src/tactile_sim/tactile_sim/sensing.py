@@ -1,0 +1,106 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""From the force on the load cell to its readings, for many trials or sample by sample.
+
+The order is that of the hardware: crosstalk of the contact through the mount, the sensor's
+low-pass filter, its zero (bias and drift), noise, saturation, one step of the converter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_sim.description import LoadCell
+
+FloatArray = NDArray[np.float64]
+
+_SERIES_BELOW = 1.0
+_SERIES_TERMS = 22  # the first term left out is below 1e-21
+
+
+def low_pass_coefficients(step_s: float, low_pass_hz: float) -> tuple[float, float, float]:
+    """Coefficients (alpha, beta, gamma) of one step of the sensor's one-pole filter.
+
+    ``y1 = alpha y0 + beta u0 + gamma u1`` solves y' = 2 pi f (u - y) exactly for an input u
+    that is linear over the step (first-order hold). With a = 2 pi f h they are exp(-a),
+    (1 - exp(-a)) / a - exp(-a) and 1 - (1 - exp(-a)) / a, and add up to 1.
+
+    Parameters
+    ----------
+    step_s
+        Length of the step, from 0 to any number [s].
+    low_pass_hz
+        Frequency at which the filter halves the power [Hz].
+    """
+    a = 2 * math.pi * low_pass_hz * step_s
+    alpha = math.exp(-a)
+    if a >= _SERIES_BELOW:
+        mean = -math.expm1(-a) / a
+        return alpha, mean - alpha, 1 - mean
+    # The quotients cancel for short steps; their Taylor series do not.
+    beta = gamma = 0.0
+    term = 1.0
+    for k in range(1, _SERIES_TERMS):
+        term *= -a / (k + 1)  # (-a)^k / (k + 1)!
+        beta -= k * term
+        gamma -= term
+    return alpha, beta, gamma
+
+
+def read_tension(
+    cell: LoadCell,
+    tension_n: FloatArray,
+    sensor_bias_n: FloatArray,
+    generators: Sequence[np.random.Generator],
+) -> FloatArray:
+    """Turn the filtered force on the load cell into its readings.
+
+    Each trial starts with its drift at 0. The first readings of a trial do not depend on how
+    many follow.
+
+    Parameters
+    ----------
+    tension_n : ndarray of float, shape (trials, samples)
+        Force behind crosstalk and low pass at the sampling times [N]. What is not a number
+        stays so.
+    sensor_bias_n : ndarray of float, shape (trials,)
+        Reading without load [N].
+    generators : sequence of numpy.random.Generator, one a trial
+        Source of noise and drift.
+
+    Returns
+    -------
+    ndarray of float, shape (trials, samples)
+        Readings [N], whole multiples of ``cell.resolution_n``.
+    """
+    samples = tension_n.shape[1]
+    normal = np.array([generator.standard_normal((samples, 2)) for generator in generators])
+    noise, steps = normal[..., 0], normal[..., 1]
+    steps[:, :1] = 0.0
+    drift_n = np.cumsum(compute_drift_step_n(cell) * steps, axis=1)
+    return convert_to_reading(cell, tension_n + (sensor_bias_n[:, np.newaxis] + drift_n), noise)
+
+
+def compute_drift_step_n(cell: LoadCell) -> float:
+    """Standard deviation of what a random walk adds from one sample to the next [N]."""
+    return cell.drift_n_rt_s * math.sqrt(cell.period_s)
+
+
+def convert_to_reading(cell: LoadCell, signal_n: FloatArray, noise: FloatArray) -> FloatArray:
+    """Add noise, saturate at the capacity and round to the converter's steps.
+
+    Parameters
+    ----------
+    signal_n : ndarray of float
+        Filtered force with the sensor's zero error [N].
+    noise : ndarray of float
+        Standard normal numbers, same shape.
+    """
+    # The converter's last step is the last that fits into the capacity.
+    most = math.floor(cell.capacity_n / cell.resolution_n * (1 + 1e-12))
+    counts = np.rint((signal_n + cell.noise_n * noise) / cell.resolution_n)
+    return np.asarray(cell.resolution_n * np.clip(counts, -most, most))
