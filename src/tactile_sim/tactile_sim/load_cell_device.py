@@ -1,74 +1,76 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The load cell on the tendon: what it measures, and the lines that it sends."""
+"""The load cell on the tendon as a device: samples on its own clock, and the lines it sends."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactile_sim.description import LoadCell
+from tactile_sim.sensing import compute_drift_step_n, convert_to_reading, low_pass_coefficients
 from tendon_sensor_driver.line_protocol import encode_reading
 
 GRAVITY_M_S2 = 9.80665
 DECIMALS = 5
 
-FloatArray = NDArray[np.float64]
-
-
-def compute_reading_kg(cell: LoadCell, tension_n: FloatArray, noise: FloatArray) -> FloatArray:
-    """What the cell's display would say [kg].
-
-    Parameters
-    ----------
-    tension_n : ndarray of float
-        True tension [N].
-    noise : ndarray of float
-        Standard normal numbers, same shape.
-    """
-    limited = np.clip(tension_n + cell.noise_n * noise, -cell.capacity_n, cell.capacity_n)
-    return np.asarray(np.round(limited / GRAVITY_M_S2, DECIMALS))
-
-
-def interpolate_tension(
-    before_s: float, before_n: FloatArray, after_s: float, after_n: FloatArray, time_s: float
-) -> FloatArray:
-    """Tension at a time between two steps of the physics."""
-    part = (time_s - before_s) / (after_s - before_s)
-    return before_n + part * (after_n - before_n)
-
 
 class LoadCellDevice:
     """Sends a line a sample: device clock in milliseconds, kilograms, unit.
+
+    Its readings are those of ``sensing.read_tension`` with the same generator, up to the
+    rounding of the lines.
 
     Parameters
     ----------
     cell
         The description.
     generator
-        Source of the noise.
+        Source of noise and drift.
     """
 
     def __init__(self, cell: LoadCell, generator: np.random.Generator) -> None:
         self._cell = cell
         self._generator = generator
+        self._bias_n = self._drift_n = 0.0
         self._samples = 0
-        self._before: tuple[float, FloatArray] | None = None
+        self._time_s: float | None = None
+        self._force_n = self._filtered_n = 0.0
         self._output = bytearray()
 
-    def record(self, time_s: float, tension_n: FloatArray) -> None:
-        """Take note of the tension at the end of a step; shape (1,)."""
-        if self._before is not None:
-            while (due_s := self._samples * self._cell.period_s) <= time_s:
-                tension = interpolate_tension(*self._before, time_s, tension_n, due_s)
-                self._send(tension)
-        self._before = (time_s, tension_n)
+    def set_bias(self, bias_n: float) -> None:
+        """Reading without load from now on [N]; the drift goes on from where it is."""
+        self._bias_n = bias_n
 
-    def _send(self, tension_n: FloatArray) -> None:
-        noise = self._generator.standard_normal(1)
-        kilograms = float(compute_reading_kg(self._cell, tension_n, noise)[0])
+    def record(self, time_s: float, tension_n: float, contact_force_n: float) -> None:
+        """Take note of the forces at the end of a step of the physics.
+
+        Between two calls they are taken as linear, for the filter and for the samples. At the
+        first one the filter is settled.
+        """
+        force_n = tension_n + self._cell.crosstalk * contact_force_n
+        if self._time_s is None:
+            self._filtered_n = force_n
+        else:
+            step_s = time_s - self._time_s
+            while (due_s := self._samples * self._cell.period_s) <= time_s:
+                part_s = due_s - self._time_s
+                between_n = self._force_n + (force_n - self._force_n) * (part_s / step_s)
+                self._send(self._filter(part_s, between_n))
+            self._filtered_n = self._filter(step_s, force_n)
+        self._time_s, self._force_n = time_s, force_n
+
+    def _filter(self, step_s: float, force_n: float) -> float:
+        alpha, beta, gamma = low_pass_coefficients(step_s, self._cell.low_pass_hz)
+        return alpha * self._filtered_n + beta * self._force_n + gamma * force_n
+
+    def _send(self, filtered_n: float) -> None:
+        noise, step = self._generator.standard_normal(2)
+        if self._samples:
+            self._drift_n += compute_drift_step_n(self._cell) * step
+        signal_n = np.array([filtered_n + (self._bias_n + self._drift_n)])
+        reading_n = float(convert_to_reading(self._cell, signal_n, noise)[0])
         milliseconds = int(self._samples * 1000 / self._cell.rate_hz)
-        self._output += encode_reading(milliseconds, kilograms, 'kg', DECIMALS)
+        self._output += encode_reading(milliseconds, reading_n / GRAVITY_M_S2, 'kg', DECIMALS)
         self._samples += 1
 
     def receive(self, data: bytes, now_s: float) -> bytes:
