@@ -9,6 +9,10 @@ from typing import Any
 
 CONTACTS = ('flexion', 'abduction')
 PROTOCOLS = ('texture', 'stiffness')
+"""What the rig runs, and what there are features and classifiers for."""
+
+SIMULATED_PROTOCOLS = (*PROTOCOLS, 'slip')
+"""What the simulator runs."""
 
 
 def _parameter(default: Any, description: str, **metadata: Any) -> Any:

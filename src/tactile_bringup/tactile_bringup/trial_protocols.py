@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's two protocols as a list of steps.
+"""The protocols as lists of steps: the paper's two, and slip, which is only simulated.
 
 One description serves the trial runner, which carries the steps out with
 actions, and the simulator's fast path, which computes when each of them ends.
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tactile_bringup.records import CONTACTS, PROTOCOLS, TrialConfig
+from tactile_bringup.records import CONTACTS, PROTOCOLS, SIMULATED_PROTOCOLS, TrialConfig
 
 
 class ProtocolError(ValueError):
@@ -43,7 +43,18 @@ class WaitStep:
     duration_s: float
 
 
+@dataclass(frozen=True)
+class PullStep:
+    """Pull the held object sideways; how far and how fast, the simulated rig describes."""
+
+    phase: str
+
+
 Step = GuideStep | TendonStep | WaitStep
+"""What the rig can do."""
+
+SimulatedStep = Step | PullStep
+"""What the simulator can do."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +76,9 @@ class TrialRequest:
     hold_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.protocol not in PROTOCOLS:
+        if self.protocol not in SIMULATED_PROTOCOLS:
             raise ProtocolError(
-                f'no protocol "{self.protocol}"; there is {" and ".join(PROTOCOLS)}'
+                f'no protocol "{self.protocol}"; there is {" and ".join(SIMULATED_PROTOCOLS)}'
             )
         if self.contact not in CONTACTS:
             raise ProtocolError(f'no contact "{self.contact}"; there is {" and ".join(CONTACTS)}')
@@ -84,7 +95,18 @@ def glide_speed_m_s(config: TrialConfig, request: TrialRequest) -> float:
 
 
 def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
-    """Return the steps of a trial, in order; each names the phase it belongs to."""
+    """Return the steps of a trial on the rig, in order; each names the phase it belongs to.
+
+    Raises
+    ------
+    ProtocolError
+        When the rig cannot carry the protocol out.
+    """
+    if request.protocol not in PROTOCOLS:
+        raise ProtocolError(
+            f'the rig cannot run a {request.protocol} trial: nothing on it pulls the object; '
+            f'use tactile simulate {request.protocol}, or run {" or ".join(PROTOCOLS)}'
+        )
     pull_m = config.displacement_m(request.contact)
     approach = GuideStep('approach', config.guide_start_m, config.approach_speed_m_s)
     contact = TendonStep('contact', pull_m, config.pull_speed_m_s)
@@ -99,4 +121,18 @@ def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
         GuideStep('glide', end_m, glide_speed_m_s(config, request)),
         release,
         GuideStep('return', config.guide_start_m, config.approach_speed_m_s),
+    ]
+
+
+def simulated_steps(config: TrialConfig, request: TrialRequest) -> list[SimulatedStep]:
+    """Return the steps of a simulated trial: those of the rig, or of a slip trial."""
+    if request.protocol != 'slip':
+        return [*trial_steps(config, request)]
+    return [
+        GuideStep('approach', config.guide_start_m, config.approach_speed_m_s),
+        TendonStep('contact', config.displacement_m(request.contact), config.pull_speed_m_s),
+        WaitStep('contact', config.settle_s),
+        PullStep('pull'),
+        WaitStep('pull', config.settle_s),
+        TendonStep('release', 0.0, config.pull_speed_m_s),
     ]

@@ -122,11 +122,12 @@ class TrialRunnerNode(TactileNode):
             glide_speed_m_s=asked.glide_speed_m_s,
             hold_s=asked.hold_s,
         )
+        steps = trial_steps(self.config, request)  # refuses, before anything moves
         self._request = request
         started = time.monotonic()
         phase = ''
         try:
-            for step in trial_steps(self.config, request):
+            for step in steps:
                 goal.check()
                 if step.phase != phase:
                     phase = step.phase

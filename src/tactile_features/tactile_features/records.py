@@ -19,6 +19,7 @@ from tactile_features.errors import FeatureError
 
 PROTOCOL_TEXTURE = 'texture'
 PROTOCOL_STIFFNESS = 'stiffness'
+PROTOCOL_SLIP = 'slip'
 
 CONTACT_FLEXION = 'flexion'
 CONTACT_ABDUCTION = 'abduction'
@@ -27,6 +28,7 @@ PHASE_APPROACH = 'approach'
 PHASE_CONTACT = 'contact'
 PHASE_GLIDE = 'glide'
 PHASE_HOLD = 'hold'
+PHASE_PULL = 'pull'
 PHASE_RELEASE = 'release'
 PHASE_RETURN = 'return'
 PHASE_DONE = 'done'

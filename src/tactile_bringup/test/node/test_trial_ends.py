@@ -122,6 +122,13 @@ def wait_until(condition):
         time.sleep(0.005)
 
 
+def test_slip_is_refused_before_anything_moves(bench):
+    message = bench.end(bench.start('slip'))
+    assert 'nothing on it pulls the object' in message
+    assert 'tactile simulate slip' in message
+    assert (bench.guide.goals, bench.tendon.goals, bench.phases) == ([], [], [])
+
+
 def test_a_device_that_goes_away_ends_the_trial(bench):
     bench.guide.waits_in = (1,)
     handle = bench.start('stiffness')

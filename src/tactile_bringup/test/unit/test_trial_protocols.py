@@ -6,10 +6,12 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import (
     GuideStep,
     ProtocolError,
+    PullStep,
     TendonStep,
     TrialRequest,
     WaitStep,
     glide_speed_m_s,
+    simulated_steps,
     trial_steps,
 )
 
@@ -43,6 +45,32 @@ def test_request_overrides_speed_and_hold():
     long = TrialRequest('stiffness', 'flexion', hold_s=10.0)
     assert trial_steps(CONFIG, long)[2].duration_s == 10.0
     assert glide_speed_m_s(CONFIG, long) == 0.0
+
+
+def test_slip_pulls_the_object_while_the_tendon_is_held():
+    steps = simulated_steps(CONFIG, TrialRequest('slip', 'flexion'))
+    assert list(dict.fromkeys(step.phase for step in steps)) == [
+        'approach',
+        'contact',
+        'pull',
+        'release',
+    ]
+    kinds = [type(step) for step in steps]
+    pull = kinds.index(PullStep)
+    assert kinds[:pull].count(TendonStep) == 1
+    assert steps[pull - 1] == WaitStep('contact', CONFIG.settle_s)
+    assert kinds[pull + 1 :] == [WaitStep, TendonStep]
+
+
+def test_the_rig_refuses_slip_and_says_what_to_do():
+    with pytest.raises(ProtocolError, match=r'nothing on it pulls.*tactile simulate slip'):
+        trial_steps(CONFIG, TrialRequest('slip', 'flexion'))
+
+
+@pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
+def test_what_the_rig_runs_is_simulated_alike(protocol):
+    request = TrialRequest(protocol, 'abduction')
+    assert simulated_steps(CONFIG, request) == trial_steps(CONFIG, request)
 
 
 @pytest.mark.parametrize(
