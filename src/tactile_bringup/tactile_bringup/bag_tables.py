@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,15 @@ from tactile_bringup.replay import recorded_config, replay_windows
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.records import TASKS
 from tactile_features.conversions import event_from_msg
-from tactile_features.records import FeatureConfig, FeatureWindow, Outcome, TrialEvent
+from tactile_features.records import (
+    PHASE_ABORTED,
+    PHASE_DONE,
+    PROTOCOL_SLIP,
+    FeatureConfig,
+    FeatureWindow,
+    Outcome,
+    TrialEvent,
+)
 from tactile_features.spec import spec_for
 
 
@@ -91,13 +100,23 @@ def _collect(
     found: dict[tuple[str, str], LabelledWindows],
     left_out: list[str],
 ) -> None:
-    events = [
-        event_from_msg(message.decode()) for message in bag.messages(EVENT, namespace=namespace)
-    ]
+    events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
+    for message in bag.messages(EVENT, namespace=namespace):
+        event = event_from_msg(message.decode())
+        events[event.trial_id].append(event)
+    left_out.extend(
+        f'{trial_id}: a slip trial, and there are no slip features yet'
+        for trial_id, (event, *_) in events.items()
+        if event.protocol == PROTOCOL_SLIP
+    )
     for window in replay_windows(bag, config, namespace, finish=True):
-        event = _event_before(window, events)
+        event = _event_before(window, events[window.trial_id])
+        end = _end_after(window, events[window.trial_id])
         if window.outcome != Outcome.OK:
             left_out.append(f'{window.trial_id}: {window.reason}')
+        elif end is not None and end.phase == PHASE_ABORTED:
+            reason = end.message or 'no reason given'
+            left_out.append(f'{window.trial_id}: the trial was aborted later: {reason}')
         elif not event.object_label:
             left_out.append(f'{window.trial_id}: the trial has no label')
         else:
@@ -109,15 +128,21 @@ def _collect(
 
 
 def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
-    """Return the window's trial's last event before it; a trial's name may come again."""
+    """Return its trial's last event before the window; a trial's name may come again."""
     return max(
-        (
-            event
-            for event in events
-            if event.trial_id == window.trial_id and event.stamp_ns <= window.window_start_ns
-        ),
+        (event for event in events if event.stamp_ns <= window.window_start_ns),
         key=lambda event: event.stamp_ns,
     )
+
+
+def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent | None:
+    """Return how its trial ended after the window, if that was recorded."""
+    ends = (
+        event
+        for event in events
+        if event.stamp_ns >= window.window_end_ns and event.phase in (PHASE_DONE, PHASE_ABORTED)
+    )
+    return min(ends, key=lambda event: event.stamp_ns, default=None)
 
 
 def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> FeatureTable:

@@ -89,6 +89,11 @@ def replay_and_compare(
         for namespace in bag.namespaces:
             recorded = recorded_results(bag, namespace)
             if not recorded.windows:
+                if bag.facts.get('protocol') == 'slip':
+                    raise BringupError(
+                        f'{path} holds simulated slip trials: there are no slip features yet, '
+                        'so there is nothing to replay'
+                    )
                 raise BringupError(
                     f'{path} holds no features: there is nothing to compare a replay with. '
                     'No trial ended while it was recorded, or it was made without nodes '
