@@ -40,6 +40,8 @@ class SimulatedRig:
         Of variations and noise.
     links
         Directory for symbolic links guide, tendon and sensor to the ports.
+    description
+        Folder of descriptions that are laid over the packaged ones, see `Catalogue`.
 
     Attributes
     ----------
@@ -49,13 +51,20 @@ class SimulatedRig:
     Raises
     ------
     RigError
-        The process does not start.
+        The process does not start, or refuses the description.
     """
 
-    def __init__(self, seed: int = 0, links: str | Path | None = None) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        links: str | Path | None = None,
+        description: str | Path | None = None,
+    ) -> None:
         command = [sys.executable, '-m', 'tactile_sim.rig_server', '--seed', str(seed)]
         if links is not None:
             command += ['--links', str(links)]
+        if description is not None:
+            command += ['--description', str(description)]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         self._process = subprocess.Popen(
             command,

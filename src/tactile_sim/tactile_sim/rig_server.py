@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from tactile_sim.catalogue import Catalogue
 from tactile_sim.errors import RigError, TactileSimError
 from tactile_sim.pty_server import PtyServer
 from tactile_sim.rig import PalpationRig
@@ -34,12 +35,22 @@ def main() -> int:
     parser.add_argument(
         '--links', type=Path, help='directory for symbolic links guide, tendon and sensor'
     )
+    parser.add_argument(
+        '--description',
+        type=Path,
+        metavar='DIR',
+        help='folder of your own rig.yaml, plates.yaml and so on, laid over the packaged ones',
+    )
     arguments = parser.parse_args()
     if arguments.seed < 0:
         parser.error('--seed must not be negative')
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave)
-    server = PtyServer(PalpationRig(arguments.seed))
+    try:
+        rig = PalpationRig(arguments.seed, catalogue=Catalogue(arguments.description))
+    except TactileSimError as error:
+        return _complain(error)
+    server = PtyServer(rig)
     links: list[Path] = []
     try:
         _link(server.ports, arguments.links, links)
@@ -48,13 +59,17 @@ def main() -> int:
         for line in _read_lines(server):
             _say(_answer(server, line))
     except TactileSimError as error:
-        sys.stderr.write(f'tactile_sim_rig: {error}\n')
-        return 1
+        return _complain(error)
     finally:
         server.close()
         for link in links:
             link.unlink(missing_ok=True)
     return 0
+
+
+def _complain(error: TactileSimError) -> int:
+    sys.stderr.write(f'tactile_sim_rig: {error}\n')
+    return 1
 
 
 def _leave(number: int, frame: object) -> None:

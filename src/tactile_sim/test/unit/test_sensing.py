@@ -118,6 +118,7 @@ def test_the_first_readings_do_not_depend_on_how_many_follow():
 def test_readings_are_whole_steps_near_the_signal(signal_n, resolution_n):
     cell = dataclasses.replace(QUIET, resolution_n=resolution_n)
     reading = float(convert_to_reading(cell, np.array([signal_n]), np.zeros(1))[0])
-    limited = min(max(signal_n, -cell.capacity_n), cell.capacity_n)
-    assert abs(reading - limited) <= resolution_n * (1 if limited != signal_n else 0.5 + 1e-9)
+    if abs(signal_n) < cell.capacity_n - resolution_n:
+        assert abs(reading - signal_n) <= resolution_n * (0.5 + 1e-9)
     assert abs(reading) <= cell.capacity_n * (1 + 1e-12)
+    assert round(reading / resolution_n) * resolution_n == pytest.approx(reading, rel=1e-12)
