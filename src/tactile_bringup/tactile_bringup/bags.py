@@ -144,11 +144,12 @@ class BagWriter:
     def __init__(self, path: Path, facts: Mapping[str, Any]) -> None:
         self.path = Path(path)
         self.store = message_store()
+        self._facts = dict(facts)
         self._connections: dict[str, Connection] = {}
         self._writer: Writer | None = None
         try:
             writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
-            writer.set_custom_data(FACTS_KEY, json.dumps(facts, sort_keys=True))
+            writer.set_custom_data(FACTS_KEY, json.dumps(self._facts, sort_keys=True))
             writer.open()
         except WriterError as error:
             raise BagError(f'cannot write a bag at {self.path}: {error}') from error
@@ -177,6 +178,11 @@ class BagWriter:
             offered_qos_profiles=[_qos(topic.latched)],
         )
         return name
+
+    def add_facts(self, facts: Mapping[str, Any]) -> None:
+        """Add facts that only the recording itself has brought out; call before `close`."""
+        self._facts.update(facts)
+        self._open_writer().set_custom_data(FACTS_KEY, json.dumps(self._facts, sort_keys=True))
 
     def write_raw(self, topic: str, received_at_ns: int, data: bytes) -> None:
         """Write one serialised message."""

@@ -45,6 +45,14 @@ class Protocol(str, Enum):
     stiffness = 'stiffness'
 
 
+class SimulatedProtocol(str, Enum):
+    """What the simulator can do."""
+
+    texture = 'texture'
+    stiffness = 'stiffness'
+    slip = 'slip'
+
+
 class Contact(str, Enum):
     """How the finger touches."""
 
@@ -116,27 +124,71 @@ def demo(
 
 @app.command()
 def simulate(
-    protocol: Annotated[Protocol, typer.Argument(help='Which kind of trial.')],
+    protocol: Annotated[SimulatedProtocol, typer.Argument(help='Which kind of trial.')],
     output: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
     contact: Annotated[
         Optional[list[Contact]],
         typer.Option(help='How the finger touches; give it twice for both. Default: both.'),
     ] = None,
     trials: Annotated[
-        int, typer.Option(min=1, max=100_000, help='Trials of each plate or object.')
+        int,
+        typer.Option(min=1, max=100_000, help='Trials on each plate or object in each session.'),
     ] = 60,
+    sessions: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=1000,
+            help='How often the rig is set up anew: trials of one session share its mounting '
+            'and temperature.',
+        ),
+    ] = 1,
     seed: SeedOption = 1,
+    description: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='Folder with your own finger, rig, plates or objects: YAML files laid over '
+            'those of the package.'
+        ),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option(help='How many processes simulate; -1: one for each core.')
+    ] = -1,
+    plot: Annotated[
+        Optional[Path],
+        typer.Option(help='Draw one of the trials into this PNG file.'),
+    ] = None,
     json_output: JsonOption = False,
 ) -> None:
     """Make bags of **simulated** trials, without waiting in real time.
 
-    The bags hold the same messages as live recordings, marked as simulated.
+    One bag for each kind of contact, with plates or objects times sessions times trials in
+    it. The bags hold the same messages as live recordings, marked as simulated. The same
+    seed gives the same bytes, whatever the number of processes.
+
+    Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
+    the bag up to that time, end as aborted, and give no features. **slip** trials, in which
+    the object is pulled sideways, are only simulated: no rig can run them, and there are no
+    slip features yet. Their bag says when each object truly began to slip.
     """
     with refusals():
-        from tactile_bringup.commands.simulate import run_simulate
+        from tactile_bringup.commands.simulate import SimulateRequest, run_simulate
 
-        chosen = [c.value for c in contact or list(Contact)]
-        run_simulate(protocol.value, chosen, trials, seed, output, as_json=json_output)
+        complete = run_simulate(
+            SimulateRequest(
+                protocol=protocol.value,
+                contacts=tuple(dict.fromkeys(c.value for c in contact or list(Contact))),
+                trials_per_label=trials,
+                sessions=sessions,
+                seed=seed,
+                folder=output,
+                description=description,
+                jobs=jobs,
+                plot=plot,
+            ),
+            as_json=json_output,
+        )
+    raise typer.Exit(0 if complete else 3)
 
 
 @app.command()

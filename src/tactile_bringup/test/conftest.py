@@ -8,7 +8,8 @@ from domain_coordinator import domain_id
 from tactile_bringup.bags import BagWriter, RecordedTopic, TactileBag
 from tactile_bringup.graph_runner import ros_context
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_bags import SimulationPlan, write_simulated_bag
+from tactile_bringup.simulated_bags import write_simulated_bag
+from tactile_bringup.simulated_trials import SimulationPlan
 from tactile_features.records import FeatureConfig
 
 
@@ -41,7 +42,8 @@ def stiffness_bag(tmp_path_factory):
     """Return a bag of simulated stiffness trials: 3 on each of the 5 objects."""
     plan = SimulationPlan('stiffness', 'flexion', 3, seed=7)
     folder = tmp_path_factory.mktemp('bags')
-    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig())
+    config = TrialConfig(simulated=True)
+    return write_simulated_bag(folder, plan, config, FeatureConfig()).path
 
 
 @pytest.fixture(scope='session')

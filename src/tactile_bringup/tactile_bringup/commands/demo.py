@@ -44,7 +44,7 @@ def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> b
 
     output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
     plans = paper_plans(12 if short else PAPER_TRIALS, seed)
-    bags = make_bags(folder / 'training', plans, output)
+    bags = [bag.path for bag in make_bags(folder / 'training', plans, output)]
     counts = [plan.trials_per_label * len(list_objects(plan.protocol)) for plan in plans]
     output.say(f'   {sum(counts)} simulated trials in {len(bags)} bags, {_since(started)}\n')
 

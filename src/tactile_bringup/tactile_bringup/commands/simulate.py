@@ -4,64 +4,96 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from joblib import Parallel, delayed
-
 from tactile_bringup.commands.output import Output, make_output_folder
-from tactile_bringup.errors import BagError
+from tactile_bringup.errors import BagError, BringupError
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_bags import (
-    SimulationPlan,
-    paper_plans,
-    simulate_label,
-    write_simulated_bag,
-)
+from tactile_bringup.simulated_bags import SimulatedBag, count_trials, write_simulated_bag
+from tactile_bringup.simulated_trials import SimulationPlan
 from tactile_features.records import FeatureConfig
-from tactile_sim.description import list_objects
-from tactile_sim.fast_trials import SimulatedTrials
+from tactile_sim.catalogue import Catalogue
 
 
-def run_simulate(
-    protocol: str,
-    contacts: Sequence[str],
-    trials_per_label: int,
-    seed: int,
-    folder: Path,
-    *,
-    as_json: bool,
-) -> None:
-    """Write one bag for each kind of contact below ``folder``."""
+@dataclass(frozen=True)
+class SimulateRequest:
+    """The arguments of `tactile simulate`; see its ``--help``."""
+
+    protocol: str
+    contacts: tuple[str, ...]
+    trials_per_label: int
+    sessions: int
+    seed: int
+    folder: Path
+    description: Path | None
+    jobs: int
+    plot: Path | None
+
+
+def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
+    """Write one bag for each kind of contact; return whether every trial was computed."""
     output = Output(as_json)
+    if request.jobs == 0:
+        raise BringupError('--jobs is 0; it must be a number of processes, or -1 for all cores')
+    catalogue = Catalogue(request.description)
+    labels = catalogue.labels(request.protocol)
     plans = [
-        plan
-        for plan in paper_plans(trials_per_label, seed)
-        if plan.protocol == protocol and plan.contact in contacts
+        SimulationPlan(
+            request.protocol, contact, request.trials_per_label, request.seed, request.sessions
+        )
+        for contact in request.contacts
     ]
-    bags = make_bags(folder, plans, output)
-    trials = trials_per_label * len(list_objects(protocol))
+    total = sum(count_trials(plan, catalogue) for plan in plans)
+    output.say(
+        f'SIMULATED {request.protocol} trials, {" and ".join(request.contacts)}: {total} in all; '
+        f'{len(plans)} x {request.sessions} x {request.trials_per_label} '
+        f'(contacts, sessions, trials) on each of {", ".join(labels)}'
+    )
+    started = time.monotonic()
+    bags = make_bags(request.folder, plans, output, catalogue=catalogue, jobs=request.jobs)
+    elapsed_s = time.monotonic() - started
     for bag in bags:
-        output.say(f'{bag}: {trials} simulated trials')
+        output.say(f'{bag.path}: {bag.trials} simulated trials')
+    trials = sum(bag.trials for bag in bags)
+    output.say(f'{trials} trials in {elapsed_s:.1f} s: {trials / elapsed_s:.0f} a second')
+    if request.plot is not None:
+        from tactile_bringup.simulation_plots import plot_simulated_trial
+
+        plot_simulated_trial(request.plot, plans[0], TrialConfig(simulated=True), catalogue)
+        output.say(f'{request.plot}: one of them as a figure')
     output.result(
         {
             'simulated': True,
             'bags': [
                 {
-                    'path': str(bag),
+                    'path': str(bag.path),
                     'protocol': plan.protocol,
                     'contact': plan.contact,
-                    'trials': trials,
+                    'sessions': plan.sessions,
+                    'trials_per_label_and_session': plan.trials_per_label,
+                    'trials': bag.trials,
+                    'aborted': dict(bag.aborted),
                     'seed': plan.seed,
                 }
                 for bag, plan in zip(bags, plans, strict=True)
             ],
         }
     )
+    return not any(bag.aborted for bag in bags)
 
 
-def make_bags(folder: Path, plans: Sequence[SimulationPlan], output: Output) -> list[Path]:
-    """Write the plans' bags, simulating on all cores, with progress.
+def make_bags(
+    folder: Path,
+    plans: Sequence[SimulationPlan],
+    output: Output,
+    *,
+    catalogue: Catalogue | None = None,
+    jobs: int = -1,
+) -> list[SimulatedBag]:
+    """Write the plans' bags with progress; name the trials that could not be computed.
 
     Raises
     ------
@@ -72,19 +104,43 @@ def make_bags(folder: Path, plans: Sequence[SimulationPlan], output: Output) -> 
     for plan in plans:
         if (folder / plan.name).exists():
             raise BagError(f'{folder / plan.name} exists already; name another folder')
+    catalogue = catalogue or Catalogue(None)
     config, features = TrialConfig(simulated=True), FeatureConfig()
-    parts = [(plan, label) for plan in plans for label in list_objects(plan.protocol)]
-    work = (delayed(simulate_label)(plan, label, config) for plan, label in parts)
-    simulated: dict[SimulationPlan, dict[str, SimulatedTrials]] = {plan: {} for plan in plans}
     bags = []
+    started = time.monotonic()
     with output.progress() as progress:
-        total = sum(plan.trials_per_label for plan, _ in parts)
+        total = sum(count_trials(plan, catalogue) for plan in plans)
         bar = progress.add_task('simulating trials', total=total)
-        results = Parallel(n_jobs=-1, return_as='generator')(work)
-        for (plan, label), trials in zip(parts, results, strict=True):
-            simulated[plan][label] = trials
-            progress.advance(bar, plan.trials_per_label)
-            if len(simulated[plan]) == len(list_objects(plan.protocol)):
-                done = simulated.pop(plan)
-                bags.append(write_simulated_bag(folder, plan, config, features, done))
+
+        def advance(count: int) -> None:
+            progress.advance(bar, count)
+            rate = progress.tasks[0].completed / max(time.monotonic() - started, 1e-3)
+            progress.update(bar, description=f'simulating trials, {rate:.0f} a second')
+
+        for plan in plans:
+            bags.append(  # noqa: PERF401 - each takes minutes
+                write_simulated_bag(
+                    folder,
+                    plan,
+                    config,
+                    features,
+                    catalogue=catalogue,
+                    jobs=jobs,
+                    on_trials=advance,
+                )
+            )
+    for bag in bags:
+        _name_aborted(bag, output)
     return bags
+
+
+def _name_aborted(bag: SimulatedBag, output: Output) -> None:
+    if bag.aborted:
+        output.say(
+            f'{bag.path}: {len(bag.aborted)} of {bag.trials} trials ABORTED, because the '
+            'simulation found no equilibrium; they give no features'
+        )
+    for trial_id, failed_at_s in bag.aborted[:5]:
+        output.say(f'   {trial_id} at {failed_at_s:.3f} s')
+    if len(bag.aborted) > 5:
+        output.say(f'   and {len(bag.aborted) - 5} more; --json names all of them')

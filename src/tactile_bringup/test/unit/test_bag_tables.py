@@ -6,6 +6,7 @@ import pytest
 from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.bags import EVENT, STRAIN, BagWriter, RecordedTopic, TactileBag
 from tactile_bringup.errors import BagError
+from tactile_bringup.simulated_trials import SAMPLES_PER_BLOCK
 
 
 def test_table_has_one_row_a_trial_with_its_label(stiffness_bag):
@@ -28,7 +29,7 @@ def test_lost_samples_leave_their_trial_out_and_say_so(rewrite, stiffness_bag, t
         if type_name == STRAIN:
             seen.append(message.sequence)
             # Inside the hold of the first trial: it lasts from about 1 s to 5 s.
-            if message.sequence == 12 * 12:
+            if message.sequence == 2 * SAMPLES_PER_BLOCK:
                 return None
         return message
 
@@ -36,7 +37,7 @@ def test_lost_samples_leave_their_trial_out_and_say_so(rewrite, stiffness_bag, t
     (table,) = found.tables.values()
     assert len(table) == 14
     assert len(found.left_out) == 1
-    assert '12 samples are missing' in found.left_out[0]
+    assert f'{SAMPLES_PER_BLOCK} samples are missing' in found.left_out[0]
 
 
 def test_trials_without_a_label_are_left_out(rewrite, stiffness_bag, tmp_path):
