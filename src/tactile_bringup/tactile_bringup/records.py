@@ -56,13 +56,13 @@ class TrialConfig:
         range=(0.001, 0.2),
     )
     flexion_displacement_m: float = _parameter(
-        0.0058,
+        0.0049,
         'tendon displacement that makes contact, in flexion',
         unit='m',
         range=(0.0, 0.1),
     )
     abduction_displacement_m: float = _parameter(
-        0.0075,
+        0.0074,
         'the same in abduction',
         unit='m',
         range=(0.0, 0.1),

@@ -8,16 +8,17 @@ import importlib
 from typing import Any
 
 _HOMES = {
+    'Catalogue': 'catalogue',
     'ConvergenceError': 'errors',
     'DescriptionError': 'errors',
-    'Move': 'fast_trials',
+    'Move': 'timeline',
     'RigError': 'errors',
     'SimulatedRig': 'rig_process',
     'SimulatedTrials': 'fast_trials',
     'TactileSimError': 'errors',
-    'Timeline': 'fast_trials',
-    'list_objects': 'description',
-    'move_duration_s': 'fast_trials',
+    'Timeline': 'timeline',
+    'list_objects': 'catalogue',
+    'move_duration_s': 'motion',
     'simulate_trials': 'fast_trials',
 }
 

@@ -47,6 +47,7 @@ class Finger:
     tip_mass_kg: float = _between(0.0, 2.0)
     tip_radius_m: float = _between(2e-4, 0.05)
     tip_stiffness_n_m: float = _between(1.0, 1e8)
+    tip_damping_n_s_m: float = _between(0.0, 1e4)
     tip_shear_stiffness_n_m: float = _between(1.0, 1e8)
     contact_bend_deg: float = _above(0.0, 150.0)
     tendon_stiffness_n_m: float = _between(1.0, 1e7)
@@ -191,6 +192,10 @@ class HeldObject:
         Of a cylinder that rolls [m]; 0 when it slides.
     kinetic_friction
         Ratio of kinetic to static friction, in (0, 1].
+    weakening_m
+        Way of sliding over which friction falls from static to kinetic [m].
+    healing_s
+        Time over which it recovers at rest [s].
     drive_stiffness_n_m
         Of what pulls it sideways [N/m].
     """
@@ -199,6 +204,8 @@ class HeldObject:
     motion: str
     radius_m: float = _between(0.0, 0.2)
     kinetic_friction: float = _above(0.0, 1.0)
+    weakening_m: float = _between(1e-6, 0.1)
+    healing_s: float = _between(1e-3, 1e3)
     drive_stiffness_n_m: float = _between(1.0, 1e6)
 
     def __post_init__(self) -> None:
@@ -329,17 +336,3 @@ class Rig:
         for name in ('texture_guide_m', 'object_guide_m'):
             if getattr(self.placement, name) > self.guide.travel_m:
                 raise DescriptionError(f'placement.{name} must be at most guide.travel_m')
-
-
-def __getattr__(name: str) -> Any:
-    # Until all callers take these from the catalogue.
-    from tactile_sim import catalogue
-
-    if name == 'list_objects':
-        return catalogue.list_objects
-    methods = {'load_finger': 'finger', 'load_plate': 'plate', 'load_body': 'body'}
-    if name in methods:
-        return getattr(catalogue.default_catalogue(), methods[name])
-    if name == 'load_rig':
-        return catalogue.default_catalogue().rig
-    raise AttributeError(f'module {__name__} has no attribute {name}')

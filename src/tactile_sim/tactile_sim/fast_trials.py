@@ -4,64 +4,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_sim.description import Rig
+from tactile_sim import layout as at
+from tactile_sim.catalogue import Catalogue, default_catalogue
 from tactile_sim.errors import DescriptionError
-from tactile_sim.load_cell_device import (
-    GRAVITY_M_S2,
-    compute_reading_kg,
-    interpolate_tension,
-)
-from tactile_sim.motion import Motion, Segment, move_duration_s, plan_ramp
-from tactile_sim.mounting import build_mount, draw_variation, make_seeds
-from tactile_sim.plant import Plant, Variation
-
-__all__ = [
-    'Move',
-    'SimulatedTrials',
-    'Timeline',
-    'move_duration_s',
-    'simulate_motion',
-    'simulate_trials',
-]
+from tactile_sim.scene import Scene, build_scene
+from tactile_sim.sensing import read_tension
+from tactile_sim.solver import advance_trials, choose_solver
+from tactile_sim.steps import BDF2, Scheme
+from tactile_sim.timeline import Timeline, plan_timeline
+from tactile_sim.variation import Variation, draw_variation
 
 FloatArray = NDArray[np.float64]
 
-STEP_S = 4e-4
+STEPS_PER_SAMPLE = 10
+"""Of the sensor, while anything moves. docs/benchmarks.md has the error of other choices."""
 
-
-@dataclass(frozen=True)
-class Move:
-    """A trapezoid of one axis: from where it stands to ``target_m``."""
-
-    start_s: float
-    target_m: float
-    speed_m_s: float
-
-
-@dataclass(frozen=True)
-class Timeline:
-    """What guide and tendon do in one trial.
-
-    Attributes
-    ----------
-    guide_moves, tendon_moves
-        In order of time; a move starts after the one before it has ended.
-    duration_s
-        Length of the trial [s].
-    guide_start_m
-        Where the guide stands at the start; the tendon starts slack, at 0 [m].
-    """
-
-    guide_moves: Sequence[Move]
-    tendon_moves: Sequence[Move]
-    duration_s: float
-    guide_start_m: float = 0.060
+_RESTING_STEPS_PER_SAMPLE = 2
+_SETTLING_S = 0.1  # the finger's own transients last some 20 ms
+_BATCH = {'compiled': 64, 'numpy': 2048}
+_ROWS = (at.SENSED, at.TENSION, at.FORCE, at.TIP_SLIDER, at.MODES)
+_MODE_ROWS = (at.MODES + 1, at.MODES + 2)
 
 
 @dataclass(frozen=True)
@@ -71,16 +40,42 @@ class SimulatedTrials:
     Attributes
     ----------
     tension_n : ndarray of float, shape (trials, samples)
-        What the load cell's lines say, in newtons.
+        What the load cell reads [N]; NaN from where a trial found no balance.
     sample_times_s : ndarray of float, shape (samples,)
         Time of each sample since the start of the timeline, by the true clock [s].
     truth : mapping of str to ndarray, shape (trials, samples)
-        ``tension_n`` without noise, ``contact_force_n`` [N] and ``bend_rad`` [rad].
+        What no sensor says; see `SimulatedMotion`.
+    failed_at_s : ndarray of float, shape (trials,)
+        When a trial found no balance [s]; NaN for one that did.
     """
 
     tension_n: FloatArray
     sample_times_s: FloatArray
     truth: Mapping[str, FloatArray]
+    failed_at_s: FloatArray
+
+
+@dataclass(frozen=True)
+class SimulatedMotion:
+    """The physics of trials, without the sensor's errors.
+
+    Attributes
+    ----------
+    sample_times_s : ndarray of float, shape (samples,)
+    sensed_n : ndarray of float, shape (trials, samples)
+        Tension and crosstalk behind the sensor's low pass [N].
+    truth : mapping of str to ndarray, shape (trials, samples)
+        ``tension_n`` and ``contact_force_n`` [N], ``bend_rad`` [rad]; for slip ``slip_m``,
+        the way that the fingertip slid since the pull began [m]; if asked for,
+        ``modes_rad`` of shape (trials, samples, 3).
+    failed_at_s : ndarray of float, shape (trials,)
+        NaN, or when a trial found no balance; from there on its rows are NaN.
+    """
+
+    sample_times_s: FloatArray
+    sensed_n: FloatArray
+    truth: Mapping[str, FloatArray]
+    failed_at_s: FloatArray
 
 
 def simulate_trials(
@@ -90,124 +85,158 @@ def simulate_trials(
     timeline: Timeline,
     count: int,
     seed: int,
+    *,
+    session: int = 0,
+    first: int = 0,
+    catalogue: Catalogue | None = None,
+    solver: str = '',
 ) -> SimulatedTrials:
-    """Simulate ``count`` trials of one object; trial i depends on seed and i alone.
+    """Simulate trials ``first`` to ``first + count - 1`` of one object in one session.
+
+    Each trial depends on (seed, session, protocol, contact, object, its number) alone.
 
     Raises
     ------
     DescriptionError
-        No such protocol, object or contact, or the timeline does not fit the rig.
+        No such protocol, object, contact or solver, or the timeline does not fit the rig.
     ConvergenceError
-        A step of the physics found no solution.
+        The finger finds no rest at the start.
     """
-    if count < 1:
-        raise DescriptionError(f'count is {count}; it must be at least 1')
-    rig = build_mount(protocol, object_label, contact)[1]
-    seeds = make_seeds(protocol, object_label, contact, seed, count)
-    generators = [np.random.default_rng(s) for s in seeds]
-    variation = draw_variation(rig.variation, generators)
-    times_s, truth = simulate_motion(protocol, object_label, contact, timeline, variation)
-    noise = np.stack([generator.standard_normal(len(times_s)) for generator in generators])
-    reading_kg = compute_reading_kg(rig.load_cell, truth['tension_n'], noise)
-    return SimulatedTrials(reading_kg * GRAVITY_M_S2, times_s, truth)
+    if count < 1 or first < 0 or session < 0 or seed < 0:
+        raise DescriptionError(
+            f'count is {count}, first {first}, session {session}, seed {seed}; '
+            'count must be at least 1, and the others at least 0'
+        )
+    catalogue = catalogue or default_catalogue()
+    scene = build_scene(protocol, object_label, contact, catalogue)
+    variation, generators = draw_variation(
+        catalogue, contact, protocol, object_label, seed, session, count, first
+    )
+    # A sample falls on the end of a step, so that nothing is interpolated where it matters.
+    phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE
+    motion = simulate_motion(scene, timeline, replace(variation, phase=phase), solver)
+    tension_n = read_tension(
+        scene.rig.load_cell, motion.sensed_n, variation.sensor_bias_n, generators
+    )
+    return SimulatedTrials(tension_n, motion.sample_times_s, motion.truth, motion.failed_at_s)
 
 
 def simulate_motion(
-    protocol: str,
-    object_label: str,
-    contact: str,
+    scene: Scene,
     timeline: Timeline,
     variation: Variation,
-    step_s: float = STEP_S,
-) -> tuple[FloatArray, Mapping[str, FloatArray]]:
-    """The physics of ``simulate_trials`` for given variations: sample times and truth."""
-    finger, rig, mount = build_mount(protocol, object_label, contact)
-    guide, tendon = plan_timeline(rig, timeline)
-    lag_s = variation.phase * rig.load_cell.period_s
-    start = -lag_s
-    plant = Plant(
-        finger, rig, mount, variation, guide.positions_at(start), tendon.positions_at(start)
+    solver: str = '',
+    scheme: Scheme = BDF2,
+    steps_per_sample: int = STEPS_PER_SAMPLE,
+    keep_modes: bool = False,
+) -> SimulatedMotion:
+    """The physics of `simulate_trials` for given variations.
+
+    While the axes rest, steps are ``steps_per_sample / 5`` a sample, at least 1.
+
+    Raises
+    ------
+    DescriptionError
+        No such solver, or the timeline does not fit the rig.
+    ConvergenceError
+        The finger finds no rest at the start.
+    """
+    solver = choose_solver(solver)
+    schedule = _Schedule(scene, timeline, steps_per_sample)
+    rows = _ROWS + _MODE_ROWS if keep_modes else _ROWS
+    parts = []
+    for begin in range(0, len(variation.phase), _BATCH[solver]):
+        some = variation.select(slice(begin, begin + _BATCH[solver]))
+        parts.append(_run_batch(scene, schedule, some, solver, scheme, rows))
+    sampled = np.concatenate([part[0] for part in parts], axis=1)
+    failed_at_s = np.concatenate([part[1] for part in parts])
+    failed = np.flatnonzero(np.isfinite(failed_at_s))
+    for trial in failed:
+        sampled[:, trial, schedule.sample_times_s > failed_at_s[trial]] = np.nan
+    sensed_n, tension_n, force_n, slider_m, bend_rad = sampled[:5]
+    truth = {'tension_n': tension_n, 'contact_force_n': force_n, 'bend_rad': bend_rad}
+    if timeline.object_moves:
+        pulled = int(np.searchsorted(schedule.sample_times_s, timeline.object_moves[0].start_s))
+        slip_m = np.abs(slider_m - slider_m[:, pulled : pulled + 1])
+        slip_m[:, :pulled] = 0.0
+        truth['slip_m'] = slip_m
+    if keep_modes:
+        truth['modes_rad'] = np.moveaxis(sampled[4:7], 0, -1)
+    return SimulatedMotion(schedule.sample_times_s, sensed_n, truth, failed_at_s)
+
+
+class _Schedule:
+    """Steps of a timeline: fine while an axis moves, coarse while all rest."""
+
+    def __init__(self, scene: Scene, timeline: Timeline, steps_per_sample: int) -> None:
+        period_s = scene.rig.load_cell.period_s
+        axes = plan_timeline(scene.rig, timeline)
+        periods = int(timeline.duration_s / period_s + 1e-9)
+        self.sample_times_s: FloatArray = period_s * np.arange(periods + 1, dtype=np.float64)
+        moving = np.zeros(periods, dtype=bool)
+        for axis in axes:
+            for start_s, end_s in axis.busy_s:
+                low, high = math.floor(start_s / period_s), (end_s + _SETTLING_S) / period_s
+                moving[max(low, 0) : math.ceil(high)] = True
+        resting = max(1, steps_per_sample * _RESTING_STEPS_PER_SAMPLE // STEPS_PER_SAMPLE)
+        steps = np.where(moving, steps_per_sample, resting)
+        self.lengths = np.repeat(np.where(moving, 0, 1), steps)
+        lengths_s = np.array([period_s / steps_per_sample, period_s / resting])
+        self.coefficients = scene.compute_coefficients(tuple(lengths_s))
+        self._before = np.concatenate([[0], np.cumsum(steps)])  # steps before each period
+        # From whole periods, so that rounding does not add up.
+        within = np.arange(len(self.lengths)) - np.repeat(self._before[:-1], steps)
+        started_s = np.repeat(self.sample_times_s[:-1], steps)
+        self.times_s = started_s + (within + 1) * lengths_s[self.lengths]
+        guide, tendon, pulled = (axis.positions_at(self.times_s) for axis in axes)
+        self.inputs = scene.compute_inputs(tendon, guide, pulled)
+        rest = [axis.positions_at(np.zeros(1) - 1.0) for axis in axes]
+        self.start = scene.compute_inputs(rest[1], rest[0], rest[2])[0]
+
+    def locate_samples(self, phase: float) -> FloatArray:
+        """Place of each sample, counted in steps from the start; the first is at rest."""
+        periods = len(self._before) - 1
+        place = np.maximum(np.arange(periods + 1) - phase, 0.0)
+        steps = np.interp(place, np.arange(periods + 1), self._before)
+        # Meant to be whole where it is so but for rounding.
+        whole = np.rint(steps)
+        return np.where(np.abs(steps - whole) < 1e-9, whole, steps)
+
+
+def _run_batch(
+    scene: Scene,
+    schedule: _Schedule,
+    variation: Variation,
+    solver: str,
+    scheme: Scheme,
+    rows: tuple[int, ...],
+) -> tuple[FloatArray, FloatArray]:
+    """Sampled rows, shape (rows, trials, samples), and when each trial failed."""
+    count = len(variation.phase)
+    failed = np.full(count, -1, dtype=np.int64)
+    out = advance_trials(
+        solver,
+        scene.start_trials(solver, variation, schedule.start),
+        scene.parameters,
+        schedule.lengths,
+        schedule.start,
+        schedule.inputs,
+        schedule.coefficients,
+        rows,
+        failed,
+        scheme,
     )
-    period_s = rig.load_cell.period_s
-    samples = int(timeline.duration_s / period_s + 1e-9) + 1
-    sample_times_s: FloatArray = period_s * np.arange(samples, dtype=np.float64)
-    names = ('tension_n', 'contact_force_n', 'bend_rad')
-    rows: dict[str, list[FloatArray]] = {name: [] for name in names}
-    before = {name: getattr(plant, name) for name in names}
-    taken = 0
-    for step in range(int(np.ceil(timeline.duration_s / step_s)) + 1):
-        if step:
-            times = step * step_s - lag_s
-            plant.step(guide.positions_at(times), tendon.positions_at(times), step_s)
-        after = {name: getattr(plant, name) for name in names}
-        while taken < len(sample_times_s) and sample_times_s[taken] <= step * step_s + 1e-12:
-            for name in names:
-                rows[name].append(
-                    interpolate_tension(
-                        (step - 1) * step_s,
-                        before[name],
-                        step * step_s,
-                        after[name],
-                        sample_times_s[taken],
-                    )
-                )
-            taken += 1
-        before = after
-    truth = {name: np.ascontiguousarray(np.array(rows[name]).T) for name in names}
-    return sample_times_s[:taken], truth
-
-
-def plan_timeline(rig: Rig, timeline: Timeline) -> tuple[Motion, Motion]:
-    """Motions of guide and tendon; targets are rounded as the devices round them."""
-    if not 0.0 <= timeline.guide_start_m <= rig.guide.travel_m:
-        raise DescriptionError(f'guide_start_m is {timeline.guide_start_m}; it is off the guide')
-    if not 0.0 < timeline.duration_s < 3600.0:
-        raise DescriptionError(f'duration_s is {timeline.duration_s}; it must be in (0, 3600)')
-    for move in timeline.guide_moves:
-        if not 0.0 <= move.target_m <= rig.guide.travel_m:
-            raise DescriptionError(f'the guide cannot go to {move.target_m} m')
-    guide = _plan_axis(
-        'guide',
-        timeline.guide_start_m,
-        timeline.guide_moves,
-        rig.guide.max_speed_m_s,
-        rig.guide.acceleration_m_s2,
-        rig.guide.step_m,
-    )
-    tendon = _plan_axis(
-        'tendon',
-        0.0,
-        timeline.tendon_moves,
-        rig.tendon.max_speed_m_s,
-        rig.tendon.max_acceleration_m_s2,
-        rig.tendon.m_per_count,
-    )
-    return guide, tendon
-
-
-def _plan_axis(
-    name: str,
-    start_m: float,
-    moves: Sequence[Move],
-    max_speed_m_s: float,
-    acceleration_m_s2: float,
-    unit_m: float,
-) -> Motion:
-    segments: list[Segment] = []
-    position, free_s = start_m, -np.inf
-    for move in moves:
-        if move.start_s < free_s - 1e-9:
-            raise DescriptionError(
-                f'the {name} move at {move.start_s} s starts before the one before it ends, '
-                f'at {free_s:.3f} s; start it later'
-            )
-        if not 0.0 < move.speed_m_s <= max_speed_m_s:
-            raise DescriptionError(
-                f'the {name} cannot move at {move.speed_m_s} m/s; its limit is {max_speed_m_s} m/s'
-            )
-        target = round(move.target_m / unit_m) * unit_m
-        ramp = plan_ramp(move.start_s, position, target, move.speed_m_s, acceleration_m_s2)
-        segments += ramp
-        position = target
-        free_s = ramp[-1].end_s if ramp else move.start_s
-    return Motion(start_m, segments, position)
+    sampled = np.empty((len(rows), count, len(schedule.sample_times_s)))
+    for phase in np.unique(variation.phase):
+        trials = np.flatnonzero(variation.phase == phase)
+        place = schedule.locate_samples(float(phase))
+        block, column = trials // out.shape[-1], trials % out.shape[-1]
+        low = place.astype(np.intp)
+        values = out[block, low[:, np.newaxis], :, column]
+        between = np.flatnonzero(place > low)
+        after = out[block, low[between, np.newaxis] + 1, :, column]
+        part = (place - low)[between, np.newaxis, np.newaxis]
+        values[between] += part * (after - values[between])
+        sampled[:, trials] = values.transpose(2, 1, 0)
+    times_s = np.concatenate([schedule.times_s, [np.nan]])
+    return sampled, times_s[failed]

@@ -66,6 +66,12 @@ class Motion:
         self._table = np.ascontiguousarray(finite.T)
         self._start_array = np.array(self._starts)
 
+    @property
+    def busy_s(self) -> list[tuple[float, float]]:
+        """Start and end of every stretch of motion [s]."""
+        moving = [part for part in self._parts if not math.isinf(part.duration_s)]
+        return [(part.start_s, part.end_s) for part in moving]
+
     def state_at(self, time_s: float) -> tuple[float, float]:
         """Position and velocity at a time."""
         part = self._parts[bisect_right(self._starts, time_s) - 1]

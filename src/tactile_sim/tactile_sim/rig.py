@@ -6,15 +6,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from tactile_sim.description import load_rig
+from tactile_sim.catalogue import Catalogue, default_catalogue
 from tactile_sim.dynamixel_device import DynamixelDevice
 from tactile_sim.errors import RigError
 from tactile_sim.grbl_device import GrblDevice
 from tactile_sim.load_cell_device import LoadCellDevice
-from tactile_sim.mounting import build_mount, draw_variation
-from tactile_sim.plant import Plant, Variation
+from tactile_sim.plant import Plant
+from tactile_sim.scene import build_scene
+from tactile_sim.variation import Variation, draw_variation, make_generator
 
 STEP_S = 1e-3
 _SLACK_M = 5e-4
@@ -29,6 +28,8 @@ class PalpationRig:
         Of the trials' variations and the sensor's noise.
     variation
         The same variation for every trial instead of drawn ones.
+    catalogue
+        What can be mounted; None for the packaged descriptions.
 
     Attributes
     ----------
@@ -38,22 +39,26 @@ class PalpationRig:
         Time since the rig was switched on [s].
     """
 
-    def __init__(self, seed: int = 0, variation: Variation | None = None) -> None:
-        description = load_rig()
+    def __init__(
+        self,
+        seed: int = 0,
+        variation: Variation | None = None,
+        catalogue: Catalogue | None = None,
+    ) -> None:
+        self._catalogue = catalogue or default_catalogue()
+        description = self._catalogue.rig()
         self.guide = GrblDevice(description.guide)
         self.tendon = DynamixelDevice(description.tendon)
-        self._seeds = np.random.SeedSequence(seed)
-        self.sensor = LoadCellDevice(
-            description.load_cell, np.random.default_rng(self._seeds.spawn(1)[0])
-        )
-        self._spread = description.variation
+        self._seed = seed
+        self.sensor = LoadCellDevice(description.load_cell, make_generator(seed, 'sensor'))
         self._variation = variation
         self._steps = 0
         self._mounted = {'protocol': 'stiffness', 'object': 'none', 'contact': 'flexion'}
         self._trials = 0
-        finger, rig, mount = build_mount('stiffness', 'none', 'flexion')
-        self._plant = Plant(finger, rig, mount, Variation.none(), self.guide.position_m(0.0), 0.0)
-        self.sensor.record(0.0, self._plant.tension_n)
+        scene = build_scene('stiffness', 'none', 'flexion', self._catalogue)
+        guide_m = self.guide.position_m(0.0)
+        self._plant = Plant(scene, Variation.none(), guide_m, 0.0, STEP_S)
+        self._record(0.0)
 
     @property
     def now_s(self) -> float:
@@ -63,11 +68,13 @@ class PalpationRig:
         """Move on in steps of the physics, to ``now_s`` at the most; returns the time reached."""
         while (next_s := (self._steps + 1) * STEP_S) <= now_s:
             self._steps += 1
-            self.tendon.advance(next_s, float(self._plant.tension_n[0]))
-            guide_m = self.guide.position_m(next_s)
-            self._plant.step(guide_m, self.tendon.displacement_m, STEP_S)
-            self.sensor.record(next_s, self._plant.tension_n)
+            self.tendon.advance(next_s, self._plant.tension_n)
+            self._plant.step(self.guide.position_m(next_s), self.tendon.displacement_m)
+            self._record(next_s)
         return self.now_s
+
+    def _record(self, time_s: float) -> None:
+        self.sensor.record(time_s, self._plant.tension_n, self._plant.contact_force_n)
 
     def mount(self, protocol: str, object_label: str, contact: str) -> dict[str, Any]:
         """Put a plate or object under the finger, or turn the finger to the other contact.
@@ -79,7 +86,9 @@ class PalpationRig:
         RigError
             The tendon is pulled.
         """
-        finger, _, mount = build_mount(protocol, object_label, contact)
+        if protocol == 'slip':
+            raise RigError('nothing on the rig pulls a held object; slip is simulated only')
+        scene = build_scene(protocol, object_label, contact, self._catalogue)
         if self.tendon.displacement_m > _SLACK_M:
             raise RigError(
                 f'the tendon is wound in by {self.tendon.displacement_m * 1e3:.1f} mm; '
@@ -87,10 +96,12 @@ class PalpationRig:
             )
         variation = self._variation
         if variation is None:
-            generator = np.random.default_rng(self._seeds.spawn(1)[0])
-            variation = draw_variation(self._spread, [generator])
+            variation, _ = draw_variation(
+                self._catalogue, contact, protocol, object_label, self._seed, 0, 1, self._trials
+            )
         guide_m = self.guide.position_m(self.now_s)
-        self._plant.exchange(mount, variation, guide_m, self.tendon.displacement_m, finger)
+        self._plant.exchange(scene, variation, guide_m, self.tendon.displacement_m)
+        self.sensor.set_bias(float(variation.sensor_bias_n[0]))
         self._mounted = {'protocol': protocol, 'object': object_label, 'contact': contact}
         self._trials += 1
         return {'ok': True, **self._mounted, 'trial': self._trials}
@@ -101,8 +112,8 @@ class PalpationRig:
             'time_s': self.now_s,
             'guide_position_m': self.guide.position_m(self.now_s),
             'tendon_displacement_m': self.tendon.displacement_m,
-            'bend_rad': float(self._plant.bend_rad[0]),
-            'tension_n': float(self._plant.tension_n[0]),
-            'contact_force_n': float(self._plant.contact_force_n[0]),
+            'bend_rad': self._plant.bend_rad,
+            'tension_n': self._plant.tension_n,
+            'contact_force_n': self._plant.contact_force_n,
             'mount': dict(self._mounted),
         }

@@ -15,40 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.description import LoadCell
+from tactile_sim.relaxation import compute_relaxation
 
 FloatArray = NDArray[np.float64]
 
-_SERIES_BELOW = 1.0
-_SERIES_TERMS = 22  # the first term left out is below 1e-21
-
 
 def low_pass_coefficients(step_s: float, low_pass_hz: float) -> tuple[float, float, float]:
-    """Coefficients (alpha, beta, gamma) of one step of the sensor's one-pole filter.
-
-    ``y1 = alpha y0 + beta u0 + gamma u1`` solves y' = 2 pi f (u - y) exactly for an input u
-    that is linear over the step (first-order hold). With a = 2 pi f h they are exp(-a),
-    (1 - exp(-a)) / a - exp(-a) and 1 - (1 - exp(-a)) / a, and add up to 1.
+    """Coefficients of one step of the sensor's one-pole filter; see `compute_relaxation`.
 
     Parameters
     ----------
     step_s
-        Length of the step, from 0 to any number [s].
+        Length of the step, from 0 to infinity [s].
     low_pass_hz
         Frequency at which the filter halves the power [Hz].
     """
-    a = 2 * math.pi * low_pass_hz * step_s
-    alpha = math.exp(-a)
-    if a >= _SERIES_BELOW:
-        mean = -math.expm1(-a) / a
-        return alpha, mean - alpha, 1 - mean
-    # The quotients cancel for short steps; their Taylor series do not.
-    beta = gamma = 0.0
-    term = 1.0
-    for k in range(1, _SERIES_TERMS):
-        term *= -a / (k + 1)  # (-a)^k / (k + 1)!
-        beta -= k * term
-        gamma -= term
-    return alpha, beta, gamma
+    return compute_relaxation(step_s, 1 / (2 * math.pi * low_pass_hz))
 
 
 def read_tension(

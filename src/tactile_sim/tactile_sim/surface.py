@@ -67,8 +67,12 @@ def compute_plate_profile(plate: Plate, x_m: FloatArray, tray_depth_m: float) ->
     height = np.where((x_m >= 0) & (x_m <= plate.length_m), 0.0, -tray_depth_m)
     if plate.groove == 'none':
         return height
-    width, depth = plate.width_mm * 1e-3, plate.depth_mm * 1e-3
     along = x_m - plate.end_mm * 1e-3
+    if plate.groove == 'profile':
+        points_m = 1e-3 * np.array(plate.points_mm)
+        drawn = np.interp(along, points_m[:, 0], points_m[:, 1])
+        return np.where((along >= 0) & (along <= plate.grooved_mm * 1e-3), drawn, height)
+    width, depth = plate.width_mm * 1e-3, plate.depth_mm * 1e-3
     # Each pitch is half a land, a groove, half a land; no groove is cut at the zone's end.
     pitch = plate.pitch_mm * 1e-3
     count = int(plate.grooved_mm * 1e-3 / pitch + 1e-9)
@@ -118,3 +122,12 @@ def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) 
     x_m = -margin + SPACING_M * np.arange(points, dtype=np.float64)
     bare = compute_plate_profile(plate, x_m, tray_depth_m)
     return build_surface(dilate_by_circle(bare, SPACING_M, tip_radius_m), -margin, SPACING_M)
+
+
+@lru_cache
+def build_crown_surface(radius_m: float, tip_radius_m: float) -> Surface:
+    """What a fingertip of this radius feels of a lying cylinder; the crown is at 0."""
+    both_m = radius_m + tip_radius_m
+    points = round(both_m / SPACING_M)  # to half the sum on either side: 30 deg steep
+    x_m = SPACING_M * (np.arange(points, dtype=np.float64) - points // 2)
+    return build_surface(np.sqrt(both_m**2 - x_m**2) - both_m, float(x_m[0]), SPACING_M)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,10 @@ class Variation:
         """Trials exactly as described."""
         zero, one = np.zeros(count), np.ones(count)
         return cls(zero, zero, one, one, one, one, zero, zero, zero)
+
+    def select(self, trials: slice) -> Variation:
+        """Some of the trials."""
+        return Variation(**{item.name: getattr(self, item.name)[trials] for item in fields(self)})
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,135 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The NumPy solver: all trials of a batch advance at once, an array operation at a time.
+
+It runs the same operations as the compiled one, number for number, so it gives the same
+bits; it needs no compiler, and takes other floating-point types than double precision.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tactile_sim import layout as at
+from tactile_sim.row_operations import (
+    begin_creep,
+    begin_object,
+    begin_step,
+    end_object,
+    end_step,
+    find_cell,
+    improve,
+    leave_object,
+    locate,
+    press_object,
+    press_rigid,
+)
+from tactile_sim.steps import MAX_HALVINGS, split_inputs
+
+_ALL = slice(None)
+_CROWDED = 0.7
+"""Trials that have converged leave the batch once fewer than this share is open."""
+
+
+def advance(
+    state: Any,
+    scene: Any,
+    lengths: Any,
+    start: Any,
+    inputs: Any,
+    coefficients: Any,
+    control: Any,
+    rows: Any,
+    out: Any,
+    failed: Any,
+) -> None:
+    """Advance all trials; see `solver.advance_trials`."""
+    z = np.zeros((at.ROWS, state.shape[1]), dtype=state.dtype)
+    z[: at.TRIAL_ROWS] = state
+    before = start
+    part_inputs = np.empty(at.INPUTS)
+    with np.errstate(all='ignore'):
+        for s, length in enumerate(lengths):
+            if s == 0 or length != lengths[s - 1]:
+                z[at.FRESH] = 1.0
+            kept = z[: at.STATE_ROWS].copy()
+            pending = np.flatnonzero(failed < 0)
+            for level in range(MAX_HALVINGS + 1):
+                work = z if len(pending) == z.shape[1] else z[:, pending]
+                work[at.ACTIVE] = 1.0
+                if level > 0:
+                    work[: at.STATE_ROWS] = kept[:, pending]
+                    work[at.FRESH] = 1.0
+                row = coefficients[length, level].tolist()
+                for part in range(1 << level):
+                    split_inputs(before, inputs[s], (part + 1.0) / (1 << level), part_inputs)
+                    _solve(work, row, part_inputs.tolist(), scene, control)
+                    work[at.ACTIVE] = work[at.SOLVED]
+                if level > 0:
+                    work[at.FRESH] = 1.0
+                solved = work[at.SOLVED] > 0.0
+                kept[:, pending[solved]] = work[: at.STATE_ROWS, solved]
+                pending = pending[~solved]
+                if len(pending) == 0:
+                    break
+            z[: at.STATE_ROWS] = kept
+            failed[pending] = s
+            before = inputs[s]
+            out[s] = z[rows]
+    state[: at.STATE_ROWS] = z[: at.STATE_ROWS]
+
+
+def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
+    constants, springs, _, _, yields = scene
+    second, grip, _, iterations = control
+    begin_step(z, _ALL, row, second)
+    begin_creep(z, _ALL, row, constants)
+    if yields:
+        begin_object(z, _ALL, row, springs)
+    if inputs[at.PRESENT_INPUT] <= 0.0:
+        z[at.NEW_FORCE] = 0.0
+        z[at.FORCE_SLOPE] = 0.0
+        if yields:
+            leave_object(z, _ALL)
+    work, columns = z, None
+    for _ in range(iterations):
+        _iterate(work, row, inputs, scene, control)
+        still = np.flatnonzero(work[at.OPEN])
+        if len(still) == 0:
+            break
+        if len(still) < _CROWDED * work.shape[1]:
+            if columns is None:
+                columns = still
+            else:
+                z[:, columns] = work
+                columns = columns[still]
+            work = z[:, columns]
+    if columns is not None:
+        z[:, columns] = work
+    end_step(z, _ALL, row, grip, constants)
+    if yields:
+        end_object(z, _ALL, row)
+
+
+def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
+    constants, _, table, grid, yields = scene
+    _, grip, tolerance, _ = control
+    locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
+    if len(table) > 1:
+        find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)
+        cell = z[at.CELL]
+        index = cell.astype(np.intp)
+        part = cell - index
+        height, rise, slope, bend = table[index].T
+        z[at.HEIGHT] = height + part * rise
+        z[at.INCLINE] = slope + part * bend
+        z[at.BEND] = bend * grid[1]
+    if inputs[at.PRESENT_INPUT] > 0.0:
+        if yields:
+            press_object(z, _ALL, constants)
+        else:
+            press_rigid(z, _ALL, constants)
+    tendon_m, material_m = inputs[at.TENDON_INPUT], inputs[at.MATERIAL_INPUT]
+    improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, constants)
