@@ -19,6 +19,8 @@ HELD = {
     'motion': 'roll',
     'radius_m': 0.01,
     'kinetic_friction': 0.8,
+    'weakening_m': 1e-4,
+    'healing_s': 0.1,
     'drive_stiffness_n_m': 100.0,
 }
 FLAT = {'groove': 'none', 'end_mm': 10.0, 'grooved_mm': 50.0, 'friction': 0.4}

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linear_guide_driver import dynamixel_registers as known
-from tactile_sim.description import load_rig
+from tactile_sim.catalogue import default_catalogue
 from tactile_sim.dynamixel_device import DynamixelDevice
 from tactile_sim.dynamixel_packets import (
     InstructionParser,
@@ -15,7 +15,7 @@ from tactile_sim.dynamixel_packets import (
     encode_status,
 )
 
-DRIVE = load_rig().tendon
+DRIVE = default_catalogue().rig().tendon
 RANGE, LENGTH, LIMIT, ACCESS = 4, 5, 6, 7
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linear_guide_driver.grbl_codes import ALARMS, ERRORS
-from tactile_sim.description import load_rig
+from tactile_sim.catalogue import default_catalogue
 from tactile_sim.grbl_device import GrblDevice
 
 
@@ -15,7 +15,7 @@ class Bench:
     """A controller and its clock."""
 
     def __init__(self, homed=True):
-        self.device = GrblDevice(load_rig().guide)
+        self.device = GrblDevice(default_catalogue().rig().guide)
         self.now_s = 0.0
         if homed:
             assert self.send('$H\n', after_s=20.0).endswith('ok\r\n')

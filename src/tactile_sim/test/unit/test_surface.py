@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_sim.description import list_objects, load_plate
+from tactile_sim.catalogue import default_catalogue, list_objects
 from tactile_sim.surface import (
     SPACING_M,
     build_plate_surface,
@@ -45,7 +45,7 @@ def test_dilation_never_falls_below_the_profile():
 
 @pytest.mark.parametrize('label', list_objects('texture'))
 def test_profile_has_the_stated_grooves(label):
-    plate = load_plate(label)
+    plate = default_catalogue().plate(label)
     x = SPACING_M * (np.arange(round(plate.length_m / SPACING_M)) + 0.5)
     bare = compute_plate_profile(plate, x, 2e-3)
     cut = np.flatnonzero(np.diff((bare < -1e-9).astype(int)) == 1)
@@ -57,7 +57,7 @@ def test_profile_has_the_stated_grooves(label):
 
 
 def test_circular_groove_is_an_arc():
-    plate = load_plate('C1')
+    plate = default_catalogue().plate('C1')
     off = np.linspace(-1.2e-3, 1.2e-3, 50)
     centre = (plate.end_mm + plate.pitch_mm / 2) * 1e-3
     bottom = compute_plate_profile(plate, centre + off, 2e-3)
@@ -68,7 +68,7 @@ def test_circular_groove_is_an_arc():
 def test_all_plates_feel_different():
     x = np.linspace(0.01, 0.06, 5000)
     felt = [
-        build_plate_surface(load_plate(label), RADIUS_M, 2e-3).sample(x)[0]
+        build_plate_surface(default_catalogue().plate(label), RADIUS_M, 2e-3).sample(x)[0]
         for label in list_objects('texture')
     ]
     for i, one in enumerate(felt):
@@ -77,7 +77,7 @@ def test_all_plates_feel_different():
 
 
 def test_slope_is_the_derivative_of_the_height():
-    surface = build_plate_surface(load_plate('R1'), RADIUS_M, 2e-3)
+    surface = build_plate_surface(default_catalogue().plate('R1'), RADIUS_M, 2e-3)
     x, h = np.linspace(0.012, 0.05, 4001), 2e-5
     ahead, behind = surface.sample(x + h)[0], surface.sample(x - h)[0]
     difference = np.abs((ahead - behind) / (2 * h) - surface.sample(x)[1])
