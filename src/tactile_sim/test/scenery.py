@@ -1,0 +1,108 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes with changed descriptions, and short runs of them with any step."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_sim import layout as at
+from tactile_sim.catalogue import default_catalogue
+from tactile_sim.scene import Scene, build_scene
+from tactile_sim.solver import TOLERANCE_NM, advance_trials
+from tactile_sim.steps import BDF2
+from tactile_sim.variation import Variation, draw_variation
+
+CONTACT_GUIDE_M = 0.060
+PULL_M = {'flexion': 0.0054, 'abduction': 0.0075}
+"""Tendon displacement that presses the fingertip on a plate with some 1 N."""
+
+
+class Run(NamedTuple):
+    """States before the first step and after each, shape (rows, trials, steps + 1)."""
+
+    rows: np.ndarray
+    failed: np.ndarray
+    state: np.ndarray
+
+    def get(self, row):
+        """One row of a run of all state rows, shape (trials, steps + 1)."""
+        return self.rows[row]
+
+
+def change(scene, body=None, rig=None, load_cell=None, **finger):
+    """The scene with another body, rig or load cell, or with other fields of its finger."""
+    made = {'finger': dataclasses.replace(scene.finger, **finger)} if finger else {}
+    if body is not None:
+        made['body'] = body
+    if load_cell is not None:
+        made['rig'] = dataclasses.replace(scene.rig, load_cell=load_cell)
+    return dataclasses.replace(scene, **made)
+
+
+def free_scene(contact='flexion', **finger):
+    """Nothing under the finger."""
+    return change(build_scene('stiffness', 'none', contact), **finger)
+
+
+def object_scene(body, contact='flexion', **finger):
+    """A body of one's own under the finger."""
+    return change(build_scene('stiffness', 'sponge', contact), body=body, **finger)
+
+
+def plate_scene(label='F', contact='flexion', **finger):
+    """A packaged plate, with another finger."""
+    scene = build_scene('texture', label, contact)
+    return change(scene, **finger) if finger else scene
+
+
+def draw(count, protocol='texture', label='R2', contact='flexion', seed=1):
+    """Deviations of some trials."""
+    catalogue = default_catalogue()
+    return draw_variation(catalogue, contact, protocol, label, seed, 0, count)[0]
+
+
+def ramp(times_s, start_s, before, after, speed):
+    """From one value to another with constant speed."""
+    way = np.clip((times_s - start_s) * speed, 0.0, abs(after - before))
+    return before + np.copysign(way, after - before)
+
+
+def run(
+    scene: Scene,
+    step_s,
+    tendon_m,
+    guide_m=CONTACT_GUIDE_M,
+    pulled_m=0.0,
+    *,
+    variation=None,
+    solver='compiled',
+    scheme=BDF2,
+    tolerance_nm=TOLERANCE_NM,
+    dtype=np.float64,
+):
+    """Advance from rest; inputs are given before the first step and at the end of each."""
+    tendon_m = np.asarray(tendon_m)
+    steps = len(tendon_m) - 1
+    guide_m, pulled_m = (np.broadcast_to(v, steps + 1) for v in (guide_m, pulled_m))
+    inputs = scene.compute_inputs(tendon_m, guide_m, pulled_m)
+    variation = variation or Variation.none()
+    state = scene.start_trials(solver, variation, inputs[0], dtype=dtype)
+    failed = np.full(len(variation.phase), -1, dtype=np.int64)
+    out = advance_trials(
+        solver,
+        state,
+        scene.parameters,
+        np.zeros(steps, dtype=np.int64),
+        inputs[0],
+        inputs[1:],
+        scene.compute_coefficients((step_s,)),
+        tuple(range(at.STATE_ROWS)),
+        failed,
+        scheme,
+        tolerance_nm=tolerance_nm,
+    )
+    # From (blocks, steps + 1, rows, width) to trials side by side.
+    rows = np.moveaxis(out, 0, 2).reshape(out.shape[1], out.shape[2], -1)
+    return Run(np.transpose(rows[..., : len(failed)], (1, 2, 0)), failed, state)
