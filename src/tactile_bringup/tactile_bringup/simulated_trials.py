@@ -42,7 +42,7 @@ EPOCH_NS = 1_600_000_000_000_000_000
 IDLE_S = 0.2
 """Rest before and after a trial."""
 
-SLIP_M = 1e-4
+SLIP_M = 2e-4
 """The object has slipped when the fingertip has moved so far over it (assumed) [m]."""
 
 

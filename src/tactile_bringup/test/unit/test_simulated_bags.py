@@ -266,7 +266,7 @@ def test_slip_bag_tells_the_true_onset(simulator, tmp_path):
     phases = dict(plan_trial(CONFIG, TrialRequest('slip', 'flexion')).phases)
     begin_s = phases['pull'] + 0.1
     simulator.slip_m = lambda label, times_s: (
-        1e-3 * np.clip(times_s - begin_s, 0, None) * (label == 'sliding')
+        1e-3 * np.clip(times_s - begin_s, 0, None) * (label == 'smooth')
     )
     bag = write(tmp_path, SimulationPlan('slip', 'flexion', 1, 7))
     with TactileBag(bag.path) as opened:
@@ -275,8 +275,8 @@ def test_slip_bag_tells_the_true_onset(simulator, tmp_path):
     onset_s = table['onset_s']
     assert set(onset_s) == set(read_events(bag.path))
     expected_s = begin_s + SLIP_M / 1e-3 - phases['approach']
-    assert onset_s['slip_flexion-7-0-sliding-0000'] == pytest.approx(expected_s, abs=1e-6)
-    assert onset_s['slip_flexion-7-0-held-0000'] is None
+    assert onset_s['slip_flexion-7-0-smooth-0000'] == pytest.approx(expected_s, abs=1e-6)
+    assert onset_s['slip_flexion-7-0-rough-0000'] is None
     for events in read_events(bag.path).values():
         assert [e.phase for e in events] == ['approach', 'contact', 'pull', 'release', 'done']
         assert {e.protocol for e in events} == {'slip'}

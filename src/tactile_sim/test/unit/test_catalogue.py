@@ -36,12 +36,12 @@ def test_packaged_descriptions():
     catalogue = default_catalogue()
     assert list_objects('texture') == ('F', 'R1', 'R2', 'R3', 'T1', 'T2', 'C1', 'C2')
     assert list_objects('stiffness') == ('pla', 'solid_rubber', 'rubber_shell', 'sponge', 'none')
-    assert list_objects('slip') == ('held', 'sliding', 'rolling')
+    assert list_objects('slip') == ('rough', 'smooth', 'cylinder')
     for label in list_objects('texture'):
         assert catalogue.plate(label).length_m == pytest.approx(0.070)
     stiffness = [catalogue.body(label).stiffness_n_m for label in list_objects('stiffness')]
     assert stiffness == sorted(stiffness, reverse=True)
-    assert catalogue.held_object('rolling').motion == 'roll'
+    assert catalogue.held_object('cylinder').motion == 'roll'
     # The same pull moves all three.
     drives = {catalogue.held_object(label).drive_stiffness_n_m for label in list_objects('slip')}
     assert len(drives) == 1
@@ -58,8 +58,8 @@ def test_unknown_names_are_refused():
     for find in (catalogue.finger, catalogue.plate, catalogue.body, catalogue.held_object):
         with pytest.raises(DescriptionError, match="'wood'"):
             find('wood')
-    with pytest.raises(DescriptionError, match='there are held, sliding, rolling'):
-        catalogue.held_object('held ')
+    with pytest.raises(DescriptionError, match='there are rough, smooth, cylinder'):
+        catalogue.held_object('rough ')
     for labels in (catalogue.labels, list_objects):
         with pytest.raises(DescriptionError, match="protocol is 'wood'; it must be one of"):
             labels('wood')
@@ -178,7 +178,7 @@ def test_endlessly_many_labels_are_refused(tmp_path):
 
 KEYS = sorted(
     {field.name for kind in FILES.values() for field in dataclasses.fields(kind)}
-    | {'F', 'held', 'noise_n', 'trial', 'relaxation_time_s', 'mine'}
+    | {'F', 'rough', 'noise_n', 'trial', 'relaxation_time_s', 'mine'}
 )
 VALUES = st.recursive(
     st.sampled_from(['1', '0', '-1', '1e308', '.nan', '.inf', 'null', 'true', 'none', '[]', '""'])
