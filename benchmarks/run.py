@@ -24,6 +24,8 @@ TOPICS = {
     'status': ('decoding', 'run_status'),
     'inference': ('inference', 'run_inference'),
     'simulator': ('simulator', 'run_simulator'),
+    'paths': ('simulator_paths', 'run_paths'),
+    'aliasing': ('simulator_paths', 'run_aliasing'),
     'messages': ('message_path', 'run_messages'),
 }
 
@@ -47,7 +49,9 @@ EPILOG = """topics:
   lines        load-cell lines to readings
   status       Grbl status reports to positions
   inference    one window through a model file, four classifiers
-  simulator    simulated trials per second, and the error of the step
+  simulator    simulated texture trials: speed and error by scheme and step
+  paths        readings, the NumPy solver, stiffness trials, the live rig
+  aliasing     what sampling and the plate's place do to the 91 amplitudes
   messages     latency from publish to the features node
 
 exit status:

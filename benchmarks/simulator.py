@@ -1,80 +1,182 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The fast path of the simulator: how many trials, at which step, how far off."""
+"""The simulator of texture trials: speed against error, by scheme and step."""
 
 from __future__ import annotations
 
-import time
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from measuring import Report, Row
+from measuring import Ratio, Report, Row, measure_ratio
+from simulator_trials import (
+    CONTACTS,
+    PLATES,
+    FloatArray,
+    TrialSet,
+    compare,
+    draw_trials,
+    name_choice,
+    remove_line,
+    remove_mean,
+    time_best,
+)
 
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_bags import plan_trial
-from tactile_bringup.trial_protocols import TrialRequest
-from tactile_features import FeatureConfig
-from tactile_sim.fast_trials import STEP_S, Timeline, simulate_motion, simulate_trials
-from tactile_sim.plant import Variation
+from tactile_features import compute_spectrum
+from tactile_sim.fast_trials import STEPS_PER_SAMPLE
+from tactile_sim.steps import BDF2, EULER, Scheme
 
-STEPS_S = (2e-4, 4e-4, 1e-3)
-FINE_S = 4e-5
-PLATE = 'R3'  # the finest rectangular grooves: the hardest
+STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
+REFERENCE_STEPS = 160
+BOUND_PERCENT = 1.5
+"""Of what the sensor gets, which is what leaves the simulator; the tension stands beside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Windows of all trials, shape (trials, samples): tension and what the sensor gets [N]."""
+
+    tension_n: FloatArray
+    sensed_n: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Deviations from a reference, shape (trials,) [%].
+
+    Attributes
+    ----------
+    tension_percent, sensed_percent
+        Of the tension and of what the sensor gets, without their straight lines.
+    mean_only_percent
+        Of the tension without its mean.
+    spectrum_percent
+        Of the amplitudes of what the sensor gets.
+    """
+
+    tension_percent: FloatArray
+    sensed_percent: FloatArray
+    mean_only_percent: FloatArray
+    spectrum_percent: FloatArray
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a scheme with so many steps a sample costs, and how far off it is.
+
+    Attributes
+    ----------
+    trial_s
+        Time per trial, best of the rounds [s].
+    ratio
+        Time over that of the default.
+    """
+
+    scheme: Scheme
+    steps: int
+    trial_s: float
+    ratio: Ratio
+    errors: Errors
+
+
+def draw_texture_sets(count: int) -> list[TrialSet]:
+    """So many trials on every plate with every contact."""
+    return [
+        draw_trials('texture', plate, contact, count) for plate in PLATES for contact in CONTACTS
+    ]
+
+
+def simulate_windows(sets: list[TrialSet], scheme: Scheme, steps: int) -> Windows:
+    """Simulate all sets and keep their windows."""
+    tension, sensed = [], []
+    for trials in sets:
+        motion = trials.simulate(scheme, steps)
+        if np.isfinite(motion.failed_at_s).any():
+            raise RuntimeError(f'a texture trial failed with {scheme.name}, {steps} steps')
+        tension.append(motion.truth['tension_n'][:, trials.window])
+        sensed.append(motion.sensed_n[:, trials.window])
+    return Windows(np.concatenate(tension), np.concatenate(sensed))
+
+
+def measure_choices(quick: bool) -> list[Choice]:
+    """Measure every scheme with every number of steps."""
+    sets = draw_texture_sets(32 if quick else 64)
+    timed = draw_texture_sets(16) if quick else sets
+    count = sum(len(trials.variation.phase) for trials in timed)
+    reference = simulate_windows(sets, BDF2, REFERENCE_STEPS)
+    choices = []
+    for scheme in (EULER, BDF2):
+        for steps in STEPS:
+
+            def work(scheme: Scheme = scheme, steps: int = steps) -> None:
+                for trials in timed:
+                    trials.simulate(scheme, steps)
+
+            def default() -> None:
+                for trials in timed:
+                    trials.simulate(BDF2, STEPS_PER_SAMPLE)
+
+            best_s = time_best(work, 2 if quick else 5)
+            ratio = measure_ratio(work, default, rounds=2 if quick else 5)
+            found = simulate_windows(sets, scheme, steps)
+            errors = compare_windows(found, reference)
+            choices.append(Choice(scheme, steps, best_s / count, ratio, errors))
+    return choices
+
+
+def compare_windows(ours: Windows, reference: Windows) -> Errors:
+    """Compare window by window."""
+    return Errors(
+        compare(remove_line(ours.tension_n), remove_line(reference.tension_n)),
+        compare(remove_line(ours.sensed_n), remove_line(reference.sensed_n)),
+        compare(remove_mean(ours.tension_n), remove_mean(reference.tension_n)),
+        compare(compute_spectrum(ours.sensed_n), compute_spectrum(reference.sensed_n)),
+    )
 
 
 def run_simulator(quick: bool) -> Report:
-    """Simulate trials, against the time that they would last; vary the step."""
-    count = 10 if quick else 60
+    """Vary scheme and step on drawn texture trials."""
     rows = []
-    for protocol, label in (('texture', PLATE), ('stiffness', 'sponge')):
-        planned = plan_trial(TrialConfig(), TrialRequest(protocol, 'flexion'))
-        start_s = time.perf_counter()
-        simulate_trials(protocol, label, 'flexion', planned.timeline, count, 1)
-        elapsed_s = time.perf_counter() - start_s
-        more = {
-            'times real time': count * planned.timeline.duration_s / elapsed_s,
-            'trials per s': count / elapsed_s,
-        }
-        rows.append(Row(f'{protocol}, {count} on {label}', more=more))
-    return Report(
-        'simulator: the fast path',
-        'the duration of the trials themselves; steps: the default step',
-        f'rms deviation from a step of {FINE_S * 1e3:g} ms, alternating part of the 180 samples '
-        f'of a texture window on {PLATE}, in % of its rms',
-        rows + _step_rows(),
-    )
-
-
-def _step_rows() -> list[Row]:
-    planned = plan_trial(TrialConfig(), TrialRequest('texture', 'flexion'))
-    config = FeatureConfig()
-    from_s = dict(planned.phases)['glide'] + config.texture_crop_start_s
-    until_s = from_s + (config.texture_samples + 1) / config.rate_hz
-    moves = planned.timeline
-    timeline = Timeline(
-        [move for move in moves.guide_moves if move.start_s < until_s],
-        [move for move in moves.tendon_moves if move.start_s < until_s],
-        until_s,
-        moves.guide_start_m,
-    )
-
-    def ripple(step_s: float) -> tuple[Any, float]:
-        start_s = time.perf_counter()
-        times, truth = simulate_motion(
-            'texture', PLATE, 'flexion', timeline, Variation.none(), step_s
+    for choice in measure_choices(quick):
+        is_default = choice.scheme == BDF2 and choice.steps == STEPS_PER_SAMPLE
+        rows.append(
+            Row(
+                name_choice(choice.scheme, choice.steps),
+                choice.ratio,
+                float(np.quantile(choice.errors.sensed_percent, 0.95)),
+                BOUND_PERCENT if is_default else None,
+                more={'trials/s': 1 / choice.trial_s, **_name_errors(choice.errors)},
+            )
         )
-        elapsed_s = time.perf_counter() - start_s
-        begin = int(np.searchsorted(times, from_s))
-        window = truth['tension_n'][0, begin : begin + config.texture_samples]
-        return window - window.mean(), elapsed_s
+    rows.append(_measure_reference(quick))
+    return Report(
+        f'simulator: texture trials on {", ".join(PLATES)}, flexion and abduction; errors in %',
+        f'the default, {BDF2.name} with {STEPS_PER_SAMPLE} steps a sample',
+        f'rms deviation from {name_choice(BDF2, REFERENCE_STEPS)}, over the rms, in the 180 '
+        'samples without their straight line: of the tension, and of what the sensor gets (error: '
+        'its 95th percentile over the trials); mean only: of the tension with its line; '
+        'spectrum: of the 91 amplitudes of what the sensor gets',
+        rows,
+    )
 
-    fine, _ = ripple(FINE_S)
-    found = {step_s: ripple(step_s) for step_s in STEPS_S}
-    rows = []
-    for step_s, (coarse, elapsed_s) in found.items():
-        error = 100 * np.sqrt(np.mean((coarse - fine) ** 2) / np.mean(fine**2))
-        is_default = step_s == STEP_S
-        name = f'step {step_s * 1e3:.1f} ms' + (' (default)' if is_default else '')
-        more = {'time / default': elapsed_s / found[STEP_S][1]}
-        rows.append(Row(name, None, float(error), 2.0 if is_default else None, more=more))
-    return rows
+
+def _measure_reference(quick: bool) -> Row:
+    """The reference against one of half its step: what is left of its own error."""
+    sets = draw_texture_sets(8 if quick else 32)
+    finer = simulate_windows(sets, BDF2, 2 * REFERENCE_STEPS)
+    errors = compare_windows(simulate_windows(sets, BDF2, REFERENCE_STEPS), finer)
+    return Row(
+        f'{name_choice(BDF2, REFERENCE_STEPS)} against {2 * REFERENCE_STEPS}',
+        error=float(np.quantile(errors.sensed_percent, 0.95)),
+        more=_name_errors(errors),
+    )
+
+
+def _name_errors(errors: Errors) -> dict[str, float]:
+    tension, sensed = errors.tension_percent, errors.sensed_percent
+    return {
+        'tension p50': float(np.median(tension)),
+        'tension p95': float(np.quantile(tension, 0.95)),
+        'mean only p95': float(np.quantile(errors.mean_only_percent, 0.95)),
+        'spectrum p95': float(np.quantile(errors.spectrum_percent, 0.95)),
+        'sensed p50': float(np.median(sensed)),
+    }

@@ -1,0 +1,135 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the topics about the simulator share: drawn trials, their windows, their errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.simulated_trials import PlannedTrial, plan_trial
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_features import FeatureConfig
+from tactile_sim.catalogue import default_catalogue
+from tactile_sim.fast_trials import STEPS_PER_SAMPLE, SimulatedMotion, simulate_motion
+from tactile_sim.scene import Scene, build_scene
+from tactile_sim.steps import BDF2, Scheme
+from tactile_sim.timeline import Timeline
+from tactile_sim.variation import Variation, draw_variation
+
+FloatArray = NDArray[np.float64]
+
+PLATES = ('R1', 'R3', 'T1', 'C2')
+CONTACTS = ('flexion', 'abduction')
+SEED = 1
+_SESSION_TRIALS = 8  # so that the deviations of sessions are drawn too
+
+
+@dataclass(frozen=True, eq=False)
+class TrialSet:
+    """Drawn trials on one plate or object, as `tactile simulate` plans them.
+
+    Attributes
+    ----------
+    scene, planned, variation
+        What is simulated.
+    window : slice
+        The samples that features come from.
+    """
+
+    scene: Scene
+    planned: PlannedTrial
+    variation: Variation
+    window: slice
+
+    def simulate(self, scheme: Scheme, steps: int, solver: str = '') -> SimulatedMotion:
+        """Simulate all of them with so many steps a sample."""
+        timeline = self.planned.timeline
+        return simulate_motion(self.scene, timeline, self.variation, solver, scheme, steps)
+
+
+@lru_cache
+def draw_trials(protocol: str, label: str, contact: str, count: int) -> TrialSet:
+    """Draw trials of several sessions.
+
+    The sampling phase is 0 or half a sample, so that samples end a step with any even number
+    of steps a sample. `simulate_trials` sees to the same.
+    """
+    parts = []
+    for session in range(-(-count // _SESSION_TRIALS)):
+        some = min(_SESSION_TRIALS, count - session * _SESSION_TRIALS)
+        catalogue = default_catalogue()
+        parts.append(draw_variation(catalogue, contact, protocol, label, SEED, session, some)[0])
+    names = [item.name for item in dataclasses.fields(Variation)]
+    drawn = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    drawn['phase'] = np.floor(2 * drawn['phase']) / 2
+    planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
+    scene = build_scene(protocol, label, contact)
+    return TrialSet(scene, planned, Variation(**drawn), find_window(protocol, planned))
+
+
+def find_window(protocol: str, planned: PlannedTrial) -> slice:
+    """Samples from which features come: of the glide, or of the hold."""
+    config, phases = FeatureConfig(), dict(planned.phases)
+    if protocol == 'texture':
+        first = int(np.ceil((phases['glide'] + config.texture_crop_start_s) * planned.rate_hz))
+        return slice(first, first + config.texture_samples)
+    first = int(np.ceil((phases['hold'] + config.stiffness_settle_s) * planned.rate_hz))
+    end_s = phases['release'] - config.stiffness_crop_end_s
+    return slice(first, int(end_s * planned.rate_hz))
+
+
+def cut_after_window(planned: PlannedTrial, window: slice) -> Timeline:
+    """A trial's timeline without what comes after the window."""
+    moves = planned.timeline
+    until_s = (window.stop + 1) / planned.rate_hz
+    return Timeline(
+        [move for move in moves.guide_moves if move.start_s < until_s],
+        [move for move in moves.tendon_moves if move.start_s < until_s],
+        until_s,
+        moves.guide_start_m,
+    )
+
+
+def remove_mean(windows: FloatArray) -> FloatArray:
+    """Windows along the last axis without their means."""
+    return np.asarray(windows - windows.mean(axis=-1, keepdims=True))
+
+
+def remove_line(windows: FloatArray) -> FloatArray:
+    """Windows along the last axis without their straight lines (least squares)."""
+    centred = remove_mean(windows)
+    along = np.arange(windows.shape[-1]) - (windows.shape[-1] - 1) / 2
+    slopes = centred @ along / (along @ along)
+    return np.asarray(centred - slopes[..., np.newaxis] * along)
+
+
+def compare(ours: FloatArray, reference: FloatArray) -> FloatArray:
+    """Norm of the difference over that of the reference, along the last axis [%]."""
+    distance = np.linalg.norm(ours - reference, axis=-1)
+    return np.asarray(100 * distance / np.linalg.norm(reference, axis=-1))
+
+
+def time_best(work: Callable[[], Any], rounds: int) -> float:
+    """Shortest of several runs, after one that does not count [s]."""
+    work()
+    durations_s = []
+    for _ in range(rounds):
+        start_s = time.perf_counter()
+        work()
+        durations_s.append(time.perf_counter() - start_s)
+    return min(durations_s)
+
+
+def name_choice(scheme: Scheme, steps: int) -> str:
+    """Name of a scheme with so many steps a sample."""
+    is_default = scheme == BDF2 and steps == STEPS_PER_SAMPLE
+    return f'{scheme.name} {steps}' + (' (default)' if is_default else '')
