@@ -196,8 +196,8 @@ def compute_rigid_contact(indentation: Any, tip_stiffness: Any, held: Any) -> An
     ``tip_stiffness * compression - held``, but never pulls.
     """
     force = tip_stiffness * indentation - held
-    touching = force > 0.0
-    return select(touching, force, 0.0), select(touching, tip_stiffness, 0.0)
+    apart = force <= 0.0  # false of what is no number: that must not pass for no contact
+    return select(apart, 0.0, force), select(apart, 0.0, tip_stiffness)
 
 
 def compute_object_contact(
@@ -221,16 +221,16 @@ def compute_object_contact(
         Force [N], its slope by the indentation [N/m], effective compression p [m].
     """
     push = tip_stiffness * indentation - held + rest
-    push = select(push > 0.0, push, 0.0)
+    push = select(push <= 0.0, 0.0, push)  # what is no number stays so
     both = tip_stiffness + material
     root = np.sqrt(both * both + 2 * tip_stiffness * inverse_softening * push)
     compression = 2 * push / (both + root)
     force = material * compression - rest
-    touching = force > 0.0
-    slope = select(touching, material * tip_stiffness / root, 0.0)
+    apart = force <= 0.0
+    slope = select(apart, 0.0, material * tip_stiffness / root)
     # Without contact the object recovers alone.
     alone = rest / select(material > 0.0, material, 1.0)
-    return select(touching, force, 0.0), slope, select(touching, compression, alone)
+    return select(apart, 0.0, force), slope, select(apart, alone, compression)
 
 
 def compute_balance(
@@ -288,9 +288,9 @@ def compute_balance(
 
     # The tendon, with the capstan's loss along the bend; it sticks before it slides.
     stretch = tendon_m - c.arm * q0
-    tight = stretch > 0.0
-    tension = select(tight, c.tendon_stiffness * stretch, 0.0)
-    tension_0 = select(tight, -c.tendon_stiffness * c.arm, 0.0)
+    slack = stretch <= 0.0  # false of what is no number: that must not pass for slack
+    tension = select(slack, 0.0, c.tendon_stiffness * stretch)
+    tension_0 = select(slack, 0.0, -c.tendon_stiffness * c.arm)
     ahead = (q0 - sliders[1]) * c.per_presliding
     sticks = abs(ahead) < 1.0
     drag = grip * select(sticks, ahead, select(ahead > 0.0, 1.0, -1.0))
@@ -310,11 +310,11 @@ def compute_balance(
     # Friction of the tip: its shear spring, up to Coulomb's limit.
     spring = c.shear_stiffness * (place - sliders[0])
     limit = grip * friction * force
-    stuck = abs(spring) <= limit
+    slips = abs(spring) > limit
     signed = select(spring > 0.0, grip * friction, -grip * friction)
-    rub = select(stuck, spring, signed * force)
-    rub_place = select(stuck, c.shear_stiffness, 0.0)
-    rub_force = select(stuck, 0.0, signed)
+    rub = select(slips, signed * force, spring)
+    rub_place = select(slips, 0.0, c.shear_stiffness)
+    rub_force = select(slips, signed, 0.0)
     tip_slider = place - rub * c.per_shear_stiffness
 
     # Levers of the normal force, and of friction along the surface.

@@ -64,14 +64,15 @@ def test_tip_and_its_slopes_against_64_nodes_in_extended_precision(bend_deg, bou
         np.testing.assert_allclose(line[5 + i], of_reach, rtol=0, atol=of_slopes)
 
 
-@pytest.mark.parametrize(('bend_deg', 'bound'), [(60.0, 1.5e-5), (115.0, 6e-5)])
+@pytest.mark.parametrize(('bend_deg', 'bound'), [(60.0, 2e-5), (115.0, 6e-5)])
 def test_weight_is_the_slope_of_the_potential(bend_deg, bound):
     # Drop of every point of the line, one integral inside the other; slopes by complex step.
-    xi, weight = np.float64(FINE_XI), np.float64(FINE_WEIGHT)
+    points, weight = np.polynomial.legendre.leggauss(16)
+    xi, weight = (points + 1) / 2, weight / 2
+    inner = shapes(np.outer(xi, xi).ravel())
 
     def compute_potential(modes):
-        inner = shapes(np.outer(xi, xi).ravel())
-        drops = xi * (np.sin(modes @ inner).reshape(64, 64) @ weight)
+        drops = xi * (np.sin(modes @ inner).reshape(16, 16) @ weight)
         return GRAVITY_M_S2 * (
             MASS * drops @ weight + TIP_MASS * np.sin(modes @ shapes(xi)) @ weight
         )

@@ -1,0 +1,168 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled and the NumPy solver: same bytes, independent trials, honest failures."""
+
+import dataclasses
+import importlib.util
+
+import numpy as np
+import pytest
+from scenery import CONTACT_GUIDE_M, PULL_M, change, draw, free_scene, plate_scene, ramp, run
+
+from tactile_sim import layout as at
+from tactile_sim import solver as solver_module
+from tactile_sim.errors import DescriptionError
+from tactile_sim.scene import build_scene
+from tactile_sim.solver import choose_solver
+from tactile_sim.steps import BDF2, EULER
+
+STEP_S = 1 / 600
+TIMES_S = STEP_S * np.arange(361)
+
+
+def make_trial(protocol, label, contact, count):
+    """Press at 20 mm/s, then glide or pull."""
+    scene = build_scene(protocol, label, contact)
+    tendon = ramp(TIMES_S, 0.02, 0.0, PULL_M[contact], 0.03)
+    later = ramp(TIMES_S, 0.35, 0.0, 1.0, 0.015)
+    guide = CONTACT_GUIDE_M + (later if protocol == 'texture' else 0.0)
+    pulled = later if protocol == 'slip' else 0.0
+    return scene, tendon, guide, pulled, draw(count, protocol, label, contact)
+
+
+SCENES = [
+    ('texture', 'R2', 'flexion'),
+    ('texture', 'C1', 'abduction'),
+    ('texture', 'F', 'flexion'),
+    ('stiffness', 'rubber_shell', 'flexion'),
+    ('stiffness', 'sponge', 'abduction'),
+    ('stiffness', 'none', 'flexion'),
+    ('slip', 'smooth', 'flexion'),
+    ('slip', 'cylinder', 'abduction'),
+    ('slip', 'rough', 'flexion'),
+]
+
+
+@pytest.mark.parametrize('names', SCENES, ids='-'.join)
+@pytest.mark.parametrize('scheme', [EULER, BDF2], ids=lambda scheme: scheme.name)
+def test_both_solvers_give_the_same_bytes(names, scheme):
+    *inputs, variation = make_trial(*names, 19)
+    one = run(inputs[0], STEP_S, *inputs[1:], variation=variation, scheme=scheme)
+    other = run(inputs[0], STEP_S, *inputs[1:], variation=variation, scheme=scheme, solver='numpy')
+    assert np.isfinite(one.rows).all()
+    assert one.rows.tobytes() == other.rows.tobytes()
+    assert one.state.tobytes() == other.state.tobytes()
+    assert np.ptp(one.rows[at.TENSION]) > 1.0
+
+
+@pytest.mark.parametrize('solver', ['compiled', 'numpy'])
+def test_a_trial_does_not_depend_on_its_neighbours(solver):
+    scene, *inputs, variation = make_trial('texture', 'R3', 'flexion', 19)
+    many = run(scene, STEP_S, *inputs, variation=variation, solver=solver)
+    for some in (slice(0, 1), slice(3, 10), slice(16, 19)):
+        few = run(scene, STEP_S, *inputs, variation=variation.select(some), solver=solver)
+        assert few.rows.tobytes() == many.rows[:, some].tobytes()
+
+
+@pytest.mark.parametrize('solver', ['compiled', 'numpy'])
+def test_a_failing_trial_stands_still_and_disturbs_no_other(solver):
+    scene, tendon, guide, _, variation = make_trial('texture', 'R3', 'flexion', 5)
+    healthy = run(scene, STEP_S, tendon, guide, variation=variation, solver=solver)
+    # One trial alone comes to a place where the surface is not a number.
+    place = variation.placement_m.copy()
+    place[2] -= 0.010
+    moved = dataclasses.replace(variation, placement_m=place)
+    surface = scene.surface
+    last_m = healthy.rows[at.TIP_SLIDER, 2].max() - 0.010 - 0.004
+    table = surface.table.copy()
+    table[: int((last_m - surface.origin_m) / surface.spacing_m)] = np.nan
+    scene = dataclasses.replace(scene, surface=dataclasses.replace(surface, table=table))
+    result = run(scene, STEP_S, tendon, guide, variation=moved, solver=solver)
+    others = [0, 1, 3, 4]
+    assert result.failed[others].tolist() == [-1] * 4
+    assert result.rows[:, others].tobytes() == healthy.rows[:, others].tobytes()
+    failed = result.failed[2]
+    assert 5 < failed < 360
+    # Row s + 1 of a run is after step s: from the failed one on, nothing moves.
+    stands = result.rows[:, 2, failed + 1 :]
+    state = [r for r in range(at.STATE_ROWS) if r != at.FRESH]
+    assert np.isfinite(stands[state]).all()
+    assert (stands[state] == result.rows[state, 2, failed, np.newaxis]).all()
+
+
+def test_single_precision_is_close_or_says_that_it_failed():
+    scene, tendon, guide, _, variation = make_trial('texture', 'R2', 'flexion', 4)
+    tendon, guide = tendon[:150], guide[:150]
+    double = run(scene, STEP_S, tendon, guide, variation=variation, solver='numpy')
+    single = run(
+        scene,
+        STEP_S,
+        tendon,
+        guide,
+        variation=variation,
+        solver='numpy',
+        dtype=np.float32,
+        tolerance_nm=2e-6,
+    )
+    assert single.rows.dtype == np.float32
+    good = single.failed < 0
+    assert good.sum() >= 2
+    error = np.abs(single.rows[at.TENSION] - double.rows[at.TENSION])[good]
+    assert 0 < error.max() < 0.02
+    # Asked for what its digits cannot give, it fails and says so.
+    tight = run(
+        scene, STEP_S, tendon, guide, variation=variation, solver='numpy', dtype=np.float32
+    )
+    error = np.abs(tight.rows[at.TENSION] - double.rows[at.TENSION])
+    for trial, step in enumerate(tight.failed):
+        known = slice(None) if step < 0 else slice(0, step)
+        assert error[trial, known].max() < 0.02
+
+
+@pytest.mark.parametrize('solver', ['compiled', 'numpy'])
+def test_no_balance_is_a_failure_from_that_step_on(solver):
+    tendon = np.array([0.001, 0.0011, 0.0012, np.nan, 0.0013])
+    result = run(free_scene(), STEP_S, tendon, solver=solver)
+    assert result.failed.tolist() == [2]
+    tension = result.rows[at.TENSION, 0]
+    assert tension[3] == tension[4] == tension[2] > tension[1]
+
+
+@pytest.mark.parametrize('solver', ['compiled', 'numpy'])
+def test_a_step_too_long_for_the_iterations_is_cut_into_parts(solver):
+    """From slack to closed within one step: Newton's method alone turns too far."""
+    result = run(free_scene(), 1.0, np.array([0.0, 0.02]), solver=solver)
+    assert result.failed.tolist() == [-1]
+    fine = run(free_scene(), 1e-3, ramp(1e-3 * np.arange(1001), 0.0, 0.0, 0.02, 0.02))
+    assert result.rows[at.TENSION, 0, -1] == pytest.approx(fine.rows[at.TENSION, 0, -1], rel=0.02)
+
+
+def test_rest_is_where_a_long_wait_ends():
+    for scene in (plate_scene('F'), build_scene('stiffness', 'solid_rubber', 'flexion')):
+        no_friction = change(dataclasses.replace(scene, friction=0.0), tendon_friction=0.0)
+        rest = run(no_friction, 0.5, np.full(2, 0.005))
+        waited = run(no_friction, 0.5, np.concatenate([[0.0], np.full(400, 0.005)]))
+        for row in (at.TENSION, at.FORCE, at.MODES, at.MODES + 1, at.MODES + 2):
+            assert waited.rows[row, 0, -1] == pytest.approx(rest.rows[row, 0, 0], rel=1e-5)
+
+
+def test_solvers_are_chosen_by_name_and_by_what_is_installed(monkeypatch):
+    assert choose_solver('numpy') == 'numpy'
+    with pytest.raises(DescriptionError, match="'fast'; there are compiled and numpy"):
+        choose_solver('fast')
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda name: object())
+    assert choose_solver() == 'compiled'
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda name: None)
+    assert choose_solver() == 'numpy'
+    with pytest.raises(DescriptionError, match='pip install numba'):
+        choose_solver('compiled')
+
+
+def test_trials_that_do_not_fill_a_block_are_filled_up():
+    assert solver_module._BLOCK == 16
+    scene, *inputs, variation = make_trial('stiffness', 'sponge', 'flexion', 33)
+    counts = {count: variation.select(slice(count)) for count in (1, 15, 16, 17, 33)}
+    runs = {count: run(scene, STEP_S, *inputs, variation=v) for count, v in counts.items()}
+    for count, result in runs.items():
+        assert result.rows.shape[1] == count
+        assert result.rows.tobytes() == runs[33].rows[:, :count].tobytes()
