@@ -94,6 +94,11 @@ class TendonSensorClient:
     ) -> None:
         self.close()
 
+    @property
+    def identity(self) -> str:
+        """Empty: a load-cell line says nothing about who sends it."""
+        return ''
+
     def open(self) -> None:
         """Open the port and start to read.
 

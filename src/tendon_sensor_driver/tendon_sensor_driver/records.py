@@ -11,7 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+SENSORS = ('line', 'net_ft', 'digital_ft')
 UNITS = ('kg', 'g', 'N', 'lbf')
+AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
+LOW_PASSES_HZ = (0, 5, 8, 18, 35, 73, 152, 326, 838, 1500, 2000, 2500, 3000)
+"""What a Net F/T filters with; 0 is off. `docs/sensors.md` names the source."""
 
 
 def _option(default: Any, description: str, **metadata: Any) -> Any:
@@ -20,9 +24,10 @@ def _option(default: Any, description: str, **metadata: Any) -> Any:
 
 @dataclass(frozen=True)
 class TendonSensorConfig:
-    """How the sensor is connected and what its lines mean.
+    """Which sensor it is, how it is connected and what it sends.
 
-    The defaults fit lines ``milliseconds,kilograms,kg,`` sixty times a second.
+    The defaults fit lines ``milliseconds,kilograms,kg,`` sixty times a second. What a sensor
+    does not have is not looked at: the columns of a six-axis sensor, the host of a serial one.
 
     Raises
     ------
@@ -30,7 +35,12 @@ class TendonSensorConfig:
         When a field is outside its range or two fields contradict each other.
     """
 
-    port: str = _option('/dev/ttyUSB0', 'serial port of the sensor')
+    sensor: str = _option(
+        'line',
+        'kind of sensor: load-cell lines, ATI Net F/T, or ATI Digital F/T',
+        choices=SENSORS,
+    )
+    port: str = _option('/dev/ttyUSB0', 'serial port of a line or Digital F/T sensor')
     baud: int = _option(115200, 'speed of the serial port', unit='baud', range=(300, 12_000_000))
     value_column: int = _option(1, 'column of the value in a line, from 0', range=(0, 63))
     time_column: int = _option(
@@ -47,7 +57,25 @@ class TendonSensorConfig:
     scale: float = _option(
         1.0, 'factor on the value; -1 turns its sign', unit='1', range=(-1e12, 1e12)
     )
-    rate_hz: float = _option(60.0, 'nominal sample rate', unit='Hz', range=(0.1, 10_000.0))
+    leave_menu: bool = _option(
+        True, 'send x to a load-cell board that waits in its settings menu instead of measuring'
+    )
+    host: str = _option('192.168.1.1', 'name or address of a Net F/T')
+    rdt_port: int = _option(49152, 'UDP port of the samples of a Net F/T', range=(1, 65535))
+    http_port: int = _option(80, 'TCP port of the settings of a Net F/T', range=(1, 65535))
+    axis: str = _option(
+        'fz', 'component of a six-axis sensor that is the tension, times scale', choices=AXES
+    )
+    low_pass_hz: int = _option(
+        18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=LOW_PASSES_HZ
+    )
+    calibration_slot: int = _option(1, 'calibration of a Digital F/T that is used', range=(1, 16))
+    rate_hz: float = _option(
+        60.0,
+        'nominal sample rate; a six-axis sensor is asked for it',
+        unit='Hz',
+        range=(0.1, 10_000.0),
+    )
     samples_per_block: int = _option(1, 'samples in one message', unit='1', range=(1, 1000))
     saturation_n: float = _option(
         0.0,
@@ -55,11 +83,37 @@ class TendonSensorConfig:
         unit='N',
         range=(0.0, 1e6),
     )
+    stuck_s: float = _option(
+        0.8,
+        'time of exactly equal samples, at least ten, after which the sensor counts as stuck; '
+        '0: never, for a coarse sensor',
+        unit='s',
+        range=(0.0, 3600.0),
+    )
     silence_s: float = _option(
-        1.0,
+        0.5,
         'time without a reading after which the link counts as silent',
         unit='s',
         range=(0.01, 3600.0),
+    )
+    tare_samples: int = _option(60, 'samples that a tare is measured from', range=(2, 100_000))
+    tare_limit_n: float = _option(
+        2.0,
+        'magnitude of the mean, without any tare, from which a tare is refused as loaded',
+        unit='N',
+        range=(0.0, 1e6),
+    )
+    tare_spread_n: float = _option(
+        0.1,
+        'standard deviation from which a tare is refused as noisy',
+        unit='N',
+        range=(0.0, 1e6),
+    )
+    tare_slope_n_s: float = _option(
+        0.2,
+        'change of the tension with time from which a tare is refused as moving',
+        unit='N/s',
+        range=(0.0, 1e6),
     )
     frame_id: str = _option(
         'tendon_sensor_link', 'frame of the sensor, +x along the tendon, away from the finger'
@@ -76,9 +130,12 @@ class TendonSensorConfig:
                 raise ValueError(
                     f'{option.name} is "{value}"; it must be one of {", ".join(choices)}'
                 )
-        if not self.port:
+        if self.sensor == 'net_ft':
+            if not self.host:
+                raise ValueError('host is empty; give the address of the Net F/T')
+        elif not self.port:
             raise ValueError('port is empty; name the serial port of the sensor')
-        if self.time_column == self.value_column:
+        if self.sensor == 'line' and self.time_column == self.value_column:
             raise ValueError(
                 f'time_column and value_column are both {self.value_column}; '
                 'set time_column to -1 if the device sends no time'
@@ -147,6 +204,9 @@ class Block:
         Bound on the error of the stamps [s]; negative when not known.
     status
         Holds for every sample.
+    wrench
+        Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the sensor's own axes, shape (samples, 6); None
+        for a sensor of one axis.
     """
 
     stamp_ns: int
@@ -156,6 +216,7 @@ class Block:
     lost_before: int
     stamp_error_s: float
     status: StrainStatus
+    wrench: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -169,19 +230,31 @@ class Health:
     heard_at_ns
         Host time of the last reading, or of the opening before the first [ns].
     bytes, lines, readings
-        Received bytes; lines that were not blank; lines that were readings.
+        Received bytes; lines (or frames, or datagrams) that were not blank; samples in them.
     rejected_lines
         Lines that were no readings.
     lost_samples
         Samples missing by device time.
+    duplicates
+        Readings dropped because their device time is that of the one before.
     late_samples
-        Readings dropped because their device time is not after the one before.
+        Readings dropped because their device time is before that of the one before.
     outliers
         Readings dropped because their device time fits nothing before or after.
+    bursts
+        Times that three readings or more arrived at once.
     reconnects
         Times that the port was lost and opened again.
+    restarts
+        Times that the device's clock began anew.
     overruns
         Pieces of the byte stream dropped because the blocks were not taken fast enough.
+    status
+        Of the newest sample.
+    device_status
+        What the device says is wrong with it, in words; empty when nothing.
+    rate_hz
+        Rate at which the device truly samples [Hz]; 0 when it does not say.
     last_rejected
         The last rejected line, shortened, as printable text.
     last_error
@@ -190,14 +263,20 @@ class Health:
 
     is_connected: bool
     heard_at_ns: int
-    bytes: int
-    lines: int
-    readings: int
-    rejected_lines: int
-    lost_samples: int
-    late_samples: int
-    outliers: int
-    reconnects: int
-    overruns: int
-    last_rejected: str
-    last_error: str
+    bytes: int = 0
+    lines: int = 0
+    readings: int = 0
+    rejected_lines: int = 0
+    lost_samples: int = 0
+    duplicates: int = 0
+    late_samples: int = 0
+    outliers: int = 0
+    bursts: int = 0
+    reconnects: int = 0
+    restarts: int = 0
+    overruns: int = 0
+    status: StrainStatus = StrainStatus.OK
+    device_status: str = ''
+    rate_hz: float = 0.0
+    last_rejected: str = ''
+    last_error: str = ''
