@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -99,6 +100,11 @@ def _plan_axis(
     segments: list[Segment] = []
     position, free_s = start_m, -np.inf
     for move in moves:
+        if not (math.isfinite(move.start_s) and math.isfinite(move.target_m)):
+            raise DescriptionError(
+                f'the {name} cannot go to {move.target_m} m at {move.start_s} s; '
+                'both must be finite'
+            )
         if move.start_s < free_s - 1e-9:
             raise DescriptionError(
                 f'the {name} move at {move.start_s} s starts before the one before it ends, '

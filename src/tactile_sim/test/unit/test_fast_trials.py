@@ -1,89 +1,226 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
+"""Many trials at once: repeatable, sampled on time, honest about failure, near the paper."""
+
+import dataclasses
+import math
 
 import numpy as np
 import pytest
 
+from tactile_sim import layout as at
+from tactile_sim.catalogue import default_catalogue
 from tactile_sim.errors import DescriptionError
-from tactile_sim.fast_trials import (
-    STEP_S,
-    Move,
-    Timeline,
-    simulate_motion,
-    simulate_trials,
-)
-from tactile_sim.plant import Variation
+from tactile_sim.fast_trials import simulate_motion, simulate_trials
+from tactile_sim.scene import build_scene
+from tactile_sim.timeline import Move, Timeline, plan_timeline
+from tactile_sim.variation import Variation
 
-SHORT = Timeline([Move(0.9, 0.090, 0.015)], [Move(0.1, 0.0054, 0.01)], 2.5)
+CELL = default_catalogue().rig().load_cell
+SHORT = Timeline([Move(0.5, 0.070, 0.015)], [Move(0.1, 0.0054, 0.02)], 1.3)
 PRESS = {
-    contact: Timeline([], [Move(0.2, pull_m, 0.02), Move(4.0, 0.0, 0.02)], 4.8)
-    for contact, pull_m in (('flexion', 0.0060), ('abduction', 0.0075))
+    contact: Timeline([], [Move(0.2, pull_m, 0.02), Move(2.0, 0.0, 0.02)], 2.8)
+    for contact, pull_m in (('flexion', 0.0049), ('abduction', 0.0074))
 }
 
 
-def test_same_seed_same_bytes_whatever_the_batch():
-    many = simulate_trials('texture', 'T1', 'flexion', SHORT, 9, 5)
-    few = simulate_trials('texture', 'T1', 'flexion', SHORT, 2, 5)
-    assert many.tension_n.shape == (9, len(many.sample_times_s))
-    assert few.tension_n.tobytes() == many.tension_n[:2].tobytes()
-    for name in many.truth:
-        assert few.truth[name].tobytes() == many.truth[name][:2].tobytes()
-    other = simulate_trials('texture', 'T1', 'flexion', SHORT, 2, 6)
-    assert not np.array_equal(other.tension_n, few.tension_n)
-    assert not np.array_equal(many.tension_n[0], many.tension_n[1])
+def same(one, other, part=slice(None)):
+    trials = one.tension_n.tobytes() == other.tension_n[part].tobytes()
+    return trials and all(
+        one.truth[name].tobytes() == other.truth[name][part].tobytes() for name in other.truth
+    )
 
 
-@pytest.mark.parametrize(('plate', 'contact'), [('R3', 'flexion'), ('T1', 'abduction')])
-def test_step_is_fine_enough(plate, contact):
-    pull_m = {'flexion': 0.0054, 'abduction': 0.0075}[contact]
-    timeline = Timeline([Move(0.6, 0.085, 0.015)], [Move(0.1, pull_m, 0.02)], 1.3, 0.070)
-    times, coarse = simulate_motion('texture', plate, contact, timeline, Variation.none())
-    _, fine = simulate_motion('texture', plate, contact, timeline, Variation.none(), STEP_S / 10)
-    gliding = times > 0.8
-    ripple = fine['tension_n'][0][gliding]
-    difference = coarse['tension_n'][0][gliding] - ripple
-    assert ripple.std() > 0.005
-    assert np.sqrt(np.mean(difference**2)) < 0.02 * ripple.std()
-
-
-def test_readings_are_noisy_quantised_and_limited():
-    trials = simulate_trials('texture', 'F', 'flexion', SHORT, 3, 1)
-    counts = trials.tension_n / 9.80665 / 1e-5
-    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
-    noise = trials.tension_n - trials.truth['tension_n']
-    assert noise.std() == pytest.approx(0.004, rel=0.2)
-    hard = Timeline([], [Move(0.1, 0.009, 0.02)], 1.0)
-    pressed = simulate_trials('stiffness', 'pla', 'flexion', hard, 1, 1)
-    assert pressed.truth['tension_n'].max() > 25.0
-    assert pressed.tension_n.max() == pytest.approx(19.6133, abs=1e-4)
+def test_same_seed_same_bytes_whatever_the_count_the_first_and_the_solver():
+    names = ('texture', 'T1', 'flexion', SHORT)
+    many = simulate_trials(*names, 70, 5)  # more than one batch
+    assert many.tension_n.shape == (70, len(many.sample_times_s))
+    assert same(simulate_trials(*names, 2, 5), many, slice(2))
+    assert same(simulate_trials(*names, 4, 5, first=62), many, slice(62, 66))
+    assert same(simulate_trials(*names, 3, 5, solver='numpy'), many, slice(3))
+    assert len({row.tobytes() for row in many.tension_n}) == 70
+    for other in (simulate_trials(*names, 2, 6), simulate_trials(*names, 2, 5, session=1)):
+        assert not np.array_equal(other.tension_n, many.tension_n[:2])
 
 
 def test_samples_come_at_the_cells_rate():
     trials = simulate_trials('stiffness', 'none', 'abduction', PRESS['abduction'], 1, 1)
-    period_s = np.diff(trials.sample_times_s)
-    np.testing.assert_allclose(period_s, (1 + 30e-6) / 60, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(trials.sample_times_s), (1 + 30e-6) / 60, rtol=1e-9)
     assert trials.sample_times_s[0] == 0.0
-    assert trials.sample_times_s[-1] <= 4.8
+    assert 2.8 - 1 / 59 < trials.sample_times_s[-1] <= 2.8
+
+
+@pytest.mark.parametrize('steps_per_sample', [10, 20])
+def test_the_sampling_phase_shifts_the_samples_to_earlier_steps(steps_per_sample):
+    scene = build_scene('texture', 'R3', 'flexion')
+    phase = np.array([0.0, 0.1, 0.5, 0.9])
+    variation = dataclasses.replace(Variation.none(4), phase=phase)
+    motion = simulate_motion(
+        scene, SHORT, variation, steps_per_sample=steps_per_sample, keep_modes=True
+    )
+    # All trials are one motion: what they say of it, each at its times, is one curve.
+    times = motion.sample_times_s - CELL.period_s * phase[:, np.newaxis]
+    gliding = (times > 0.7) & (times < 1.2)
+    bend = motion.truth['bend_rad']
+    order = np.argsort(times[gliding])
+    curve = bend[gliding][order]
+    assert np.ptp(curve) > 1e-3
+    fine = simulate_motion(scene, SHORT, Variation.none(), steps_per_sample=200).truth['bend_rad']
+    exact = np.interp(times[gliding][order], motion.sample_times_s, fine[0])
+    alike = np.interp(times[0][gliding[0]], times[gliding][order], curve)
+    np.testing.assert_allclose(alike, bend[0][gliding[0]], atol=1e-12)
+    assert np.abs(curve - exact).max() < np.ptp(curve)
+    # Half a period earlier is the sample of a motion that is half a period late.
+    late = Timeline(
+        [dataclasses.replace(m, start_s=m.start_s + CELL.period_s / 2) for m in SHORT.guide_moves],
+        [
+            dataclasses.replace(m, start_s=m.start_s + CELL.period_s / 2)
+            for m in SHORT.tendon_moves
+        ],
+        SHORT.duration_s,
+    )
+    lagging = simulate_motion(
+        scene, late, Variation.none(), steps_per_sample=steps_per_sample
+    ).truth['bend_rad'][0]
+    assert np.abs(lagging - bend[2]).max() < 2e-4 < np.abs(bend[0] - bend[2]).max()
+
+
+def test_steps_end_on_samples():
+    """What is sampled is computed, not interpolated: a resting sample equals a gliding one."""
+    scene = build_scene('texture', 'F', 'flexion')
+    motion = simulate_motion(scene, SHORT, Variation.none(3), keep_modes=True)
+    again = simulate_motion(scene, SHORT, Variation.none(), keep_modes=True)
+    assert motion.truth['modes_rad'].shape == (3, len(motion.sample_times_s), 3)
+    for name in motion.truth:
+        for row in motion.truth[name]:
+            assert row.tobytes() == again.truth[name][0].tobytes()
+    assert np.array_equal(motion.truth['modes_rad'][..., 0], motion.truth['bend_rad'])
+
+
+@pytest.mark.parametrize(('plate', 'contact'), [('R3', 'flexion'), ('T1', 'abduction')])
+def test_steps_are_fine_enough(plate, contact):
+    pull_m = {'flexion': 0.0054, 'abduction': 0.0075}[contact]
+    timeline = Timeline([Move(0.6, 0.085, 0.015)], [Move(0.1, pull_m, 0.02)], 1.6, 0.070)
+    scene = build_scene('texture', plate, contact)
+    coarse = simulate_motion(scene, timeline, Variation.none())
+    fine = simulate_motion(scene, timeline, Variation.none(), steps_per_sample=160)
+    gliding = coarse.sample_times_s > 0.8
+    ripple = fine.sensed_n[0][gliding]
+    difference = coarse.sensed_n[0][gliding] - ripple
+    assert ripple.std() > 0.005
+    assert difference.std() < 0.02 * ripple.std()
+
+
+def test_readings_are_noisy_quantised_and_limited():
+    trials = simulate_trials('texture', 'F', 'flexion', SHORT, 3, 1)
+    counts = trials.tension_n / CELL.resolution_n
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    noise = np.diff(trials.tension_n[:, -10:], axis=1) / math.sqrt(2)
+    assert noise.std() == pytest.approx(0.004, rel=0.5)
+    hard = Timeline([], [Move(0.1, 0.009, 0.02)], 1.0)
+    pressed = simulate_trials('stiffness', 'pla', 'flexion', hard, 1, 1)
+    assert pressed.truth['tension_n'].max() > 25.0
+    assert pressed.tension_n.max() == pytest.approx(CELL.capacity_n, abs=CELL.resolution_n)
+
+
+def test_failed_trials_are_not_numbers_from_there_on():
+    scene = build_scene('texture', 'R2', 'flexion')
+    surface = scene.surface
+    # One trial comes to a place where the surface is not a number.
+    table = surface.table.copy()
+    table[: round((0.020 - surface.origin_m) / surface.spacing_m)] = np.nan
+    spoilt = dataclasses.replace(scene, surface=dataclasses.replace(surface, table=table))
+    glide = Timeline([Move(0.5, 0.090, 0.015)], [Move(0.1, 0.0054, 0.02)], 2.0, 0.100)
+    place = np.array([0.0, -0.017, 0.0])
+    variation = dataclasses.replace(Variation.none(3), placement_m=place)
+    motion = simulate_motion(spoilt, glide, variation, keep_modes=True)
+    healthy = simulate_motion(scene, glide, variation, keep_modes=True)
+    assert np.isnan(motion.failed_at_s[[0, 2]]).all()
+    assert np.isnan(healthy.failed_at_s).all()
+    failed_s = motion.failed_at_s[1]
+    assert 0.5 < failed_s < 1.5
+    after = motion.sample_times_s > failed_s
+    for name in motion.truth:
+        assert np.isnan(motion.truth[name][1, after]).all()
+        before = motion.truth[name][1, ~after]
+        assert before[:-1].tobytes() == healthy.truth[name][1, ~after][:-1].tobytes()
+        for other in (0, 2):
+            row = motion.truth[name][other]
+            assert row.tobytes() == healthy.truth[name][other].tobytes()
+    assert np.isnan(motion.sensed_n[1, after]).all()
+    assert np.isfinite(motion.sensed_n[1, ~after]).all()
+
+
+def test_slip_is_counted_from_the_pull_on():
+    pull = Timeline([], [Move(0.05, 0.0060, 0.03)], 1.2, 0.060, [Move(0.6, 0.003, 0.01)])
+    motion = simulate_motion(build_scene('slip', 'smooth', 'flexion'), pull, Variation.none())
+    slip = motion.truth['slip_m'][0]
+    assert (slip[motion.sample_times_s < 0.6] == 0.0).all()
+    # The tip's shear at the start turns round: that comes on top of the pulled 3 mm.
+    assert 2e-3 < slip[-1] < 3.3e-3
+    assert (np.diff(slip) >= -1e-5).all()
 
 
 @pytest.mark.parametrize('contact', ['flexion', 'abduction'])
 def test_softer_objects_give_less_tension_and_all_relax(contact):
-    limit = {'flexion': 15.0, 'abduction': 3.0}[contact]
-    peaks, slopes = [], []
+    limit = {'flexion': 15.0, 'abduction': 3.0}[contact]  # the paper's Fig. 1
+    levels, slopes = [], []
     for label in ('pla', 'solid_rubber', 'rubber_shell', 'sponge', 'none'):
-        times, truth = simulate_motion(
-            'stiffness', label, contact, PRESS[contact], Variation.none(), 1e-3
-        )
-        held = (times > 1.0) & (times < 3.9)
-        tension = truth['tension_n'][0]
-        peaks.append(tension[held].mean())
-        slopes.append(np.polyfit(times[held], tension[held], 1)[0])
+        # The same friction for all: it holds the tip back, as much as the stiffness does.
+        scene = dataclasses.replace(build_scene('stiffness', label, contact), friction=0.4)
+        motion = simulate_motion(scene, PRESS[contact], Variation.none())
+        held = (motion.sample_times_s > 0.9) & (motion.sample_times_s < 1.9)
+        tension = motion.truth['tension_n'][0]
+        levels.append(tension[held].mean())
+        slopes.append(np.polyfit(motion.sample_times_s[held], tension[held], 1)[0])
         assert tension.max() < limit
-        assert tension[-1] < 0.05
-    assert peaks == sorted(peaks, reverse=True)
+        assert tension[-1] == pytest.approx(0.0, abs=0.05)
+    assert levels == sorted(levels, reverse=True)
     assert max(slopes) < 0.0
-    if contact == 'flexion':
-        assert min(slopes) < -0.3
+
+
+def test_the_papers_stiffness_trial():
+    """Fig. 7: tension on the rubber shell falls by 0.90 N/s from 12.62 N, r = -0.99."""
+    scene = build_scene('stiffness', 'rubber_shell', 'flexion')
+    timeline = Timeline([], [Move(0.2, 0.0049, 0.01)], 5.0)
+    motion = simulate_motion(scene, timeline, Variation.none())
+    held_s = motion.sample_times_s - plan_timeline(scene.rig, timeline)[1].end_s
+    held = (held_s >= 0.2) & (held_s <= 4.0)
+    tension = motion.sensed_n[0, held]
+    slope, intercept = np.polyfit(held_s[held], tension, 1)
+    assert slope == pytest.approx(-0.90, abs=0.03)
+    assert intercept == pytest.approx(12.62, abs=0.15)
+    assert np.corrcoef(held_s[held], tension)[0, 1] == pytest.approx(-0.99, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ('contact', 'tension_n', 'bend_deg', 'within_deg'),
+    [('flexion', 0.0, 4.0, 4.0), ('flexion', 5.0, 40.0, 6.0), ('flexion', 15.0, 115.0, 3.0)],
+)
+def test_the_free_finger_bends_as_in_the_papers_figure_1(contact, tension_n, bend_deg, within_deg):
+    scene = build_scene('stiffness', 'none', contact)
+    pulled, bends = [], []
+    for tendon_m in np.linspace(0.0, 0.016, 33):
+        inputs = scene.compute_inputs(np.array([tendon_m]), np.array([0.06]))[0]
+        state = scene.start_trials('numpy', Variation.none(), inputs)
+        pulled.append(state[at.TENSION, 0])
+        bends.append(math.degrees(state[at.MODES, 0]))
+    assert np.all(np.diff(pulled) >= 0)
+    assert np.interp(tension_n, pulled, bends) == pytest.approx(bend_deg, abs=within_deg)
+
+
+def test_without_a_filter_the_cell_gets_tension_and_crosstalk():
+    scene = build_scene('texture', 'R2', 'flexion')
+    cell = dataclasses.replace(CELL, low_pass_hz=1e5)
+    rig = dataclasses.replace(scene.rig, load_cell=cell)
+    motion = simulate_motion(dataclasses.replace(scene, rig=rig), SHORT, Variation.none())
+    force = motion.truth['contact_force_n'][0]
+    expected = motion.truth['tension_n'][0] + CELL.crosstalk * force
+    assert force.max() > 0.5
+    np.testing.assert_allclose(motion.sensed_n[0], expected, atol=1e-3)
+    filtered = simulate_motion(scene, SHORT, Variation.none())
+    assert np.abs(filtered.sensed_n[0] - expected).max() > 0.05
+    assert filtered.truth['tension_n'].tobytes() == motion.truth['tension_n'].tobytes()
 
 
 @pytest.mark.parametrize(
@@ -94,7 +231,12 @@ def test_softer_objects_give_less_tension_and_all_relax(contact):
         (Timeline([Move(0, 0.1, 0.5)], [], 9), 'limit'),
         (Timeline([], [Move(0, 0.01, 0.5)], 9), 'limit'),
         (Timeline([], [], 0), 'duration_s'),
+        (Timeline([], [], 1e9), 'duration_s'),
         (Timeline([], [], 9, guide_start_m=-1), 'guide_start_m'),
+        (Timeline([], [], float('nan')), 'duration_s'),
+        (Timeline([Move(0, float('nan'), 0.01)], [], 9), 'cannot go'),
+        (Timeline([], [Move(0, float('nan'), 0.01)], 9), 'cannot go'),
+        (Timeline([], [Move(float('nan'), 0.005, 0.01)], 9), 'must be finite'),
     ],
 )
 def test_impossible_timelines_are_refused(timeline, sentence):
@@ -111,5 +253,13 @@ def test_impossible_trials_are_refused():
     ):
         with pytest.raises(DescriptionError):
             simulate_trials(*wrong, SHORT, 1, 1)
-    with pytest.raises(DescriptionError, match='count'):
-        simulate_trials('texture', 'F', 'flexion', SHORT, 0, 1)
+    for count, seed, more in (
+        (0, 1, {}),
+        (1, -1, {}),
+        (1, 1, {'first': -1}),
+        (1, 1, {'session': -1}),
+    ):
+        with pytest.raises(DescriptionError, match='count'):
+            simulate_trials('texture', 'F', 'flexion', SHORT, count, seed, **more)
+    with pytest.raises(DescriptionError, match='no solver'):
+        simulate_trials('texture', 'F', 'flexion', SHORT, 1, 1, solver='fast')
