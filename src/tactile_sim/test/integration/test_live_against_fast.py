@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 from linear_guide_driver import dynamixel_registers as known
-from tactile_sim.description import load_rig
+from tactile_sim.catalogue import default_catalogue
 from tactile_sim.dynamixel_packets import encode_instruction
 from tactile_sim.errors import RigError
-from tactile_sim.fast_trials import Move, Timeline, simulate_motion
-from tactile_sim.plant import Variation
+from tactile_sim.fast_trials import simulate_motion
 from tactile_sim.rig import STEP_S, PalpationRig
+from tactile_sim.scene import build_scene
+from tactile_sim.timeline import Move, Timeline
+from tactile_sim.variation import Variation
 
 SPEED_UNITS = 25
-SPEED_M_S = SPEED_UNITS * 0.229 / 60 * 4096 * load_rig().tendon.m_per_count
+SPEED_M_S = SPEED_UNITS * 0.229 / 60 * 4096 * default_catalogue().rig().tendon.m_per_count
 
 
 class Driver:
@@ -50,7 +52,7 @@ class Driver:
         self.wait_until(10.0)
 
     def pull(self, displacement_m):
-        counts = round(displacement_m / load_rig().tendon.m_per_count)
+        counts = round(displacement_m / default_catalogue().rig().tendon.m_per_count)
         self.tendon(known.GOAL_POSITION, 2048 + counts)
 
 
@@ -67,9 +69,10 @@ def test_texture_trial(plate, contact, pull_m):
     driver.guide(b'G1X-105F900\n')
     driver.wait_until(14.0)
     timeline = Timeline([Move(2.0, 0.095, 0.015)], [Move(0.2, pull_m, SPEED_M_S)], 4.0)
-    times, truth = simulate_motion('texture', plate, contact, timeline, Variation.none())
+    motion = simulate_motion(build_scene('texture', plate, contact), timeline, Variation.none())
+    times = motion.sample_times_s
     live = np.interp(10.0 + times, STEP_S * np.arange(1, 14001), driver.tension_n)
-    fast = truth['tension_n'][0]
+    fast = motion.truth['tension_n'][0]
     ripple = fast[times > 2.8].std()
     difference = live - fast
     # The live rig takes longer steps; that and nothing else sets them apart.
@@ -78,10 +81,10 @@ def test_texture_trial(plate, contact, pull_m):
     assert np.abs(difference).max() < 0.01 * fast.max()
     # And the load cell's lines say the same, with its noise.
     rows = [line.split(b',') for line in driver.lines.split(b'\r\n')[:-1]]
-    sent_s = np.arange(len(rows)) * load_rig().load_cell.period_s
+    sent_s = np.arange(len(rows)) * default_catalogue().rig().load_cell.period_s
     said_n = np.array([float(row[1]) for row in rows]) * 9.80665
     late = sent_s > 12.0
-    heard = np.interp(sent_s[late] - 10.0, times, fast)
+    heard = np.interp(sent_s[late] - 10.0, times, motion.sensed_n[0])
     assert (said_n[late] - heard).std() < 0.02
 
 
@@ -92,10 +95,12 @@ def test_stiffness_trial_relaxes_alike():
     driver.pull(0.0060)
     driver.wait_until(13.0)
     timeline = Timeline([], [Move(0.0, 0.0060, SPEED_M_S)], 3.0)
-    times, truth = simulate_motion('stiffness', 'sponge', 'flexion', timeline, Variation.none())
+    scene = build_scene('stiffness', 'sponge', 'flexion')
+    motion = simulate_motion(scene, timeline, Variation.none())
+    times = motion.sample_times_s
     live = np.interp(10.0 + times, STEP_S * np.arange(1, 13001), driver.tension_n)
     held = times > 1.2
-    np.testing.assert_allclose(live[held], truth['tension_n'][0][held], atol=5e-3)
+    np.testing.assert_allclose(live[held], motion.truth['tension_n'][0][held], atol=5e-3)
 
 
 def test_mounting_needs_a_slack_tendon():
