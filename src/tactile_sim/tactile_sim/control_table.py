@@ -14,6 +14,7 @@ ERROR_RANGE, ERROR_LENGTH, ERROR_LIMIT, ERROR_ACCESS = 4, 5, 6, 7
 TABLE_END = 147
 MODES = (0, 1, 3, 4, 5, 16)
 FIRMWARE_VERSION = 45
+ROOM_C = 30
 
 
 class Field(NamedTuple):
@@ -86,7 +87,7 @@ FIELDS = (
     Field(Register(136, 4), 0),
     Field(Register(140, 4), 0),
     Field(known.PRESENT_VOLTAGE, 120),
-    Field(known.PRESENT_TEMPERATURE, 30),
+    Field(known.PRESENT_TEMPERATURE, ROOM_C),
 )
 _BY_ADDRESS = {field.register.address: field for field in FIELDS}
 

@@ -21,6 +21,7 @@ from tactile_sim.motion import Motion, plan_move, plan_stop
 
 PING, READ, WRITE, REG_WRITE, ACTION, REBOOT = 0x01, 0x02, 0x03, 0x04, 0x05, 0x08
 SYNC_READ, SYNC_WRITE = 0x82, 0x83
+OVERHEATING = 0x04
 ERROR_RESULT, ERROR_INSTRUCTION, ERROR_CRC = 1, 2, 3
 
 VELOCITY_COUNTS_S = known.VELOCITY_UNIT_RPM / 60 * COUNTS_PER_TURN
@@ -50,6 +51,7 @@ class DynamixelDevice:
         self._turns_off = 0  # counts between the pulley and what the servo believes
         self._registered: tuple[int, bytes] | None = None
         self._stalled = False
+        self._is_hot = False
         self._position = float(drive.slack_count)
         self._velocity = 0.0
         self._motion = Motion(self._position, [], self._position)
@@ -67,6 +69,8 @@ class DynamixelDevice:
         elapsed_s = now_s - self._now_s
         self._now_s, self._tension_n = now_s, tension_n
         self._check_watchdog()
+        if self._is_hot:
+            self.fail(OVERHEATING)
         if not self._table[known.TORQUE_ENABLE]:
             pull = max(tension_n - self._drive.back_drive_n, 0.0)
             let_out_m = pull / self._drive.back_drive_n_s_m * elapsed_s
@@ -88,6 +92,21 @@ class DynamixelDevice:
         self._table[known.HARDWARE_ERROR] |= hardware_error
         if self._table[known.HARDWARE_ERROR] & self._table[table.SHUTDOWN]:
             self._table[known.TORQUE_ENABLE] = 0
+
+    def heat(self, temperature_c: int) -> None:
+        """Be this hot, which must be above the limit; a reboot does not help until `cool`."""
+        self._is_hot = True
+        self._table[known.PRESENT_TEMPERATURE] = temperature_c
+
+    def cool(self) -> None:
+        """Be as warm as usual; an error that there is stays."""
+        self._is_hot = False
+        self._table[known.PRESENT_TEMPERATURE] = table.ROOM_C
+
+    def restart(self) -> None:
+        """Lose power for a moment."""
+        self._parser = InstructionParser()
+        self._reboot()
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Take bytes from the bus and return the answers; call `advance` first."""
@@ -209,7 +228,9 @@ class DynamixelDevice:
 
     def _reboot(self) -> None:
         goal_mode = self._table[known.OPERATING_MODE]
+        temperature_c = self._table[known.PRESENT_TEMPERATURE]
         self._table.reset_ram()
+        self._table[known.PRESENT_TEMPERATURE] = temperature_c
         self._table[known.OPERATING_MODE] = goal_mode
         self._registered = None
         self._rest_at(self._position)

@@ -27,6 +27,8 @@ PLANNER_BLOCKS = 15
 RX_BYTES = 128
 LINE_CHARACTERS = 79
 RESET_DELAY_S = 0.5
+BOOT_S = 1.0
+"""From power to the banner, with the boot loader; assumed."""
 
 _SOFT_RESET, _JOG_CANCEL = 0x18, 0x85
 
@@ -90,6 +92,26 @@ class GrblDevice:
         self._advance(now_s)
         sent, self._output = bytes(self._output), bytearray()
         return sent
+
+    def restart(self, now_s: float) -> None:
+        """Lose power for a moment: the motor stops dead, and the counter starts at 0."""
+        self._stop_dead(now_s)
+        self._zero_mm = self._planner.state_at(now_s)[0]
+        self._alarmed = bool(self.settings[setting.HOMING])
+        self._start(announce_lock=False)
+        self._output.clear()  # what it was about to say is lost as well
+        self._reset_at_s = now_s + BOOT_S
+
+    def trip_limit(self, now_s: float) -> None:
+        """Close the limit switch, by contact or by interference: alarm 1."""
+        self._stop_dead(now_s)
+        self._homing = self._jogging = self._canceling = self._soft_limit_hit = False
+        self._dwell_end_s = None
+        self._raise_alarm(1)
+
+    def _stop_dead(self, now_s: float) -> None:
+        self._advance(now_s)
+        self._planner.place(self._on_rail(self._planner.state_at(now_s)[0]))
 
     # ---- time ---------------------------------------------------------------------------
 

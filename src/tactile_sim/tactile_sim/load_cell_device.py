@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tactile_sim.description import LoadCell
@@ -12,13 +14,23 @@ from tendon_sensor_driver.line_protocol import encode_reading
 
 GRAVITY_M_S2 = 9.80665
 DECIMALS = 5
+BOOT_S = 0.5
+"""From power to the first line; assumed."""
+
+_HEADER = b'\r\nSerial Load Cell Converter version 1.2\r\nBy SparkFun Electronics\r\n'
+_BANNER = _HEADER + (
+    b'No remote sensor found\r\nMinimum time between reports: 16\r\n'
+    b'Press x to bring up settings\r\nReadings:\r\n'
+)
+_MENU = _HEADER + b'System Configuration\r\n1) Tare scale to zero [0]\r\nx) Exit\r\n>'
 
 
 class LoadCellDevice:
     """Sends a line a sample: device clock in milliseconds, kilograms, unit.
 
-    Its readings are those of ``sensing.read_tension`` with the same generator, up to the
-    rounding of the lines.
+    An ``x`` brings up its menu, as it does with an OpenScale: no lines until the next ``x``,
+    the only command that it knows there. Its readings are those of ``sensing.read_tension``
+    with the same generator, up to the rounding of the lines.
 
     Parameters
     ----------
@@ -26,6 +38,13 @@ class LoadCellDevice:
         The description.
     generator
         Source of noise and drift.
+
+    Attributes
+    ----------
+    is_saturated
+        Whether something pulls beyond the capacity.
+    is_stuck
+        Whether the reading stays what it is.
     """
 
     def __init__(self, cell: LoadCell, generator: np.random.Generator) -> None:
@@ -33,6 +52,10 @@ class LoadCellDevice:
         self._generator = generator
         self._bias_n = self._drift_n = 0.0
         self._samples = 0
+        self._first_sample = 0  # since it was switched on
+        self._in_menu = False
+        self._last_n = 0.0
+        self.is_saturated = self.is_stuck = False
         self._time_s: float | None = None
         self._force_n = self._filtered_n = 0.0
         self._output = bytearray()
@@ -67,15 +90,45 @@ class LoadCellDevice:
         noise, step = self._generator.standard_normal(2)
         if self._samples:
             self._drift_n += compute_drift_step_n(self._cell) * step
-        signal_n = np.array([filtered_n + (self._bias_n + self._drift_n)])
-        reading_n = float(convert_to_reading(self._cell, signal_n, noise)[0])
-        milliseconds = int(self._samples * 1000 / self._cell.rate_hz)
-        self._output += encode_reading(milliseconds, reading_n / GRAVITY_M_S2, 'kg', DECIMALS)
+        signal_n = filtered_n + (self._bias_n + self._drift_n)
+        if self.is_saturated:
+            signal_n = math.inf
+        if not self.is_stuck:
+            self._last_n = float(convert_to_reading(self._cell, np.array([signal_n]), noise)[0])
+        sample = self._samples - self._first_sample
+        if sample == 0 and self._first_sample:
+            self._output += _BANNER
+        if sample >= 0 and not self._in_menu:
+            milliseconds = int(sample * 1000 / self._cell.rate_hz)
+            kilograms = self._last_n / GRAVITY_M_S2
+            self._output += encode_reading(milliseconds, kilograms, 'kg', DECIMALS)
         self._samples += 1
 
+    def restart(self) -> None:
+        """Lose power for a moment: banner, then lines by a clock that starts anew."""
+        self._first_sample = self._samples + round(BOOT_S * self._cell.rate_hz)
+        self._in_menu = False
+        self._output.clear()
+
+    def enter_menu(self) -> None:
+        """Send no lines, as if somebody had typed ``x``."""
+        self._in_menu = True
+        self._output += _MENU
+
+    def leave_menu(self) -> None:
+        """Send lines again; harmless outside of the menu."""
+        if self._in_menu:
+            self._in_menu = False
+            self._output += b'Exiting\r\n'
+
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Ignore what is sent to it: it only talks."""
-        return b''
+        """Take bytes from the line; they matter in the menu, or lead there."""
+        for byte in data:
+            if self._in_menu and byte == ord('x'):
+                self.leave_menu()
+            elif self._in_menu or byte == ord('x'):
+                self.enter_menu()
+        return self.poll(now_s)
 
     def poll(self, now_s: float) -> bytes:
         """Lines that are due since the last call."""

@@ -4,29 +4,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import select
+import tempfile
 import threading
 import time
-import tty
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from pathlib import Path
+from typing import TypeVar
 
+from tactile_sim.faults import FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
+from tactile_sim.pty_port import PtyPort
 from tactile_sim.rig import STEP_S, PalpationRig
 
-_READ_BYTES = 4096
 _CHUNK_S = 0.02
 _MOST_BEHIND_S = 0.5
 _T = TypeVar('_T')
-
-
-class Device(Protocol):
-    """A device's core: bytes in, bytes out, told the time."""
-
-    def receive(self, data: bytes, now_s: float) -> bytes: ...
-
-    def poll(self, now_s: float) -> bytes: ...
 
 
 class PtyServer:
@@ -38,40 +30,52 @@ class PtyServer:
     ----------
     rig
         The rig; after `start` it belongs to the server's thread, see `call`.
+    links
+        Folder for the names of the ports; None: one of its own, gone after `close`.
+    seed
+        Of what is random in the faults.
 
     Attributes
     ----------
     ports : dict of str to str
-        Paths of the ptys: guide, tendon, sensor.
+        Names of the ports: guide, tendon, sensor. They stay when a port is unplugged.
     failure : Exception or None
         What ended the thread.
     slipped_s : float
         How much the rig's clock has slipped [s].
+
+    Raises
+    ------
+    RigError
+        Where a port's name should be is something else.
     """
 
-    def __init__(self, rig: PalpationRig) -> None:
+    def __init__(self, rig: PalpationRig, links: Path | None = None, seed: int = 0) -> None:
         self._rig = rig
-        self._devices: dict[str, Device] = {
-            'guide': rig.guide,
-            'tendon': rig.tendon,
-            'sensor': rig.sensor,
+        self._lines: dict[str, FaultyLine] = {
+            'guide': GuideLine(rig.guide, seed),
+            'tendon': TendonLine(rig.tendon, seed + 1),
+            'sensor': SensorLine(rig.sensor, seed + 2),
         }
         self._lock = threading.Lock()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='pty_server', daemon=True)
         self.failure: Exception | None = None
         self.slipped_s = 0.0
-        self.ports: dict[str, str] = {}
-        self._masters: dict[int, str] = {}
-        self._files: list[int] = []
-        for name in self._devices:
-            master, slave = os.openpty()
-            tty.setraw(slave)
-            os.set_blocking(master, False)
-            # The spare slave stays open, or reading the master fails when a client closes.
-            self._files += [master, slave]
-            self._masters[master] = name
-            self.ports[name] = os.ttyname(slave)
+        self._own_folder = None
+        if links is None:
+            self._own_folder = tempfile.TemporaryDirectory(prefix='tactile_rig_')
+            links = Path(self._own_folder.name)
+        links = links.absolute()
+        links.mkdir(parents=True, exist_ok=True)
+        self.ports = {name: str(links / name) for name in self._lines}
+        self._ports: dict[str, PtyPort] = {}
+        try:
+            for name in self._lines:
+                self._ports[name] = PtyPort(links / name)
+        except BaseException:
+            self.close()
+            raise
 
     def start(self) -> None:
         """Start the rig's clock."""
@@ -82,13 +86,19 @@ class PtyServer:
         with self._lock:
             return function(self._rig)
 
+    def fault(self, request: FaultRequest) -> None:
+        """Begin a fault, or end those of a device."""
+        self.call(lambda rig: self._lines[request.device].begin(request, rig.now_s))
+
     def close(self) -> None:
-        """Stop the thread and close the ptys; harmless when called twice."""
+        """Stop the thread and take the ports away; harmless when called twice."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()
-        while self._files:
-            os.close(self._files.pop())
+        for port in self._ports.values():
+            port.close()
+        if self._own_folder is not None:
+            self._own_folder.cleanup()
 
     def _run(self) -> None:
         try:
@@ -104,20 +114,21 @@ class PtyServer:
                 start_s += behind_s
                 self.slipped_s += behind_s
             wait_s = 0.0 if behind_s > STEP_S else STEP_S - behind_s
-            readable, _, _ = select.select(list(self._masters), [], [], wait_s)
+            plugged = [port for port in self._ports.values() if port.is_open]
+            readable, _, _ = select.select(plugged, [], [], wait_s)
             with self._lock:
                 due_s = time.monotonic() - start_s
                 now_s = self._rig.advance(min(due_s, self._rig.now_s + _CHUNK_S))
-                for master, name in self._masters.items():
-                    self._exchange(master, name, master in readable, now_s)
+                for name, port in self._ports.items():
+                    self._exchange(self._lines[name], port, port in readable, now_s)
 
-    def _exchange(self, master: int, name: str, has_input: bool, now_s: float) -> None:
-        device = self._devices[name]
-        output = b''
-        if has_input:
-            output = device.receive(os.read(master, _READ_BYTES), now_s)
-        output += device.poll(now_s)
+    def _exchange(self, line: FaultyLine, port: PtyPort, has_input: bool, now_s: float) -> None:
+        output = line.receive(port.read(), now_s) if has_input else b''
+        output += line.poll(now_s)
+        if line.is_unplugged:
+            port.close()
+            return
+        if not port.is_open:
+            port.open()
         if output:
-            # A full pty loses bytes, as a serial line without handshake does.
-            with contextlib.suppress(BlockingIOError):
-                os.write(master, output)
+            port.write(output)

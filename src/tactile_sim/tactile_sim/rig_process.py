@@ -24,7 +24,7 @@ _EXIT_S = 5.0
 
 
 class RigPorts(NamedTuple):
-    """Paths of the rig's ptys."""
+    """Names of the rig's ports, which stay when one is unplugged and comes back."""
 
     guide: str
     tendon: str
@@ -39,14 +39,14 @@ class SimulatedRig:
     seed
         Of variations and noise.
     links
-        Directory for symbolic links guide, tendon and sensor to the ports.
+        Directory for the ports: symbolic links guide, tendon and sensor. Default: a new one.
     description
         Folder of descriptions that are laid over the packaged ones, see `Catalogue`.
 
     Attributes
     ----------
     ports : RigPorts
-        Paths of the ptys.
+        Names of the ports.
 
     Raises
     ------
@@ -113,6 +113,30 @@ class SimulatedRig:
             The rig is dead.
         """
         return self._request({'state': True})
+
+    def fault(
+        self, device: str, kind: str, duration_s: float | None = None, **options: float
+    ) -> None:
+        """Begin a fault of a device; `tactile_sim.faults.KINDS` has all with their options.
+
+        Parameters
+        ----------
+        device
+            guide, tendon or sensor.
+        kind
+            For example ``unplug``; ``none`` ends all faults of the device.
+        duration_s
+            How long it lasts [s]; None: until it is ended. Some are a moment only.
+
+        Raises
+        ------
+        RigError
+            There is no such fault, or the rig is dead.
+        """
+        wanted: dict[str, Any] = {'device': device, 'kind': kind, **options}
+        if duration_s is not None:
+            wanted['duration_s'] = duration_s
+        self._request({'fault': wanted})
 
     def close(self) -> None:
         """End the process; harmless when called twice."""

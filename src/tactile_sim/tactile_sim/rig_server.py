@@ -16,24 +16,33 @@ from typing import Any
 
 from tactile_sim.catalogue import Catalogue
 from tactile_sim.errors import RigError, TactileSimError
+from tactile_sim.faults import FaultRequest
 from tactile_sim.pty_server import PtyServer
 from tactile_sim.rig import PalpationRig
 
 _POLL_S = 0.1
+_USAGE = (
+    'send {"mount": {"protocol": ..., "object": ..., "contact": ...}}, {"state": true} '
+    'or {"fault": {"device": ..., "kind": ...}}'
+)
 
 
 def main() -> int:
     """Serve until the end of standard input, SIGINT or SIGTERM.
 
     Prints the ports as one line of JSON when ready. Understands, one line of JSON each:
-    ``{"mount": {"protocol": ..., "object": ..., "contact": ...}}`` and ``{"state": true}``.
+    ``{"mount": {"protocol": ..., "object": ..., "contact": ...}}``, ``{"state": true}`` and
+    ``{"fault": {"device": ..., "kind": ..., "duration_s": ...}}``, see `tactile_sim.faults`.
     """
     parser = argparse.ArgumentParser(
         prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'
     )
     parser.add_argument('--seed', type=int, default=0, help='seed of variations and noise')
     parser.add_argument(
-        '--links', type=Path, help='directory for symbolic links guide, tendon and sensor'
+        '--links',
+        type=Path,
+        help='directory for the ports, symbolic links named guide, tendon and sensor; '
+        'default: a new one',
     )
     parser.add_argument(
         '--description',
@@ -50,10 +59,11 @@ def main() -> int:
         rig = PalpationRig(arguments.seed, catalogue=Catalogue(arguments.description))
     except TactileSimError as error:
         return _complain(error)
-    server = PtyServer(rig)
-    links: list[Path] = []
     try:
-        _link(server.ports, arguments.links, links)
+        server = PtyServer(rig, arguments.links, arguments.seed)
+    except RigError as error:
+        return _complain(error)
+    try:
         server.start()
         _say(server.ports)
         for line in _read_lines(server):
@@ -62,8 +72,6 @@ def main() -> int:
         return _complain(error)
     finally:
         server.close()
-        for link in links:
-            link.unlink(missing_ok=True)
     return 0
 
 
@@ -82,20 +90,6 @@ def _leave(number: int, frame: object) -> None:
 def _say(message: object) -> None:
     sys.stdout.write(json.dumps(message) + '\n')
     sys.stdout.flush()
-
-
-def _link(ports: dict[str, str], folder: Path | None, links: list[Path]) -> None:
-    if folder is None:
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, port in ports.items():
-        link = folder / name
-        if link.is_symlink():
-            link.unlink()
-        elif link.exists():
-            raise RigError(f'{link} exists and is no symbolic link; choose another --links')
-        link.symlink_to(port)
-        links.append(link)
 
 
 def _read_lines(server: PtyServer) -> Iterator[bytes]:
@@ -118,17 +112,18 @@ def _answer(server: PtyServer, line: bytes) -> dict[str, Any]:
         request = json.loads(line)
     except ValueError as error:
         return {'error': f'this is no JSON: {error}'}
-    if isinstance(request, dict) and request.get('state'):
-        truth = server.call(PalpationRig.read_truth)
-        return {**truth, 'slipped_s': server.slipped_s}
-    wanted = request.get('mount') if isinstance(request, dict) else None
-    if not isinstance(wanted, dict) or set(wanted) != {'protocol', 'object', 'contact'}:
-        return {
-            'error': 'send {"mount": {"protocol": ..., "object": ..., "contact": ...}} '
-            'or {"state": true}'
-        }
-    names = [str(wanted[key]) for key in ('protocol', 'object', 'contact')]
+    if not isinstance(request, dict):
+        return {'error': _USAGE}
     try:
+        if request.get('state'):
+            return {**server.call(PalpationRig.read_truth), 'slipped_s': server.slipped_s}
+        if 'fault' in request:
+            server.fault(FaultRequest.from_json(request['fault']))
+            return {'ok': True}
+        wanted = request.get('mount')
+        if not isinstance(wanted, dict) or set(wanted) != {'protocol', 'object', 'contact'}:
+            return {'error': _USAGE}
+        names = [str(wanted[key]) for key in ('protocol', 'object', 'contact')]
         return server.call(lambda rig: rig.mount(*names))
     except TactileSimError as error:
         return {'error': str(error)}

@@ -117,7 +117,8 @@ def test_server_speaks_json_and_ends_cleanly(tmp_path):
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         ports = json.loads(process.stdout.readline())
         for name in ('guide', 'tendon', 'sensor'):
-            assert os.path.realpath(tmp_path / 'rig' / name) == ports[name]
+            assert ports[name] == str(tmp_path / 'rig' / name)
+            assert os.path.realpath(ports[name]).startswith('/dev/pts/')
         process.stdin.write(b'nonsense\n{"mount": 3}\n')
         process.stdin.flush()
         assert 'this is no JSON' in json.loads(process.stdout.readline())['error']
