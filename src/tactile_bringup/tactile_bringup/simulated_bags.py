@@ -205,10 +205,16 @@ def _tell_loss(data: bytes, lost_before: int) -> bytes:
     return bytes(known_messages().serialize_cdr(block, STRAIN))
 
 
-def paper_plans(trials_per_label: int, seed: int) -> Sequence[SimulationPlan]:
-    """Return the paper's four sets: texture and stiffness, flexion and abduction."""
+def paper_plans(trials: int, sessions: int, seed: int) -> Sequence[SimulationPlan]:
+    """Return the paper's four sets: texture and stiffness, flexion and abduction.
+
+    Parameters
+    ----------
+    trials : int
+        On each plate or object in each session.
+    """
     return [
-        SimulationPlan(protocol, contact, trials_per_label, seed)
+        SimulationPlan(protocol, contact, trials, seed, sessions)
         for protocol in PROTOCOLS
         for contact in CONTACTS
     ]

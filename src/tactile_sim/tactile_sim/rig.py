@@ -17,6 +17,7 @@ from tactile_sim.variation import Variation, draw_variation, make_generator
 
 STEP_S = 1e-3
 _SLACK_M = 5e-4
+_SESSION = -1  # its own: set up anew since the sessions that `simulate_trials` makes
 
 
 class PalpationRig:
@@ -97,7 +98,7 @@ class PalpationRig:
         variation = self._variation
         if variation is None:
             variation, _ = draw_variation(
-                self._catalogue, contact, protocol, object_label, self._seed, 0, 1, self._trials
+                self._catalogue, contact, protocol, object_label, self._seed, _SESSION, 1, self._trials
             )
         guide_m = self.guide.position_m(self.now_s)
         self._plant.exchange(scene, variation, guide_m, self.tendon.displacement_m)

@@ -27,11 +27,12 @@ from tactile_bringup.simulated_bags import paper_plans
 from tactile_bringup.traces import read_trace
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.dataset import FeatureTable
-from tactile_sim.description import list_objects
+from tactile_sim.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
 
 MATCH_TIMEOUT_S = 10.0
 PAPER_TRIALS = 60
+SESSIONS = 6
 """Trials of each plate in the paper (section III.A)."""
 
 
@@ -43,10 +44,13 @@ def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> b
     output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
 
     output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
-    plans = paper_plans(12 if short else PAPER_TRIALS, seed)
-    bags = [bag.path for bag in make_bags(folder / 'training', plans, output)]
-    counts = [plan.trials_per_label * len(list_objects(plan.protocol)) for plan in plans]
-    output.say(f'   {sum(counts)} simulated trials in {len(bags)} bags, {_since(started)}\n')
+    plans = paper_plans((12 if short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
+    made = make_bags(folder / 'training', plans, output)
+    bags = [bag.path for bag in made]
+    output.say(
+        f'   {sum(bag.trials for bag in made)} simulated trials in {len(bags)} bags, from '
+        f'{SESSIONS} sessions; {_since(started)}\n'
+    )
 
     output.say('[bold]2  Training and cross-validation[/bold]')
     found = read_with_progress(bags, output)
@@ -55,6 +59,7 @@ def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> b
     )
 
     output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
+    output.say('   in another session: the rig has been set up anew since the training')
     with SimulatedRig(seed=seed) as rig, domain_id() as domain:
         setup = LiveSetup(
             ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),

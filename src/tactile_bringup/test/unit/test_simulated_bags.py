@@ -310,7 +310,7 @@ def test_plan_keeps_the_glide_speed():
 
 
 def test_paper_plans_are_the_four_sets():
-    plans = paper_plans(60, 1)
+    plans = paper_plans(10, 6, 1)
     assert {(p.protocol, p.contact) for p in plans} == {
         (p, c) for p in ('texture', 'stiffness') for c in ('flexion', 'abduction')
     }
