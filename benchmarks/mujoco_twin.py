@@ -14,7 +14,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,25 @@ class TwinContact:
     clearance_m: float
     offset_m: float
     friction: float
+
+
+class TipState(NamedTuple):
+    """What the plate does to the tip, and what the tip remembers.
+
+    Attributes
+    ----------
+    normal_n, friction_n
+        Normal force [N]; friction along the surface against +x [N].
+    slider_m
+        Where the tip sticks on the surface [m].
+    squeezed_m
+        Compression of its rubber [m].
+    """
+
+    normal_n: float
+    friction_n: float
+    slider_m: float
+    squeezed_m: float
 
 
 @dataclass(frozen=True)
@@ -200,10 +219,15 @@ def compute_chain_tip(finger: Finger, bend_rad: float, hinges: int = 11) -> tupl
     return float(share_m @ np.sin(slope_rad)), float(share_m @ np.cos(slope_rad))
 
 
-def compute_contact_force(
-    finger: Finger, contact: TwinContact, drop_m: float, place_m: float, slider_m: float
-) -> tuple[float, float, float]:
-    """Normal force and friction on the tip, and where the friction's slider then is.
+def press_tip(
+    finger: Finger,
+    contact: TwinContact,
+    drop_m: float,
+    place_m: float,
+    tip: TipState,
+    step_s: float,
+) -> TipState:
+    """Press the tip on the plate for one step.
 
     Parameters
     ----------
@@ -211,20 +235,26 @@ def compute_contact_force(
         As in `simulate_twin`.
     drop_m, place_m
         Of the tip, below the clamp and on the surface [m].
-    slider_m
-        Where the slider was, on the surface [m].
-
-    Returns
-    -------
-    tuple of float
-        Normal force [N], friction along the surface against +x [N], slider [m].
+    tip
+        As it was one step ago.
+    step_s
+        Length of the step [s].
     """
-    height_m = _sample(contact.surface, place_m)[0]
-    normal_n = finger.tip_stiffness_n_m * max(drop_m - contact.clearance_m + height_m, 0.0)
+    indentation_m = drop_m - contact.clearance_m + _sample(contact.surface, place_m)[0]
+    # The rubber, a spring beside a damper, never pulls; left alone it recovers.
+    damper_n_m = finger.tip_damping_n_s_m / step_s
+    both_n_m = finger.tip_stiffness_n_m + damper_n_m
+    held_n = damper_n_m * tip.squeezed_m
+    normal_n = max(both_n_m * indentation_m - held_n, 0.0)
     limit_n = contact.friction * normal_n
-    stuck_n = finger.tip_shear_stiffness_n_m * (place_m - slider_m)
+    stuck_n = finger.tip_shear_stiffness_n_m * (place_m - tip.slider_m)
     friction_n = min(max(stuck_n, -limit_n), limit_n)
-    return normal_n, friction_n, place_m - friction_n / finger.tip_shear_stiffness_n_m
+    return TipState(
+        normal_n,
+        friction_n,
+        place_m - friction_n / finger.tip_shear_stiffness_n_m,
+        (normal_n + held_n) / both_n_m,
+    )
 
 
 def _sample(surface: Surface, place_m: float) -> tuple[float, float]:
@@ -280,30 +310,28 @@ def simulate_twin(
         write_finger_mjcf(finger, step_s, hinges, integrator, inertia_scale)
     )
     data = mujoco.MjData(model)
-    tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, 'tip')
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, 'tip')
     steps = round(duration_s / step_s)
     times_s: FloatArray = step_s * np.arange(steps, dtype=np.float64)
     places_m = (contact.offset_m + guide_positions(times_s)).tolist()
     windings_m = tendon_positions(times_s).tolist()
     spring, length = model.tendon_lengthspring[0], data.ten_length
-    tip_place, tip_force = data.xpos[tip], data.xfrc_applied[tip]
+    tip_place, tip_force = data.xpos[body], data.xfrc_applied[body]
     out = np.zeros((4, steps))
-    slider_m = places_m[0] + finger.length_m
+    tip = TipState(0.0, 0.0, places_m[0] + finger.length_m, 0.0)
     start_s = time.perf_counter()
     for step in range(steps):
         spring[0] = windings_m[step]
         mujoco.mj_step1(model, data)
         reach_m, drop_m = float(tip_place[0]), -float(tip_place[2])
         place_m = places_m[step] + reach_m
-        normal_n, friction_n, slider_m = compute_contact_force(
-            finger, contact, drop_m, place_m, slider_m
-        )
+        tip = press_tip(finger, contact, drop_m, place_m, tip, step_s)
         slope = _sample(contact.surface, place_m)[1]
-        tip_force[0] = -(friction_n + normal_n * slope)
-        tip_force[2] = normal_n - friction_n * slope
+        tip_force[0] = -(tip.friction_n + tip.normal_n * slope)
+        tip_force[2] = tip.normal_n - tip.friction_n * slope
         mujoco.mj_step2(model, data)
         tension_n = finger.tendon_stiffness_n_m * max(windings_m[step] - float(length[0]), 0.0)
-        out[:, step] = tension_n, normal_n, drop_m, reach_m
+        out[:, step] = tension_n, tip.normal_n, drop_m, reach_m
     elapsed_s = time.perf_counter() - start_s
     # MuJoCo does not raise: it warns and starts again from rest.
     if any(warning.number for warning in data.warning) or not np.isfinite(out).all():

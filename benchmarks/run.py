@@ -26,6 +26,9 @@ TOPICS = {
     'simulator': ('simulator', 'run_simulator'),
     'paths': ('simulator_paths', 'run_paths'),
     'aliasing': ('simulator_paths', 'run_aliasing'),
+    'modes': ('simulator_twin', 'run_modes'),
+    'twin': ('simulator_twin', 'run_twin'),
+    'twin-speed': ('simulator_twin', 'run_twin_speed'),
     'messages': ('message_path', 'run_messages'),
 }
 
@@ -52,6 +55,9 @@ EPILOG = """topics:
   simulator    simulated texture trials: speed and error by scheme and step
   paths        readings, the NumPy solver, stiffness trials, the live rig
   aliasing     what sampling and the plate's place do to the 91 amplitudes
+  modes        the finger's equations with fewer and more curvature modes
+  twin         against the same scene in MuJoCo: how far apart (needs mujoco)
+  twin-speed   and at which speeds
   messages     latency from publish to the features node
 
 exit status:

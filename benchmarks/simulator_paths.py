@@ -106,7 +106,7 @@ def _run_plant(quick: bool) -> Row:
     """One trial, step by step as the live rig makes them, over the plate."""
     trials = draw_trials('texture', PLATE, 'flexion', 1)
     guide, tendon, _ = plan_timeline(trials.scene.rig, trials.planned.timeline)
-    times_s = STEP_S * np.arange(1, round(5.0 / STEP_S))
+    times_s = np.asarray(STEP_S * np.arange(1.0, round(5.0 / STEP_S)), dtype=np.float64)
     guide_m, tendon_m = guide.positions_at(times_s), tendon.positions_at(times_s)
     places = list(zip(guide_m.tolist(), tendon_m.tolist(), strict=True))
 
