@@ -107,7 +107,7 @@ def test_mount_answers_or_refuses_with_a_sentence(rig):
     answer = rig.mount('texture', 'C2', 'abduction')
     assert answer['ok']
     assert rig.truth()['mount'] == {'protocol': 'texture', 'object': 'C2', 'contact': 'abduction'}
-    with pytest.raises(RigError, match="no texture object 'R9'; there are F, R1"):
+    with pytest.raises(RigError, match="no texture plate 'R9'; there are F, R1"):
         rig.mount('texture', 'R9', 'flexion')
 
 
