@@ -306,7 +306,7 @@ def _draw_tension(axes: Axes, picture: TrialPicture) -> None:
     axes.set(xlabel='time [s]', ylabel='tendon tension [N]')
     if picture.plan.protocol == 'texture':
         times_s, window_n = _texture_window(picture)
-        ripple = axes.inset_axes((0.28, 0.16, 0.5, 0.5))
+        ripple = axes.inset_axes((0.28, 0.12, 0.5, 0.38))
         ripple.plot(times_s, MM * (window_n - np.mean(window_n)), color='#1f4e79', lw=1)
         ripple.set_title('the window of the features, without its mean [mN]', fontsize=9)
         ripple.tick_params(labelsize=8)

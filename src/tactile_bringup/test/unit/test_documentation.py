@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the documents say must be what the code does."""
 
+import importlib
 import re
 from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
 
+import tactile_sim
 from tactile_bringup.parameter_tables import renew
 
 README = Path(__file__).resolve().parents[4] / 'README.md'
@@ -20,6 +22,19 @@ def test_parameter_tables_in_the_readme_are_those_of_the_code():
     text = README.read_text()
     assert renew(text) == text, (
         'renew them: ./tactile run python -m tactile_bringup.parameter_tables README.md'
+    )
+
+
+def test_constants_in_the_docs_are_those_of_the_simulator(monkeypatch):
+    docs = README.with_name('docs')
+    if not docs.is_dir():
+        pytest.skip('the packages are not in their own repository: no docs beside them')
+    monkeypatch.syspath_prepend(str(docs))
+    constants = importlib.import_module('constants')
+    text = (docs / 'simulation.md').read_text()
+    config = Path(tactile_sim.__file__).parent / 'config'
+    assert constants.replace_tables(text, constants.build_tables(config)) == text, (
+        'renew them: ./tactile run python docs/generate.py'
     )
 
 

@@ -1,0 +1,49 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The simulator's constants as a table: key, value and source of every line of its YAML."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+_LINE = re.compile(r'^(?P<indent> *)(?P<key>\w+):\s*(?P<value>[^#]*?)\s*(#\s*(?P<source>.*))?$')
+BEGIN, END = '<!-- constants: begin -->', '<!-- constants: end -->'
+FILES = ('finger_flexion', 'finger_abduction', 'rig', 'plates', 'objects', 'held_objects')
+
+
+def build_tables(config: Path) -> str:
+    """Return one Markdown table for each file; the file's heading says what holds for all."""
+    return '\n'.join(_build_table(config / f'{name}.yaml') for name in FILES)
+
+
+def replace_tables(page: str, tables: str) -> str:
+    """Put the tables between their marks."""
+    before, rest = page.split(BEGIN)
+    return f'{before}{BEGIN}\n{tables}{END}{rest.split(END)[1]}'
+
+
+def _build_table(path: Path) -> str:
+    heading, rows, parents = [], [], ['']
+    for line in path.read_text(encoding='utf-8').splitlines():
+        text = line.strip()
+        if text.startswith('#') and not rows:
+            heading.append(text.lstrip('# '))
+            continue
+        if not text or text.startswith('{'):
+            if text:  # the value of the key above
+                rows[-1] = (rows[-1][0], text.strip('{}'), rows[-1][2])
+            continue
+        if text.startswith('#'):  # a source that goes on
+            key, value, source = rows[-1]
+            rows[-1] = (key, value, f'{source} {text.lstrip("# ")}')
+            continue
+        match = _LINE.match(line)
+        if match is None:
+            raise ValueError(f'{path.name}: cannot read {line!r}')
+        depth = len(match['indent']) // 2
+        parents[depth:] = [match['key']]
+        rows.append(('.'.join(parents), match['value'].strip('{}'), match['source'] or ''))
+    lines = [f'**{path.name}.** {" ".join(heading)}', '', '| | | source |', '|---|---|---|']
+    lines += [f'| `{key}` | {value} | {source} |' for key, value, source in rows]
+    return '\n'.join(lines) + '\n'
