@@ -1,0 +1,232 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The ATI Net F/T as a client sees it: open it and take the blocks."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from types import TracebackType
+
+from tendon_sensor_driver.ati_counter import CounterRestartError
+from tendon_sensor_driver.ati_stream import CountedStream
+from tendon_sensor_driver.errors import LinkError, TendonSensorError
+from tendon_sensor_driver.net_ft_links import LinkCounts, NetFtLink, open_link
+from tendon_sensor_driver.net_ft_protocol import compute_rate_hz, describe_status
+from tendon_sensor_driver.net_ft_web import BoxConfiguration, BoxWeb
+from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+
+FIRST_DELAY_S = 0.25
+LONGEST_DELAY_S = 1.0
+_JOIN_TIMEOUT_S = 5.0
+
+_logger = logging.getLogger(__name__)
+
+
+class NetFtClient:
+    """Reads one Net F/T and hands out blocks of tension and wrench until it is closed.
+
+    Opening it sets rate, filter and buffer in the box through its web server, reads back
+    what the box made of them, and starts the stream; after every loss of the link the same
+    is done again, first after 0.25 s, then after twice as long each time up to 1 s.
+
+    One thread reads, decodes and calls ``on_block``; while that does not return, the kernel
+    keeps what arrives, and what does not fit there is counted as lost.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    on_block : callable
+        ``on_block(block)``; called on the client's thread.
+    now_ns : callable
+        The present ROS time [ns].
+    """
+
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        on_block: Callable[[Block], None],
+        now_ns: Callable[[], int],
+    ) -> None:
+        self._config = config
+        self._on_block = on_block
+        self._now_ns = now_ns
+        self._web = BoxWeb(config.host, config.http_port)
+        self._stream = CountedStream(config)
+        self._box: BoxConfiguration | None = None
+        self._link: NetFtLink | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='net-ft', daemon=True)
+        self._is_connected = False
+        self._heard_at_ns = 0
+        self._delay_s = FIRST_DELAY_S
+        self._reconnects = 0
+        self._before = LinkCounts()  # of the links before this one
+        self._seen_rejected = 0
+        self._last_error = ''
+
+    def __enter__(self) -> NetFtClient:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def identity(self) -> str:
+        """Serial number of the box's calibration, or its product name."""
+        box = self._box
+        return '' if box is None else box.serial or box.product
+
+    @property
+    def box(self) -> BoxConfiguration | None:
+        """What the box said of itself when the link was last opened."""
+        return self._box
+
+    def open(self) -> None:
+        """Set up the box and start to read.
+
+        Raises
+        ------
+        LinkError
+            When the box does not answer, or does not take its settings.
+        TendonSensorError
+            When this client has been opened before.
+        """
+        if self._thread.ident is not None or self._stop.is_set():
+            raise TendonSensorError('this client has been opened before; make a new one')
+        self._link = self._connect()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hand out what has arrived and stop the stream. Harmless when called twice."""
+        self._stop.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(_JOIN_TIMEOUT_S)
+
+    def health(self) -> Health:
+        """Return the state of the link now."""
+        stream, counter, link = self._stream, self._stream.counter, self._link
+        counts = self._before
+        device_status = ''
+        if link is not None:
+            counts = counts.plus(link.counts)
+            is_axia = self._box is not None and self._box.is_axia
+            device_status = ', '.join(describe_status(link.status_word, is_axia=is_axia))
+        return Health(
+            is_connected=self._is_connected,
+            heard_at_ns=self._heard_at_ns,
+            bytes=counts.bytes,
+            lines=counts.datagrams,
+            readings=stream.readings,
+            rejected_lines=counts.rejected,
+            lost_samples=stream.lost_samples,
+            duplicates=counter.duplicates + counts.duplicates,
+            late_samples=counter.late + counts.late,
+            outliers=stream.outliers,
+            reconnects=self._reconnects,
+            restarts=counter.restarts,
+            status=stream.status,
+            device_status=device_status,
+            rate_hz=stream.rate_hz,
+            last_error=self._last_error,
+        )
+
+    # -- the client's thread -----------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self._step()
+        self._deliver(self._stream.flush())
+        self._is_connected = False
+        self._disconnect()
+
+    def _step(self) -> None:
+        try:
+            if self._link is None:
+                self._link = self._connect()
+                self._reconnects += 1
+            if self._read(self._link):
+                self._delay_s = FIRST_DELAY_S
+        except LinkError as error:
+            self._is_connected = False
+            self._last_error = str(error)
+            self._deliver(self._stream.flush())
+            self._disconnect()
+            # A box that was restarted is there already.
+            if not isinstance(error, CounterRestartError):
+                self._stop.wait(self._delay_s)
+                self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
+
+    def _connect(self) -> NetFtLink:
+        config = self._config
+        self._web.write_settings(config.rate_hz, config.low_pass_hz, config.samples_per_block)
+        box = self._web.read_configuration()
+        if not box.is_rdt_enabled:
+            raise LinkError('the Net F/T keeps RDT disabled; enable it on its communications page')
+        if box.low_pass_hz not in (config.low_pass_hz, -1):
+            raise LinkError(
+                f'the Net F/T was asked for a low pass of {config.low_pass_hz} Hz and has '
+                f'{box.low_pass_hz} Hz; set another "low_pass_hz"'
+            )
+        if config.rate_hz > box.internal_rate_hz:
+            raise LinkError(
+                f'the Net F/T samples at {box.internal_rate_hz:g} Hz and cannot send '
+                f'{config.rate_hz:g} Hz; set a lower "rate_hz"'
+            )
+        rate_hz = compute_rate_hz(box.rdt_rate_hz or config.rate_hz, box.internal_rate_hz)
+        wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
+        if abs(rate_hz - wanted_hz) > 0.05 * wanted_hz:
+            raise LinkError(
+                f'the Net F/T was asked for {config.rate_hz:g} Hz and sends {rate_hz:.2f} Hz; '
+                'set another "rate_hz"'
+            )
+        link = open_link(
+            config.host, config.rdt_port, box, rate_hz, config.samples_per_block, self._now_ns
+        )
+        self._seen_rejected = 0
+        self._box = box
+        self._stream.begin_session(box.internal_rate_hz, round(box.internal_rate_hz / rate_hz))
+        self._heard_at_ns = self._now_ns()
+        self._is_connected = True
+        return link
+
+    def _disconnect(self) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            self._before = self._before.plus(link.counts)
+            link.close()
+
+    def _read(self, link: NetFtLink) -> bool:
+        """Hand on what has arrived; whether that was anything new."""
+        batch = link.read()
+        rejected = link.counts.rejected
+        if rejected != self._seen_rejected:
+            self._seen_rejected = rejected
+            self._stream.note_dropped_bytes()
+        if batch is None:
+            self._deliver(self._stream.flush())
+            return False
+        readings = self._stream.readings
+        self._deliver(self._stream.add(batch))
+        if self._stream.readings == readings:
+            return False
+        self._heard_at_ns = batch.received_at_ns
+        return True
+
+    def _deliver(self, blocks: list[Block]) -> None:
+        try:
+            for block in blocks:
+                self._on_block(block)
+        except Exception as error:
+            # The stream outlives a fault of its consumer, which is told once.
+            text = f'the consumer of the blocks failed: {error}'
+            if text != self._last_error:
+                self._last_error = text
+                _logger.exception('the consumer of the blocks failed')
