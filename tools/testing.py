@@ -53,8 +53,8 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         if (p.parent / 'setup.py').exists()
     ]
     rules = {
-        'ruff check': ['ruff', 'check', '--quiet', 'src', 'tools', 'benchmarks'],
-        'ruff format': ['ruff', 'format', '--quiet', '--check', 'src', 'tools', 'benchmarks'],
+        'ruff check': ['ruff', 'check', '--quiet', 'src', 'tools', 'benchmarks', 'docs'],
+        'ruff format': ['ruff', 'format', '--quiet', '--check', 'src', 'tools', 'benchmarks', 'docs'],
         'mypy --strict': ['mypy', *cores],
         'import contracts': ['lint-imports', '--no-cache'],
     }

@@ -257,7 +257,7 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
     what, pull_m = f'object {picture.label}', 0.0
     if protocol == 'texture':
         plate, what = catalogue.plate(picture.label), f'plate {picture.label}'
-        along_m = np.linspace(0.0, plate.length_m, 4000)
+        along_m: FloatArray = np.linspace(0.0, plate.length_m, 4000)
         edge_m = place.texture_guide_m + reach_m - place.texture_lead_m
         middle_m = edge_m + plate.length_m / 2
         profile_m = compute_plate_profile(plate, along_m, place.tray_depth_m)
@@ -271,8 +271,8 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
     else:
         what = what if catalogue.body(picture.label).stiffness_n_m > 0 else 'no object'
         outline_m = _block_outline(middle_m, half_m, top_m)
+    style: dict[str, Any] = {'facecolor': '0.85', 'edgecolor': '0.4', 'lw': 1}
     if what != 'no object':
-        style = {'facecolor': '0.85', 'edgecolor': '0.4', 'lw': 1}
         axes.add_patch(Polygon(MM * outline_m, **style, zorder=1))
     if pull_m > 0:
         pulled_m = outline_m + np.array([pull_m, 0.0])

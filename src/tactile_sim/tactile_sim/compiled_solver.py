@@ -39,7 +39,7 @@ from tactile_sim.steps import MAX_HALVINGS, split_inputs
 BLOCK = 16
 """Trials that advance together."""
 
-_OPTIONS = {'error_model': 'numpy', 'boundscheck': False, 'fastmath': False}
+_OPTIONS: Any = {'error_model': 'numpy', 'boundscheck': False, 'fastmath': False}
 
 
 @overload(mechanics.select, jit_options={**_OPTIONS, 'forceinline': True})
@@ -158,7 +158,6 @@ def make_advance(width: int) -> Callable[..., None]:
             for t in range(width):
                 end_object(z, t, row)
 
-    @njit(cache=True, **_OPTIONS)
     def advance(
         state: Any,
         scene: Any,
@@ -225,4 +224,5 @@ def make_advance(width: int) -> Callable[..., None]:
             for t in range(width):
                 state[r, t] = z[r, t]
 
-    return advance
+    compiled: Callable[..., None] = njit(cache=True, **_OPTIONS)(advance)
+    return compiled

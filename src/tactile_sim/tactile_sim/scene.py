@@ -25,7 +25,7 @@ from tactile_sim.variation import Variation
 FloatArray = NDArray[np.float64]
 
 _REST_STEPS_S = (1e-3, 1e-2, 0.1, 1.0, math.inf)
-_NO_SURFACE = np.zeros((1, 4))
+_NO_SURFACE: FloatArray = np.zeros((1, 4))
 _FIRST_BEND_RAD = 0.05
 
 
@@ -108,7 +108,8 @@ class Scene:
             springs[0] = self.body.stiffness_n_m
             for i, branch in enumerate(self.body.branches):
                 springs[1 + i] = branch.stiffness_n_m
-        table, grid = _NO_SURFACE, (0.0, 1.0, 0.0)
+        table: FloatArray = _NO_SURFACE
+        grid = (0.0, 1.0, 0.0)
         if self.surface is not None:
             table = self.surface.table
             # The last cell's end belongs to it.
