@@ -52,9 +52,10 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         for p in sorted((ROOT / 'src').glob('*/package.xml'))
         if (p.parent / 'setup.py').exists()
     ]
+    folders = ['src', 'tools', 'benchmarks', 'docs']
     rules = {
-        'ruff check': ['ruff', 'check', '--quiet', 'src', 'tools', 'benchmarks', 'docs'],
-        'ruff format': ['ruff', 'format', '--quiet', '--check', 'src', 'tools', 'benchmarks', 'docs'],
+        'ruff check': ['ruff', 'check', '--quiet', *folders],
+        'ruff format': ['ruff', 'format', '--quiet', '--check', *folders],
         'mypy --strict': ['mypy', *cores],
         'import contracts': ['lint-imports', '--no-cache'],
     }

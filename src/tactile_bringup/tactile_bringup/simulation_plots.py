@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -257,7 +258,7 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
     what, pull_m = f'object {picture.label}', 0.0
     if protocol == 'texture':
         plate, what = catalogue.plate(picture.label), f'plate {picture.label}'
-        along_m: FloatArray = np.linspace(0.0, plate.length_m, 4000)
+        along_m = np.linspace(0.0, plate.length_m, 4000, dtype=np.float64)
         edge_m = place.texture_guide_m + reach_m - place.texture_lead_m
         middle_m = edge_m + plate.length_m / 2
         profile_m = compute_plate_profile(plate, along_m, place.tray_depth_m)

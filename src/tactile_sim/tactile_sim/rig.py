@@ -98,7 +98,14 @@ class PalpationRig:
         variation = self._variation
         if variation is None:
             variation, _ = draw_variation(
-                self._catalogue, contact, protocol, object_label, self._seed, _SESSION, 1, self._trials
+                self._catalogue,
+                contact,
+                protocol,
+                object_label,
+                self._seed,
+                _SESSION,
+                count=1,
+                first=self._trials,
             )
         guide_m = self.guide.position_m(self.now_s)
         self._plant.exchange(scene, variation, guide_m, self.tendon.displacement_m)
