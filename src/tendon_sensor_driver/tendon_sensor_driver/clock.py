@@ -1,26 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Device time to ROS time.
-
-A line arrives some delay after its sample was taken. Most delays are short, some are
-long (a busy host, a full buffer), none is negative. So of all differences "arrival minus
-device time" the smallest ones are right and the others are late: the lower envelope over
-a sliding horizon, short against the drift of the two clocks, is the offset between them.
-"""
+"""Device time to ROS time, by the straight line that `tendon_sensor_driver.lower_line` fits."""
 
 from __future__ import annotations
 
-from collections import deque
 from fractions import Fraction
 from typing import NamedTuple
 
-_SECOND_NS = 1_000_000_000
-_BUCKETS = 10  # seconds of arrivals in the horizon
-_DRIFT = 100e-6  # of a crystal against the host
+from tendon_sensor_driver.lower_line import SECOND_NS, STEP_NS, LowerLine
+
 _SLEW_DIVISOR = 20
-_STEP_NS = _SECOND_NS
-_LATE_NS = _SECOND_NS // 4
-_EARLY_NS = _SECOND_NS
+_LATE_NS = SECOND_NS // 4
+_EARLY_NS = SECOND_NS
 _WRAP_TICKS = 1 << 32
 
 
@@ -48,8 +39,10 @@ class Instant(NamedTuple):
 class HostClock:
     """Stamps for a device without a clock: the time of arrival, made strictly increasing."""
 
+    duplicates = 0
     late_samples = 0
     outliers = 0
+    restarts = 0
 
     def __init__(self) -> None:
         self._stamp_ns: int | None = None
@@ -69,23 +62,20 @@ class HostClock:
 class DeviceClock:
     """Maps the ticks of one device to ROS time.
 
-    stamp = device time + offset. The offset follows the lower envelope of "arrival minus
-    device time" over the last ten seconds in which something arrived, by at most 1/20 of
-    the device time that passes: two stamps differ by what the device says, within 5 %, and
-    never go backwards. Only when the envelope rises by more than 1 s (the host's clock was
-    set) the offset steps.
+    stamp = device time + offset. The offset follows the line under "arrival minus device
+    time" (`LowerLine`), which knows the drift, by at most 1/20 of the device time that
+    passes: two stamps differ by what the device says, within 6 %, and never go backwards.
+    Only when the line is more than 1 s above (the host's clock was set) the offset steps.
 
-    The stated error is one tick, plus what the offset still lacks of the envelope, plus
-    the spread of the envelope over the horizon, plus 100 ppm of drift over the horizon; in
-    the first second it is not known. It holds while at least one line of the horizon comes
-    with no more than the usual delay, and relative to that delay: the constant part of the
-    way from the sensor to the host cannot be seen from this side.
+    The stated error is one tick, plus what the offset still lacks of the line, plus how far
+    the line may be off; in the first five seconds it is not known. It is relative to the shortest
+    delay: the constant part of the way from the sensor to the host cannot be seen from here.
 
-    A tick counter of 32 bits may wrap. A reading up to 0.25 s before the one before it is
-    late (or a duplicate) and has no place. One that is further back, or more than 1 s ahead
-    of the host, is an outlier and has none either, unless the next one continues it: then
-    the device has restarted. After a reconnection one such reading is enough, or one that
-    is more than 1 s behind: nothing old survives in the port.
+    A tick counter of 32 bits may wrap. A reading with the device time of the one before is
+    a duplicate, one up to 0.25 s before it is late; both have no place. One that is further
+    back, or more than 1 s ahead of the host, is an outlier and has none either, unless the
+    next one continues it: then the device has restarted. After a reconnection one such
+    reading is enough, or one that is more than 1 s behind: nothing old survives in the port.
 
     Parameters
     ----------
@@ -94,23 +84,26 @@ class DeviceClock:
 
     Attributes
     ----------
-    late_samples, outliers : int
+    duplicates, late_samples, outliers : int
         Readings without a place.
+    restarts : int
+        Times that the device's clock began anew.
     """
 
     def __init__(self, tick_s: float) -> None:
         self._tick_s = tick_s
         # As a fraction (0.001 is 1/1000 again), so that days of ticks stay exact.
-        tick_ns = Fraction(tick_s).limit_denominator(10**9) * _SECOND_NS
+        tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS
         self._numerator, self._denominator = tick_ns.numerator, tick_ns.denominator
+        self.duplicates = 0
         self.late_samples = 0
         self.outliers = 0
+        self.restarts = 0
+        self._line = LowerLine()
         self._last: Instant | None = None
         self._last_ns = 0  # device time of the last reading
         self._wrapped_ticks = 0
-        self._offset_ns = 0
-        self._envelope_ns = 0
-        self._buckets: deque[tuple[int, int]] = deque()  # (second of arrival, least difference)
+        self._offset_ns = 0  # at the last reading
         self._outlier: tuple[int, int] | None = None  # (ticks, arrival)
         self._is_reconnected = False
 
@@ -132,7 +125,7 @@ class DeviceClock:
             raise ValueError('a device clock needs readings with device time')
         if self._last is None:
             return self._begin(ticks, received_at_ns, is_restart=False)
-        expected_ns = received_at_ns - self._envelope_ns
+        expected_ns = received_at_ns - self._line.at(self._last_ns)
         device_ns = self._to_ns(ticks + self._wrapped_ticks)
         if device_ns < self._last_ns:
             after_wrap_ns = self._to_ns(ticks + self._wrapped_ticks + _WRAP_TICKS)
@@ -140,12 +133,15 @@ class DeviceClock:
                 self._wrapped_ticks += _WRAP_TICKS
                 device_ns = after_wrap_ns
         fits = self._last_ns < device_ns <= expected_ns + _EARLY_NS
-        if self._is_reconnected and not (fits and expected_ns - device_ns <= _STEP_NS):
+        if self._is_reconnected and not (fits and expected_ns - device_ns <= STEP_NS):
             return self._begin(ticks, received_at_ns, is_restart=True)
         if fits:
             return self._continue(device_ns, received_at_ns)
         if self._last_ns - _LATE_NS < device_ns <= self._last_ns:
-            self.late_samples += 1
+            if device_ns == self._last_ns:
+                self.duplicates += 1
+            else:
+                self.late_samples += 1
             return None
         if self._continues_outlier(ticks, received_at_ns):
             return self._begin(ticks, received_at_ns, is_restart=True)
@@ -166,48 +162,37 @@ class DeviceClock:
     def _begin(self, ticks: int, received_at_ns: int, *, is_restart: bool) -> Instant:
         device_ns = self._to_ns(ticks)
         self._wrapped_ticks = 0
-        self._buckets.clear()
-        self._note_difference(received_at_ns - device_ns, received_at_ns)
-        self._offset_ns = self._envelope_ns
+        self.restarts += is_restart
+        self._line.restart(device_ns, received_at_ns - device_ns)
+        self._offset_ns = received_at_ns - device_ns
         if self._last is not None:
             self._offset_ns = max(self._offset_ns, self._last.stamp_ns + 1 - device_ns)
         return self._stamp(device_ns, is_restart=is_restart)
 
     def _continue(self, device_ns: int, received_at_ns: int) -> Instant:
-        self._note_difference(received_at_ns - device_ns, received_at_ns)
-        change_ns = self._envelope_ns - self._offset_ns
-        if change_ns <= _STEP_NS:
-            slew_ns = (device_ns - self._last_ns) // _SLEW_DIVISOR
-            change_ns = max(-slew_ns, min(slew_ns, change_ns))
-        self._offset_ns += change_ns
+        self._line.add(device_ns, received_at_ns - device_ns)
+        away_ns = self._get_away(self._line.at(self._last_ns))
+        left_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
+        self._offset_ns = self._line.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
         return self._stamp(device_ns, is_restart=False)
 
-    def _note_difference(self, difference_ns: int, received_at_ns: int) -> None:
-        """Move the lower envelope: the least difference of each second, then of the horizon."""
-        second = received_at_ns // _SECOND_NS
-        buckets = self._buckets
-        if buckets and buckets[-1][0] == second:
-            buckets[-1] = (second, min(buckets[-1][1], difference_ns))
-        else:
-            buckets.append((second, difference_ns))
-            if len(buckets) > _BUCKETS:
-                buckets.popleft()
-        self._envelope_ns = min(least_ns for _, least_ns in buckets)
+    def _get_away(self, line_ns: int) -> int:
+        """Return how far the offset is above the line [ns]; nothing when it is to step."""
+        away_ns = self._offset_ns - line_ns
+        return away_ns if away_ns >= -STEP_NS else 0
 
     def _stamp(self, device_ns: int, *, is_restart: bool) -> Instant:
+        stamp_ns = device_ns + self._offset_ns
+        if self._last is not None:
+            stamp_ns = max(stamp_ns, self._last.stamp_ns + 1)  # ticks of single nanoseconds
         self._last_ns = device_ns
         self._outlier = None
         self._is_reconnected = False
-        stamp_ns = device_ns + self._offset_ns
         self._last = Instant(device_ns, stamp_ns, self._compute_error(), is_restart)
         return self._last
 
     def _compute_error(self) -> float:
-        # Without the newest second, which may hold nothing but late lines so far.
-        *differences_ns, _ = (least_ns for _, least_ns in self._buckets)
-        if not differences_ns:
+        if self._line.scatter_ns < 0:
             return -1.0
-        horizon_s = abs(self._buckets[-1][0] - self._buckets[0][0]) + 1
-        spread_ns = max(differences_ns) - min(differences_ns)
-        lack_ns = abs(self._envelope_ns - self._offset_ns)
-        return self._tick_s + _DRIFT * horizon_s + (spread_ns + lack_ns) / 1e9
+        lack_ns = abs(self._offset_ns - self._line.at(self._last_ns))
+        return self._tick_s + (self._line.scatter_ns + lack_ns) / 1e9

@@ -42,6 +42,7 @@ class Sequencer:
         self._device_ns: int | None = None
         # The block under construction.
         self._tensions_n: list[float] = []
+        self._wrenches: list[list[float]] = []
         self._first = Instant(None, 0, 0.0)
         self._first_sequence = 0
         self._lost_before = 0
@@ -55,6 +56,7 @@ class Sequencer:
         tension_n: float,
         status: StrainStatus = StrainStatus.OK,
         event: StrainStatus = StrainStatus.OK,
+        wrench: list[float] | None = None,
     ) -> list[Block]:
         """Take one sample; return the blocks that it completes, at most two.
 
@@ -68,6 +70,8 @@ class Sequencer:
             What holds for this sample.
         event : StrainStatus
             What happened since the sample before; begins a new block, which carries it.
+        wrench : list of 6 floats, optional
+            Of a six-axis sensor [N, N m].
         """
         lost = self._count_lost(instant)
         self.lost_samples += lost
@@ -80,17 +84,11 @@ class Sequencer:
             blocks += self.flush()
         if not self._tensions_n:
             misfit_ns = 0
-            self._first = instant
-            self._first_sequence = self._sequence
-            self._lost_before = lost
-            self._error_s = instant.stamp_error_s
-            self._status = status | event
-            self._status_of_samples = status
+            self._begin_block(instant, lost, status, event)
         self._tensions_n.append(tension_n)
-        if self._error_s >= 0:
-            error_s = instant.stamp_error_s
-            error_s = error_s + misfit_ns / 1e9 if error_s >= 0 else error_s
-            self._error_s = max(self._error_s, error_s) if error_s >= 0 else error_s
+        if wrench is not None:
+            self._wrenches.append(wrench)
+        self._widen_error(instant.stamp_error_s, misfit_ns)
         if len(self._tensions_n) == self._samples_per_block:
             blocks += self.flush()
         return blocks
@@ -107,9 +105,25 @@ class Sequencer:
             lost_before=self._lost_before,
             stamp_error_s=self._error_s,
             status=self._status,
+            wrench=np.array(self._wrenches) if self._wrenches else None,
         )
         self._tensions_n = []
+        self._wrenches = []
         return [block]
+
+    def _begin_block(
+        self, instant: Instant, lost: int, status: StrainStatus, event: StrainStatus
+    ) -> None:
+        self._first = instant
+        self._first_sequence = self._sequence
+        self._lost_before = lost
+        self._error_s = instant.stamp_error_s
+        self._status = status | event
+        self._status_of_samples = status
+
+    def _widen_error(self, error_s: float, misfit_ns: int) -> None:
+        if self._error_s >= 0:
+            self._error_s = max(self._error_s, error_s + misfit_ns / 1e9) if error_s >= 0 else -1.0
 
     def _count_lost(self, instant: Instant) -> int:
         before_ns, self._device_ns = self._device_ns, instant.device_ns

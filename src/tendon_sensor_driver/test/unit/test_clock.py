@@ -56,7 +56,7 @@ def check(model, rows):
             known += 1
             error_ns = instant.stamp_ns - model.true_stamp(elapsed_ns)
             assert abs(error_ns) <= instant.stamp_error_s * SECOND_NS
-    assert known > 0.9 * len(rows) - 61
+    assert known > 0.9 * len(rows) - 361
     check_steps(rows)
 
 
@@ -106,6 +106,57 @@ def test_without_jitter_stamps_differ_by_what_the_device_says():
         (after[2].stamp_ns - before[2].stamp_ns) - (after[1] - before[1]) * MS_NS
         for before, after in pairwise(settled)
     } == {0}
+
+
+def run_bursts(drift_ppm_at, *, rate_hz=60.0, tick_ns=1000, seconds=120, seed=0):
+    """Return (seconds, error [ns], stated error [ns]) of samples behind a USB adapter.
+
+    It hands over every 16 ms what has come in, jittered by up to 0.2 ms. A sample in a
+    hundred is missing.
+    """
+    source = random.Random(seed)
+    clock = DeviceClock(tick_ns / 1e9)
+    burst_ns, first_ns = 16 * MS_NS, source.randrange(16 * MS_NS)
+    device_ns, before_ns, rows = 5.0 * SECOND_NS, 0, []
+    for i in range(round(seconds * rate_hz)):
+        elapsed_ns = round(i * SECOND_NS / (rate_hz * 1.0003))
+        device_ns += (elapsed_ns - before_ns) * (1 + drift_ppm_at(elapsed_ns / 1e9) / 1e6)
+        before_ns = elapsed_ns
+        if source.random() < 0.01:
+            continue
+        bursts = -((first_ns - elapsed_ns) // burst_ns)
+        arrived_ns = first_ns + bursts * burst_ns + source.randrange(MS_NS // 5)
+        instant = clock.place(int(device_ns) // tick_ns % WRAP, EPOCH_NS + arrived_ns)
+        error_ns = instant.stamp_ns - EPOCH_NS - elapsed_ns
+        rows.append((elapsed_ns / 1e9, error_ns, instant.stamp_error_s * SECOND_NS))
+    assert (clock.outliers, clock.late_samples, clock.restarts) == (0, 0, 0)
+    return rows
+
+
+@pytest.mark.parametrize('rate_hz', [60.0, 1000.0])
+@pytest.mark.parametrize('drift_ppm', [-100, 100, 5000])
+def test_usb_bursts_of_16_ms_cost_less_than_a_millisecond(rate_hz, drift_ppm):
+    rows = run_bursts(lambda _: drift_ppm, rate_hz=rate_hz, seconds=60)
+    for _, error_ns, stated_ns in rows:
+        assert stated_ns < 0 or abs(error_ns) <= stated_ns
+    settled = [row for row in rows if row[0] > 10]
+    assert max(abs(error_ns) for _, error_ns, _ in settled) < MS_NS
+    assert max(stated_ns for _, _, stated_ns in settled) < 2 * MS_NS
+
+
+def test_a_drift_that_changes_is_followed_within_the_bursts():
+    rows = run_bursts(lambda t_s: 100 if 40 < t_s < 80 else 60)
+    errors_ns = [abs(error_ns) for t_s, error_ns, _ in rows if t_s > 10]
+    assert max(errors_ns) < MS_NS
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_ticks_of_a_millisecond_add_a_millisecond_at_most(seed):
+    """Ticks and bursts both on a grid of 1 ms: how the two lie cannot be seen from here."""
+    rows = run_bursts(lambda _: 100, tick_ns=MS_NS, seed=seed)
+    errors_ns = sorted(abs(error_ns) for t_s, error_ns, _ in rows if t_s > 10)
+    assert errors_ns[len(errors_ns) * 9 // 10] < MS_NS
+    assert errors_ns[-1] < 2 * MS_NS
 
 
 def test_a_first_line_that_came_late_is_made_good_without_going_back():
@@ -194,7 +245,7 @@ def test_duplicates_and_late_samples_have_no_place(back):
     run(Model(), 5, clock=clock)
     last_ticks = Model().ticks(299 * SECOND_NS // 60)
     assert clock.place(last_ticks - back, EPOCH_NS + 5 * SECOND_NS) is None
-    assert (clock.late_samples, clock.outliers) == (1, 0)
+    assert (clock.duplicates, clock.late_samples, clock.outliers) == (back == 0, back > 0, 0)
 
 
 def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():

@@ -71,9 +71,23 @@ def test_dropped_bytes_and_reconnections_are_told_once():
 def test_a_device_restart_is_told_although_the_link_held():
     stream = StrainStream(TendonSensorConfig())
     for ticks in range(90_000, 91_000, 17):
-        (last,) = stream.add(Reading(ticks, 0.5, ticks * 1_000_000))
+        (last,) = stream.add(Reading(ticks, ticks / 1e5, ticks * 1_000_000))
     assert stream.add(Reading(40, 0.5, 93_000_000_000)) == []
     (after,) = stream.add(Reading(57, 0.5, 93_017_000_000))
     assert after.status == StrainStatus.RECONNECTED | StrainStatus.RESYNCHRONISED
     assert (after.sequence, after.lost_before) == (last.sequence + 1, 0)
-    assert stream.outliers == 1
+    assert (stream.outliers, stream.restarts) == (1, 1)
+
+
+def test_a_value_that_stays_exactly_the_same_is_stuck_until_it_changes():
+    stream = StrainStream(TendonSensorConfig(stuck_s=0.5))
+    values = [0.5] * 50 + [0.6] + [0.5] * 31
+    blocks = [stream.add(Reading(1000 * i // 60, v, i))[0] for i, v in enumerate(values)]
+    stuck = [i for i, block in enumerate(blocks) if block.status & StrainStatus.STUCK]
+    assert stuck == [*range(30, 50), 81]
+
+
+def test_a_coarse_sensor_is_never_stuck_when_told_so():
+    stream = StrainStream(TendonSensorConfig(stuck_s=0.0))
+    blocks = [stream.add(Reading(1000 * i // 60, 0.5, i))[0] for i in range(200)]
+    assert {block.status for block in blocks} == {StrainStatus.OK}

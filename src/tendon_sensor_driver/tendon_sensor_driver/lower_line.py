@@ -1,0 +1,129 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The straight line under "arrival minus device time": offset and drift of two clocks.
+
+A sample arrives some delay after it was taken. Most delays are short, some are long (a busy
+host, a USB adapter that collects for 16 ms), none is negative. So the smallest differences
+"arrival minus device time" are right and the others are late, and what lies under all of
+them, as close as it can, is the line on which the two clocks drift apart (Moon, Skelly and
+Towsley, "Estimation and removal of clock skew from network delay measurements", 1999).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from itertools import pairwise
+
+SECOND_NS = 1_000_000_000
+STEP_NS = SECOND_NS
+"""A rise of the difference that is a step of a clock at once told, not a delay."""
+
+_HORIZON = 30  # least differences that are kept
+_LEAST_SAMPLES = 30  # for one least difference, so that it is likely to be a short delay
+_FORGET_S = 8.0  # weight of the past, against a drift that changes
+_FEWEST = 5  # least differences that tell a slope
+_RECENT = 10  # least differences that tell the scatter
+_LARGEST_SLOPE = 0.01  # a ceramic resonator is off by 0.5 %
+_RISE_NS = 50_000_000  # of all of the last few: the host's clock was set
+_CHANGE_NS = 500_000  # a drift that changes by 10 ppm, bursts that beat with the samples
+
+
+class LowerLine:
+    """A line that no difference lies below, refitted once a second.
+
+    Differences are kept as the least one of each second, or of each thirty samples of a
+    slow device. The line goes along the lower convex hull of the last thirty of them, by
+    the edge under their mean time, which is weighted towards the present. Where the last
+    five lie more than 50 ms above the line, a clock was set and what is older is forgotten.
+
+    Attributes
+    ----------
+    slope : float
+        Drift: host time per device time, less one [1]; within 0.01.
+    scatter_ns : int
+        How far the line may be off [ns]: three times the median of how far the least differences
+        of the last seconds lie above it, and 0.5 ms for what bursts and a
+        changing drift hide. Negative:
+        not known, for the slope is not yet.
+    """
+
+    def __init__(self) -> None:
+        self.slope = 0.0
+        self.scatter_ns = -1
+        self._points: deque[tuple[int, int]] = deque(maxlen=_HORIZON)
+        self._device_ns = 0  # a point of the line
+        self._difference_ns = 0
+        self._second = 0  # of the least difference under construction
+        self._samples = 0
+        self._least = (0, 0)
+
+    def restart(self, device_ns: int, difference_ns: int) -> None:
+        """Begin again with one point; the slope stays, for a crystal stays itself."""
+        self._points.clear()
+        self.scatter_ns = -1
+        self._device_ns, self._difference_ns = device_ns, difference_ns
+        self._begin_least(device_ns, difference_ns)
+
+    def at(self, device_ns: int) -> int:
+        """Return the line's difference at a device time [ns]."""
+        return self._difference_ns + round(self.slope * (device_ns - self._device_ns))
+
+    def add(self, device_ns: int, difference_ns: int) -> None:
+        """Take the difference of a sample that is newer than those before [ns]."""
+        if device_ns // SECOND_NS > self._second and self._samples >= _LEAST_SAMPLES:
+            self._points.append(self._least)
+            self._fit()
+            self._begin_least(device_ns, difference_ns)
+        else:
+            self._samples += 1
+            least_device_ns, least_ns = self._least
+            drift_ns = self.slope * (device_ns - least_device_ns)
+            if difference_ns - least_ns < drift_ns:
+                self._least = (device_ns, difference_ns)
+        self._difference_ns += min(0, difference_ns - self.at(device_ns))
+
+    def _begin_least(self, device_ns: int, difference_ns: int) -> None:
+        self._second = device_ns // SECOND_NS
+        self._samples = 1
+        self._least = (device_ns, difference_ns)
+
+    def _fit(self) -> None:
+        points = list(self._points)
+        newest = points[-_FEWEST:]
+        if len(newest) == _FEWEST and all(y - self.at(x) > _RISE_NS for x, y in newest):
+            points = newest
+            self._points.clear()
+            self._points.extend(newest)
+        # Relative to the newest point, in which floats are exact enough.
+        origin_ns, base_ns = points[-1]
+        relative = [((x - origin_ns) / 1e9, float(y - base_ns)) for x, y in points]
+        if len(points) >= _FEWEST:
+            slope = _compute_slope(relative) / 1e9
+            self.slope = max(-_LARGEST_SLOPE, min(_LARGEST_SLOPE, slope))
+        heights_ns = [y - self.slope * 1e9 * x for x, y in relative]
+        lowest_ns = min(heights_ns)
+        self._device_ns, self._difference_ns = origin_ns, base_ns + round(lowest_ns)
+        if len(points) >= _FEWEST:
+            above_ns = sorted(height - lowest_ns for height in heights_ns[-_RECENT:])
+            self.scatter_ns = round(3 * above_ns[len(above_ns) // 2]) + _CHANGE_NS
+
+
+def _compute_slope(points: list[tuple[float, float]]) -> float:
+    """Return the slope of the lower hull's edge under the weighted mean of the abscissae."""
+    weights = [math.exp(x / _FORGET_S) for x, _ in points]
+    mean = sum(w * x for w, (x, _) in zip(weights, points, strict=True)) / sum(weights)
+    hull: list[tuple[float, float]] = []
+    for x, y in points:
+        while len(hull) > 1:
+            (x0, y0), (x1, y1) = hull[-2:]
+            if (y1 - y0) * (x - x1) < (y - y1) * (x1 - x0):
+                break
+            hull.pop()
+        hull.append((x, y))
+    slope = 0.0
+    for (x0, y0), (x1, y1) in pairwise(hull):
+        slope = (y1 - y0) / (x1 - x0)
+        if x1 >= mean:
+            break
+    return slope
