@@ -40,7 +40,7 @@ from tactile_bringup.simulated_trials import (
     simulate_chunk,
 )
 from tactile_features.records import FeatureConfig
-from tactile_sim.catalogue import Catalogue
+from tactile_sim.catalogue import Catalogue, default_catalogue
 
 CHUNK_TRIALS = 256
 """Most trials that a worker simulates at a time."""
@@ -117,6 +117,7 @@ def write_simulated_bag(
         'contact': plan.contact,
         'trials_per_label': plan.trials_per_label,
         'sessions': plan.sessions,
+        'description_sha256': (catalogue or default_catalogue()).digest,
         'feature_config': asdict(feature_config),
         'trial_config': asdict(trial_config),
     }

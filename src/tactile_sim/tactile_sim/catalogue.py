@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Mapping
@@ -81,6 +82,12 @@ class Catalogue:
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)  # the dataclass is frozen
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all descriptions: the same for the same ones, wherever they were read."""
+        shelves = (self._fingers, self._rig, self._plates, self._bodies, self._held_objects)
+        return hashlib.sha256(repr(shelves).encode()).hexdigest()
 
     def finger(self, contact: str) -> Finger:
         """The finger turned to this contact; DescriptionError if there is no such contact."""

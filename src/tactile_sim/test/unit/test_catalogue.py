@@ -226,3 +226,9 @@ def test_any_number_gives_a_finger_or_a_sentence_that_names_it(tmp_path, key, va
         said = str(error)
     assert 'finger_flexion.yaml' in said
     assert key in said
+
+
+def test_digest_is_that_of_the_descriptions_wherever_they_were_read(tmp_path):
+    assert Catalogue(tmp_path).digest == default_catalogue().digest
+    (tmp_path / 'finger_flexion.yaml').write_text('tip_radius_m: 0.0051\n')
+    assert Catalogue(tmp_path).digest != default_catalogue().digest
