@@ -92,9 +92,9 @@ class TwinResult:
     tip_drop_m, tip_reach_m : ndarray of float
         The tip below and before the clamp [m].
     elapsed_s
-        Duration of the whole loop, with the contact computed in Python [s].
+        The whole loop, with the contact computed in Python [s of one core].
     step_elapsed_s
-        Duration of as many steps of MuJoCo alone, in one call, with the forces held [s].
+        As many steps of MuJoCo alone, in one call, with the forces held [s of one core].
     """
 
     times_s: FloatArray
@@ -319,7 +319,7 @@ def simulate_twin(
     tip_place, tip_force = data.xpos[body], data.xfrc_applied[body]
     out = np.zeros((4, steps))
     tip = TipState(0.0, 0.0, places_m[0] + finger.length_m, 0.0)
-    start_s = time.perf_counter()
+    start_s = time.process_time()
     for step in range(steps):
         spring[0] = windings_m[step]
         mujoco.mj_step1(model, data)
@@ -332,13 +332,13 @@ def simulate_twin(
         mujoco.mj_step2(model, data)
         tension_n = finger.tendon_stiffness_n_m * max(windings_m[step] - float(length[0]), 0.0)
         out[:, step] = tension_n, tip.normal_n, drop_m, reach_m
-    elapsed_s = time.perf_counter() - start_s
+    elapsed_s = time.process_time() - start_s
     # MuJoCo does not raise: it warns and starts again from rest.
     if any(warning.number for warning in data.warning) or not np.isfinite(out).all():
         raise FloatingPointError(
             f'MuJoCo diverged with steps of {step_s * 1e3:g} ms; take a shorter step'
         )
-    start_s = time.perf_counter()
+    start_s = time.process_time()
     mujoco.mj_step(model, data, nstep=steps)
-    step_elapsed_s = time.perf_counter() - start_s
+    step_elapsed_s = time.process_time() - start_s
     return TwinResult(times_s, out[0], out[1], out[2], out[3], elapsed_s, step_elapsed_s)

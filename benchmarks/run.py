@@ -26,6 +26,7 @@ TOPICS = {
     'simulator': ('simulator', 'run_simulator'),
     'paths': ('simulator_paths', 'run_paths'),
     'aliasing': ('simulator_paths', 'run_aliasing'),
+    'hard-cases': ('simulator_hard_cases', 'run_hard_cases'),
     'modes': ('simulator_twin', 'run_modes'),
     'twin': ('simulator_twin', 'run_twin'),
     'twin-speed': ('simulator_twin', 'run_twin_speed'),
@@ -55,6 +56,7 @@ EPILOG = """topics:
   simulator    simulated texture trials: speed and error by scheme and step
   paths        readings, the NumPy solver, stiffness trials, the live rig
   aliasing     what sampling and the plate's place do to the 91 amplitudes
+  hard-cases   extreme descriptions, far too long steps, single precision
   modes        the finger's equations with fewer and more curvature modes
   twin         against the same scene in MuJoCo: how far apart (needs mujoco)
   twin-speed   and at which speeds

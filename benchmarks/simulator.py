@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from measuring import Ratio, Report, Row, measure_ratio
+from measuring import Ratio, Report, Row
 from simulator_trials import (
     CONTACTS,
     PLATES,
@@ -18,7 +19,7 @@ from simulator_trials import (
     name_choice,
     remove_line,
     remove_mean,
-    time_best,
+    time_in_turns,
 )
 
 from tactile_features import compute_spectrum
@@ -66,7 +67,7 @@ class Choice:
     Attributes
     ----------
     trial_s
-        Time per trial, best of the rounds [s].
+        Time per trial, best of the rounds [s of one core].
     ratio
         Time over that of the default.
     """
@@ -103,24 +104,22 @@ def measure_choices(quick: bool) -> list[Choice]:
     timed = draw_texture_sets(16) if quick else sets
     count = sum(len(trials.variation.phase) for trials in timed)
     reference = simulate_windows(sets, BDF2, REFERENCE_STEPS)
+    pairs = [(scheme, steps) for scheme in (EULER, BDF2) for steps in STEPS]
+    works = [partial(_simulate_all, timed, scheme, steps) for scheme, steps in pairs]
+    times_s = time_in_turns(works, 3 if quick else 9)
+    ratios = times_s / times_s[pairs.index((BDF2, STEPS_PER_SAMPLE))]
     choices = []
-    for scheme in (EULER, BDF2):
-        for steps in STEPS:
-
-            def work(scheme: Scheme = scheme, steps: int = steps) -> None:
-                for trials in timed:
-                    trials.simulate(scheme, steps)
-
-            def default() -> None:
-                for trials in timed:
-                    trials.simulate(BDF2, STEPS_PER_SAMPLE)
-
-            best_s = time_best(work, 2 if quick else 5)
-            ratio = measure_ratio(work, default, rounds=2 if quick else 5)
-            found = simulate_windows(sets, scheme, steps)
-            errors = compare_windows(found, reference)
-            choices.append(Choice(scheme, steps, best_s / count, ratio, errors))
+    for index, (scheme, steps) in enumerate(pairs):
+        low, median, high = np.quantile(ratios[index], (0.25, 0.5, 0.75)).tolist()
+        errors = compare_windows(simulate_windows(sets, scheme, steps), reference)
+        trial_s = float(times_s[index].min()) / count
+        choices.append(Choice(scheme, steps, trial_s, Ratio(median, low, high), errors))
     return choices
+
+
+def _simulate_all(sets: list[TrialSet], scheme: Scheme, steps: int) -> None:
+    for trials in sets:
+        trials.simulate(scheme, steps)
 
 
 def compare_windows(ours: Windows, reference: Windows) -> Errors:

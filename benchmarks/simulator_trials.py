@@ -6,10 +6,9 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,15 +117,26 @@ def compare(ours: FloatArray, reference: FloatArray) -> FloatArray:
     return np.asarray(100 * distance / np.linalg.norm(reference, axis=-1))
 
 
-def time_best(work: Callable[[], Any], rounds: int) -> float:
-    """Shortest of several runs, after one that does not count [s]."""
-    work()
-    durations_s = []
-    for _ in range(rounds):
-        start_s = time.perf_counter()
+def time_in_turns(works: Sequence[Callable[[], object]], rounds: int) -> FloatArray:
+    """Time of each in each round, shape (works, rounds) [s of one core].
+
+    It is the processor's time, so that what else runs on the machine does not count where it
+    only makes us wait; and in turns, so that what does count slows all alike.
+    """
+    for work in works:
         work()
-        durations_s.append(time.perf_counter() - start_s)
-    return min(durations_s)
+    times_s = np.empty((len(works), rounds))
+    for turn in range(rounds):
+        for index, work in enumerate(works):
+            start_s = time.process_time()
+            work()
+            times_s[index, turn] = time.process_time() - start_s
+    return times_s
+
+
+def time_best(work: Callable[[], object], rounds: int) -> float:
+    """Shortest of several runs, after one that does not count [s of one core]."""
+    return float(time_in_turns([work], rounds).min())
 
 
 def name_choice(scheme: Scheme, steps: int) -> str:

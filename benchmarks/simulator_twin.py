@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from measuring import Report, Row
@@ -28,7 +28,7 @@ from simulator_trials import (
     draw_trials,
     name_choice,
     remove_mean,
-    time_best,
+    time_in_turns,
 )
 
 from tactile_sim.fast_trials import STEPS_PER_SAMPLE, simulate_motion
@@ -246,18 +246,19 @@ class Speed:
 
     Attributes
     ----------
-    case
-        Its name.
+    case, short
+        Its name; its step.
     percent, sensed_percent
         Largest error over the plates, against finer steps of its own: of the tension's
         alternating part, and of what the sensor gets [%].
     trial_s
-        Time of a trial [s].
+        Time of a trial [s of one core].
     alone_s
         Of mj_step alone [s]; None for ours.
     """
 
     case: str
+    short: str
     percent: float
     sensed_percent: float
     trial_s: float
@@ -277,16 +278,16 @@ def measure_our_speeds(quick: bool) -> list[Speed]:
     reference = [match.compute_window(REFERENCE_STEPS) for match in matches]
     drawn = draw_trials('texture', 'R3', 'flexion', BATCH).variation
     scene, timeline = match_trial('R3').scene, match_trial('R3').timeline
+    works = [
+        partial(simulate_motion, scene, timeline, drawn, steps_per_sample=factor * DENSE)
+        for factor in OUR_FACTORS
+    ]
+    times_s = time_in_turns(works, 5 if quick else 20).min(axis=1) / BATCH
     speeds = []
-    for factor in OUR_FACTORS:
-        steps = factor * DENSE
-
-        def work(steps: int = steps) -> None:
-            simulate_motion(scene, timeline, drawn, steps_per_sample=steps)
-
+    for factor, trial_s in zip(OUR_FACTORS, times_s.tolist(), strict=True):
         largest = _compare_largest([match.compute_window(factor) for match in matches], reference)
-        best_s = time_best(work, 3 if quick else 10)
-        speeds.append(Speed(f'ours, {name_choice(BDF2, steps)}', *largest, best_s / BATCH))
+        case = f'ours, {name_choice(BDF2, factor * DENSE)}'
+        speeds.append(Speed(case, f'{factor * DENSE}', *largest, trial_s))
     return speeds
 
 
@@ -307,6 +308,7 @@ def measure_twin_speeds(quick: bool) -> list[Speed]:
         speeds.append(
             Speed(
                 f'MuJoCo, {1e3 * step_s:g} ms',
+                f'{1e3 * step_s:g} ms',
                 *_compare_largest(found, reference),
                 min(twin.elapsed_s for twin in twins),
                 min(twin.step_elapsed_s for twin in twins),

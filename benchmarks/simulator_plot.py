@@ -1,0 +1,162 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Draw the simulator's error against its time per trial, for docs/benchmarks.md.
+
+Usage: ./tactile run python benchmarks/simulator_plot.py [--quick] [FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from mujoco_twin import MujocoMissingError
+from simulator import BOUND_PERCENT, Choice, measure_choices
+from simulator_twin import Speed, measure_our_speeds, measure_twin_speeds
+
+from tactile_sim.fast_trials import STEPS_PER_SAMPLE
+from tactile_sim.steps import BDF2, EULER
+
+matplotlib.use('Agg')
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+
+FILE = Path(__file__).resolve().parents[1] / 'docs' / 'images' / 'simulator_speed_error.png'
+STYLES = {
+    EULER.name: ('#b8860b', 's', 'first order (Euler)'),
+    BDF2.name: ('#1f4e79', 'o', 'second order (BDF2)'),
+}
+TICKS_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
+TICKS_PERCENT = (0.1, 0.2, 0.5, 1, 2, 5, 10)
+
+
+def main() -> int:
+    """Measure and draw."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('file', type=Path, nargs='?', default=FILE)
+    parser.add_argument('--quick', action='store_true', help='fewer rounds, one plate in MuJoCo')
+    arguments = parser.parse_args()
+    choices = measure_choices(arguments.quick)
+    ours = measure_our_speeds(arguments.quick)
+    try:
+        twins = measure_twin_speeds(arguments.quick)
+    except MujocoMissingError as error:
+        sys.stderr.write(f'without the points of MuJoCo: {error}\n')
+        twins = []
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 5.6), layout='constrained')
+    _draw_choices(left, choices)
+    _draw_twins(right, ours, twins)
+    for axes in (left, right):
+        axes.set_xscale('log')
+        axes.set_yscale('log')
+        axes.set_xticks(TICKS_MS, [f'{tick:g}' for tick in TICKS_MS])
+        axes.set_yticks(TICKS_PERCENT, [f'{tick:g}' for tick in TICKS_PERCENT])
+        axes.minorticks_off()
+        axes.grid(color='0.9')
+        axes.set_xlabel('time per trial on one core [ms]')
+        axes.legend(
+            fontsize=8, frameon=False, loc='upper center', bbox_to_anchor=(0.5, -0.14), ncols=2
+        )
+    _fit(left)
+    _fit(right)
+    arguments.file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(arguments.file, dpi=130)
+    return 0
+
+
+def _fit(axes: Axes) -> None:
+    axes.autoscale_view()
+    low, high = axes.get_xlim()
+    axes.set_xlim(low / 1.15, high * 1.15)
+
+
+def _draw_choices(axes: Axes, choices: list[Choice]) -> None:
+    for scheme in (EULER, BDF2):
+        colour, marker, label = STYLES[scheme.name]
+        some = [choice for choice in choices if choice.scheme == scheme]
+        times_ms = [1e3 * choice.trial_s for choice in some]
+        for name, style in (('tension_percent', ':'), ('sensed_percent', '-')):
+            errors = [np.quantile(getattr(choice.errors, name), 0.95) for choice in some]
+            what = {'tension_percent': 'tension', 'sensed_percent': 'what the sensor gets'}[name]
+            axes.plot(
+                times_ms,
+                errors,
+                style,
+                color=colour,
+                marker=marker,
+                markersize=4,
+                label=f'{label}: {what}',
+            )
+            for choice, time_ms, error in zip(some, times_ms, errors, strict=True):
+                if scheme == BDF2 and name == 'sensed_percent':
+                    _label(axes, f'{choice.steps}', time_ms, error, below=True)
+                if scheme == BDF2 and choice.steps == STEPS_PER_SAMPLE:
+                    _circle(axes, time_ms, error, name == 'sensed_percent')
+    axes.axhline(BOUND_PERCENT, color='0.5', lw=0.8, ls='--')
+    axes.set_ylabel('error that 95 of 100 trials stay below\n[% of the alternating part]')
+    axes.set_title('Texture trials, drawn; numbers: steps a sample', fontsize=10)
+
+
+def _draw_twins(axes: Axes, ours: list[Speed], twins: list[Speed]) -> None:
+    for name, speeds, colour, marker in (
+        ('this simulator, in a batch', ours, STYLES[BDF2.name][0], 'o'),
+        ('MuJoCo with contact in Python', twins, '#8b1a1a', 'D'),
+    ):
+        if not speeds:
+            continue
+        for what, style in (('tension', ':'), ('what the sensor gets', '-')):
+            errors = [s.percent if what == 'tension' else s.sensed_percent for s in speeds]
+            times_ms = [1e3 * speed.trial_s for speed in speeds]
+            axes.plot(
+                times_ms,
+                errors,
+                style,
+                color=colour,
+                marker=marker,
+                markersize=4,
+                label=f'{name}: {what}',
+            )
+            for speed, time_ms, error in zip(speeds, times_ms, errors, strict=True):
+                if what == 'what the sensor gets':
+                    _label(axes, speed.short, time_ms, error, below=True)
+        if speeds is ours:
+            _circle(axes, 1e3 * ours[0].trial_s, ours[0].percent, False)
+            _circle(axes, 1e3 * ours[0].trial_s, ours[0].sensed_percent, True)
+    if twins:
+        axes.plot(
+            [1e3 * (speed.alone_s or 0.0) for speed in twins],
+            [speed.sensed_percent for speed in twins],
+            '--',
+            color='#d98880',
+            marker='d',
+            markersize=4,
+            label="MuJoCo's own steps alone",
+        )
+    axes.set_ylabel('largest error over four plates\n[% of the alternating part]')
+    axes.set_title('The same scene in MuJoCo; each against finer steps of its own', fontsize=10)
+
+
+def _label(axes: Axes, text: str, time_ms: float, error: float, below: bool) -> None:
+    offset = (0, -11) if below else (0, 5)
+    axes.annotate(
+        text, (time_ms, error), offset, textcoords='offset points', fontsize=7, ha='center'
+    )
+
+
+def _circle(axes: Axes, time_ms: float, error: float, named: bool) -> None:
+    axes.plot(
+        time_ms,
+        error,
+        'o',
+        markersize=11,
+        markerfacecolor='none',
+        markeredgecolor='k',
+        label='the default' if named else None,
+    )
+
+
+if __name__ == '__main__':
+    sys.exit(main())
