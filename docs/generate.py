@@ -110,11 +110,11 @@ def draw_hold(ax: Any) -> None:
     pull_m = PULL_M['flexion']
     motion = simulate_motion(
         scene,
-        Timeline([], [Move(0.5, pull_m, 0.02), Move(4.75, 0.0, 0.02)], 5.5),
+        Timeline([], [Move(0.5, pull_m, 0.01), Move(5.0, 0.0, 0.01)], 5.8),
         Variation.none(1),
     )
     time_s, tension_n = motion.sample_times_s, motion.truth['tension_n'][0]
-    held = (time_s > 0.95) & (time_s < 4.7)
+    held = (time_s > 1.0) & (time_s < 4.9)
     window_s = time_s[held] - time_s[held][0]
     result = compute_regression(np.rint(1e9 * window_s).astype(np.int64), tension_n[held])
     slope, intercept, correlation = (float(value) for value in result)
