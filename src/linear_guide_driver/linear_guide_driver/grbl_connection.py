@@ -1,12 +1,13 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The conversation with one Grbl controller: commands, status polling, stops, faults."""
+"""The conversation with one Grbl controller: lines and answers, status polling, stops, faults."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from linear_guide_driver import grbl_protocol as grbl
@@ -32,12 +33,18 @@ STOP_S = 3.0
 
 BRAKING_POLL_S = 0.05
 
+RECEIVE_BYTES = 127
+"""Bytes of lines that may be unanswered: Grbl's receive buffer holds 128 and drops the rest."""
+
+PLANNER_BLOCKS = 15
+"""Of Grbl 1.1, in case a controller does not tell."""
+
 SILENCE_S = 1.0
 """A controller that leaves status queries unanswered for this long is gone."""
 
 
 class GrblConnection:
-    """One command at a time, its reply matched; faults noticed as they arrive.
+    """Lines whose answers are counted; faults noticed as they arrive. One caller at a time.
 
     A fault (alarm, restart, silence, lost line) ends the running command and every
     later one until `reset`.
@@ -69,8 +76,8 @@ class GrblConnection:
         self._poll_period_s = 1.0 / poll_rate_hz
         self._decoder = grbl.GrblDecoder()
         self._changed = threading.Condition()
-        self._awaiting = False
-        self._reply: grbl.Ok | grbl.Error | None = None
+        self._unanswered: deque[bytes] = deque()
+        self._refusal = ''
         self._report: grbl.StatusReport | None = None
         self._reports = 0
         self._banners = 0
@@ -82,6 +89,8 @@ class GrblConnection:
         self.is_lost = False
         self.identification = ''
         self.options = ''
+        self.planner_blocks = PLANNER_BLOCKS
+        self.is_hal = False
         self._link = SerialLink(
             port, baud, on_bytes=self._on_bytes, on_tick=self._poll, on_lost=self._on_lost
         )
@@ -132,17 +141,29 @@ class GrblConnection:
         *,
         answers_status: bool = True,
     ) -> None:
-        """Send one line and wait for its ``ok``.
+        """Send one line and wait for its ``ok``; see `stream`."""
+        self.stream([line], timeout_s, should_stop, on_wake, answers_status=answers_status)
+
+    def stream(
+        self,
+        lines: Iterable[bytes],
+        timeout_s: float,
+        should_stop: Callable[[], bool] = lambda: False,
+        on_wake: Callable[[], None] = lambda: None,
+        *,
+        answers_status: bool = True,
+    ) -> None:
+        """Send lines as fast as the controller takes them; wait until the last has its ``ok``.
 
         Parameters
         ----------
-        line : bytes
+        lines : iterable of bytes
         timeout_s : float
-            [s]
+            For all of them [s].
         should_stop : callable
-            Ends the wait when it returns True; keeps the line unsent when it does already.
+            Ends the wait when it returns True; keeps unsent what has not been sent yet.
         on_wake : callable
-            Called some fifty times a second while waiting.
+            Called after each answer, and some fifty times a second while waiting.
         answers_status : bool
             False for a command during which Grbl leaves queries unanswered.
 
@@ -153,17 +174,40 @@ class GrblConnection:
         if should_stop():
             raise MotionStoppedError
         with self._changed:
-            self._reply = None
-            self._awaiting = not self._fault
+            self._unanswered.clear()
+            self._refusal = ''
             was_quiet = self._is_quiet
             self._is_quiet = was_quiet or not answers_status
+        deadline_s = time.monotonic() + timeout_s
+
+        def wait(is_done: Callable[[], bool]) -> None:
+            while True:
+                is_over = self._wait(
+                    lambda: is_done() or bool(self._refusal or self._fault), TICK_S
+                )
+                if should_stop():
+                    raise MotionStoppedError
+                if self._fault:
+                    raise MotionFailedError(self._fault)
+                if self._refusal:
+                    raise DeviceRefusedError(self._refusal)
+                on_wake()
+                if is_over:
+                    return
+                if time.monotonic() > deadline_s:
+                    raise MotionFailedError(self._describe_lateness(timeout_s))
+
         try:
-            if not self._fault:
+            for line in lines:
+                size = len(line)
+                wait(lambda size=size: self._unanswered_bytes + size <= RECEIVE_BYTES)  # type: ignore[misc]
+                with self._changed:
+                    self._unanswered.append(line)
                 self._link.write(line)
-            self._wait_reply(line.decode().strip(), timeout_s, should_stop, on_wake)
+            wait(lambda: not self._unanswered)
         finally:
             with self._changed:
-                self._awaiting = False
+                self._unanswered.clear()
                 self._heard_at_s = time.monotonic()
                 self._is_quiet = was_quiet
 
@@ -182,6 +226,15 @@ class GrblConnection:
         if self._report is None or self._reports == count:
             raise MotionFailedError(f'no status report within {timeout_s} s')
         return self._report
+
+    def reset_override(self) -> None:
+        """Let moves run as fast as they say, whatever a pendant has set before.
+
+        Raises
+        ------
+        DeviceConnectionError
+        """
+        self._link.write(grbl.FEED_OVERRIDE_RESET)
 
     def hold(self) -> None:
         """Begin to brake at once; from any thread. The reader reports a lost line."""
@@ -239,27 +292,14 @@ class GrblConnection:
         with self._changed:
             return self._changed.wait_for(is_done, timeout_s)
 
-    def _wait_reply(
-        self,
-        text: str,
-        timeout_s: float,
-        should_stop: Callable[[], bool],
-        on_wake: Callable[[], None],
-    ) -> None:
-        deadline_s = time.monotonic() + timeout_s
-        while True:
-            self._wait(lambda: bool(self._reply or self._fault), TICK_S)
-            if should_stop():
-                raise MotionStoppedError
-            if self._fault:
-                raise MotionFailedError(self._fault)
-            if isinstance(self._reply, grbl.Error):
-                raise DeviceRefusedError(f'the controller refused "{text}" with {self._reply}')
-            if self._reply is not None:
-                return
-            if time.monotonic() > deadline_s:
-                raise MotionFailedError(f'"{text}" was not answered within {timeout_s:.1f} s')
-            on_wake()
+    @property
+    def _unanswered_bytes(self) -> int:
+        return sum(len(line) for line in self._unanswered)
+
+    def _describe_lateness(self, timeout_s: float) -> str:
+        line = self._unanswered[0].decode().strip() if self._unanswered else 'the last line'
+        state = 'nothing' if self._report is None else self._report.state
+        return f'"{line}" was not answered within {timeout_s:.1f} s; the last status was {state}'
 
     def _on_bytes(self, data: bytes) -> None:
         for event in self._decoder.feed(data):
@@ -278,7 +318,8 @@ class GrblConnection:
             self._fail(f'the controller reported {event}')
         elif isinstance(event, grbl.Banner):
             self._banners += 1
-            self._awaiting = False
+            self.is_hal = event.is_hal
+            self._unanswered.clear()
             if not self._expects_banner:
                 self._fail('the controller restarted by itself')
         elif isinstance(event, grbl.Setting):
@@ -286,12 +327,16 @@ class GrblConnection:
         elif isinstance(event, grbl.Message):
             kind, _, text = event.text.partition(':')
             if kind == 'VER':
-                self.identification = f'Grbl {text.rstrip(":")}'
+                name = 'grblHAL' if self.is_hal else 'Grbl'
+                self.identification = f'{name} {text.rstrip(":")}'
             elif kind == 'OPT':
-                self.options = text.split(',')[0]
-        elif self._awaiting:
-            self._awaiting = False
-            self._reply = event
+                self.options, *sizes = text.split(',')
+                if sizes and sizes[0].isdecimal():
+                    self.planner_blocks = int(sizes[0])
+        elif self._unanswered:
+            line = self._unanswered.popleft()
+            if isinstance(event, grbl.Error) and not self._refusal:
+                self._refusal = f'the controller refused "{line.decode().strip()}" with {event}'
 
     def _fail(self, reason: str) -> None:
         self._fault = self._fault or reason

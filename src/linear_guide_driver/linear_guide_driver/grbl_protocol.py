@@ -18,6 +18,7 @@ FEED_HOLD = b'!'
 CYCLE_START = b'~'
 SOFT_RESET = b'\x18'
 JOG_CANCEL = b'\x85'
+FEED_OVERRIDE_RESET = b'\x90'
 """Real-time bytes: no newline, acted on at once, even in the middle of a line."""
 
 HOME = b'$H\n'

@@ -12,6 +12,12 @@ from linear_guide_driver.records import LinearGuideConfig
 
 TRAVEL_TOLERANCE_MM = 0.5
 
+FEWEST_STEPS_PER_MM = 20.0
+"""A step of more than 0.05 mm is felt in a glide, and a move could not end on its target."""
+
+MOST_STEPS_HZ = 30e3
+"""What Grbl's interrupt manages on an 8-bit board; grblHAL runs on faster ones."""
+
 
 @dataclass(frozen=True)
 class GuideSettings:
@@ -23,6 +29,8 @@ class GuideSettings:
         $13, $20, $22.
     homing_feed_mm_min, homing_seek_mm_min, pull_off_mm : float
         $24, $25, $27 [mm/min, mm/min, mm].
+    steps_per_mm : float
+        $100 [1/mm].
     max_rate_mm_min, acceleration_mm_s2, travel_mm : float
         $110, $120, $130 [mm/min, mm/s^2, mm].
     """
@@ -33,6 +41,7 @@ class GuideSettings:
     homing_feed_mm_min: float
     homing_seek_mm_min: float
     pull_off_mm: float
+    steps_per_mm: float
     max_rate_mm_min: float
     acceleration_mm_s2: float
     travel_mm: float
@@ -66,12 +75,15 @@ class GuideSettings:
             homing_feed_mm_min=number(24),
             homing_seek_mm_min=number(25),
             pull_off_mm=number(27, False),
+            steps_per_mm=number(100),
             max_rate_mm_min=number(110),
             acceleration_mm_s2=number(120),
             travel_mm=number(130),
         )
 
-    def check(self, config: LinearGuideConfig, build_options: str) -> None:
+    def check(
+        self, config: LinearGuideConfig, build_options: str, *, is_hal: bool = False
+    ) -> None:
         """Refuse settings that would change a motion without an error.
 
         Parameters
@@ -79,6 +91,8 @@ class GuideSettings:
         config : LinearGuideConfig
         build_options : str
             The letters of the controller's ``[OPT:`` message.
+        is_hal : bool
+            True for grblHAL.
 
         Raises
         ------
@@ -102,6 +116,18 @@ class GuideSettings:
                 f'the controller caps speed at {self.max_rate_mm_min:g} mm/min, below '
                 f'max_speed_m_s = {config.max_speed_m_s:g}; set $110={fastest_mm_min:g} or '
                 f'max_speed_m_s to {self.max_rate_mm_min / 60e3:g}'
+            )
+        if self.steps_per_mm < FEWEST_STEPS_PER_MM:
+            raise DeviceRefusedError(
+                f'the controller counts {self.steps_per_mm:g} steps a millimetre, too coarse for '
+                f'a glide; raise the micro-stepping and with it $100, to {FEWEST_STEPS_PER_MM:g} '
+                f'or more'
+            )
+        steps_hz = fastest_mm_min / 60 * self.steps_per_mm
+        if steps_hz > MOST_STEPS_HZ and not is_hal:
+            raise DeviceRefusedError(
+                f'max_speed_m_s = {config.max_speed_m_s:g} needs {steps_hz:.0f} steps/s and Grbl '
+                f'manages {MOST_STEPS_HZ:.0f}; lower max_speed_m_s, or the micro-stepping and $100'
             )
         if abs(self.travel_mm - config.travel_m * 1e3) > TRAVEL_TOLERANCE_MM:
             raise DeviceRefusedError(

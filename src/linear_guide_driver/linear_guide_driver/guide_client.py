@@ -3,18 +3,16 @@
 """The linear guide: moves a Grbl 1.1 controller's X axis and knows when it is at rest.
 
 Grbl keeps no watch over the line and forgets its position when it is reset while
-moving. Hence the rules here: a move ends with the ``ok`` of a dwell, never with
-a status; a stop is a feed hold, rest, then a reset; and whatever else happens to
-the controller makes the position unknown until the guide has been homed again.
+moving. Hence the rules here: a move is sent in short pieces; it ends with the ``ok`` of
+a dwell, never with a status; a stop is a feed hold, rest, then a reset; and whatever else
+happens to the controller makes the position unknown until the guide has been homed again.
 """
 
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import NoReturn
 
 from linear_guide_driver import grbl_protocol as grbl
@@ -26,6 +24,8 @@ from linear_guide_driver.errors import (
 )
 from linear_guide_driver.grbl_connection import GrblConnection
 from linear_guide_driver.grbl_settings import GuideSettings
+from linear_guide_driver.guide_path import compute_piece_s, cut_move
+from linear_guide_driver.motion_gate import MotionGate
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 
 POSITION_TOLERANCE_M = 0.0001
@@ -36,6 +36,9 @@ REPLY_TIMEOUT_S = 2.0
 
 SLACK_S = 2.0
 """Added to the computed duration of a motion before it counts as failed."""
+
+LATE_S = 0.15
+"""A move that takes so much longer than computed has paused on the way: pieces came late."""
 
 NOT_HOMED = 'the guide has not been homed since the driver connected'
 
@@ -56,6 +59,12 @@ class LinearGuideClient:
         Called with each `GuideState`, on the reader thread.
     clock_ns : callable, optional
         Clock that stamps states [ns].
+
+    Attributes
+    ----------
+    late_moves : int
+        Moves so far that took longer than they should: the host was late, or the
+        controller slower than it says. A glide among them was no steady one.
     """
 
     def __init__(
@@ -69,10 +78,8 @@ class LinearGuideClient:
         self._clock_ns = clock_ns
         self._connection: GrblConnection | None = None
         self._settings: GuideSettings | None = None
-        self._slot = threading.Lock()  # held by the one motion
-        self._gate = threading.Lock()  # makes "a motion runs" and "stop it" one decision
-        self._moving = ''  # what runs: '', 'move' or 'homing'
-        self._stop = threading.Event()
+        self._gate = MotionGate('guide')
+        self.late_moves = 0  # moves that have paused on the way
         self._direction = 0
         self._last: tuple[grbl.StatusReport, int] | None = None  # and when it came [ns]
         self._trouble = NOT_HOMED
@@ -126,11 +133,9 @@ class LinearGuideClient:
             return
         self.request_stop()
         # The motion itself brings the guide to rest; take the line away only afterwards.
-        rested = self._slot.acquire(timeout=SLACK_S + 3.0)
-        self._connection = None
-        connection.close()
-        if rested:
-            self._slot.release()
+        with self._gate.no_motion(SLACK_S + 3.0):
+            self._connection = None
+            connection.close()
 
     # -- motion --------------------------------------------------------------------------
 
@@ -155,12 +160,12 @@ class LinearGuideClient:
         ------
         MotionRefusedError, MotionFailedError, MotionStoppedError, DeviceConnectionError
         """
-        with self._one_motion():
+        with self._gate.one_motion():
             connection, settings = self._require_connection()
             if connection.is_lost:
                 connection.close()
                 self._connection, self._settings = connection, settings = self._open()
-            self._begin('homing', should_stop)
+            self._gate.begin('homing', should_stop)
             self._trouble = 'the last homing did not succeed'
             started_s = time.monotonic()
             try:
@@ -168,7 +173,7 @@ class LinearGuideClient:
                 connection.command(
                     grbl.HOME,
                     settings.compute_homing_timeout_s() + SLACK_S,
-                    lambda: should_stop() or self._stop.is_set(),
+                    lambda: should_stop() or self._gate.is_stopping,
                     lambda: on_elapsed(time.monotonic() - started_s),
                     answers_status=False,
                 )
@@ -223,31 +228,30 @@ class LinearGuideClient:
         MotionStoppedError
             Ended by ``should_stop`` or `request_stop`; the position is still known.
         """
-        with self._one_motion():
+        with self._gate.one_motion():
             connection, settings = self._require_connection()
             start_m = self._check_move(position_m, speed_m_s)
-            self._begin('move', should_stop)
+            self._gate.begin('move', should_stop)
             self._direction = 1 if position_m >= start_m else -1
+            expected_s = settings.compute_move_duration_s(position_m - start_m, speed_m_s)
+            started_s = time.monotonic()
 
             def is_stopped() -> bool:
-                return should_stop() or self._stop.is_set()
+                return should_stop() or self._gate.is_stopping
 
             try:
+                connection.reset_override()
                 connection.command(grbl.encode_modes(), REPLY_TIMEOUT_S, is_stopped)
-                connection.command(
-                    grbl.encode_move((position_m - self._config.travel_m) * 1e3, speed_m_s * 60e3),
-                    REPLY_TIMEOUT_S,
-                    is_stopped,
-                )
-                connection.command(
-                    grbl.encode_dwell(),
-                    settings.compute_move_duration_s(position_m - start_m, speed_m_s) + SLACK_S,
+                connection.stream(
+                    self._encode(connection.planner_blocks, start_m, position_m, speed_m_s),
+                    expected_s + SLACK_S,
                     is_stopped,
                     lambda: self._watch(on_state),
                 )
+                late_s = time.monotonic() - started_s - expected_s
                 report = connection.wait_report(REPLY_TIMEOUT_S)
                 rest_m = self._to_position_m(report)
-                if self._end():
+                if self._gate.end():
                     raise MotionStoppedError
                 if (
                     report.state != 'Idle'
@@ -255,6 +259,11 @@ class LinearGuideClient:
                     or abs(rest_m - position_m) > POSITION_TOLERANCE_M
                 ):
                     raise MotionFailedError(f'it ended as {report.state} at {rest_m} m')
+                if late_s > LATE_S:
+                    self.late_moves += 1
+                    _logger.warning(
+                        'the move to %.4f m took %.2f s longer than it should', position_m, late_s
+                    )
             except MotionStoppedError:
                 self._come_to_rest(connection, position_m)
             except LinearGuideDriverError as error:
@@ -265,6 +274,8 @@ class LinearGuideClient:
             except BaseException:  # a fault of the caller's functions: nobody watches now
                 self._give_up(connection, 'a move was left unwatched')
                 raise
+            finally:
+                self._direction = 0
             return self._to_state(report, self._clock_ns())
 
     def request_stop(self) -> bool:
@@ -275,13 +286,13 @@ class LinearGuideClient:
         bool
             Whether a motion was running.
         """
-        with self._gate:
-            if not self._moving or self._connection is None:
-                return False
-            self._stop.set()
-            if self._moving == 'move':  # homing heeds a reset only, which it does by itself
-                self._connection.hold()
-            return True
+        connection = self._connection
+
+        def act(motion: str) -> None:
+            if connection is not None and motion == 'move':  # homing heeds a reset only,
+                connection.hold()  # which it does by itself
+
+        return self._gate.request_stop(act)
 
     # -- inside --------------------------------------------------------------------------
 
@@ -296,7 +307,7 @@ class LinearGuideClient:
         try:
             connection.open()
             settings = GuideSettings.from_lines(connection.read_settings())
-            settings.check(self._config, connection.options)
+            settings.check(self._config, connection.options, is_hal=connection.is_hal)
             self._trouble = NOT_HOMED
             connection.start_polling()
             connection.wait_report(REPLY_TIMEOUT_S)
@@ -305,30 +316,14 @@ class LinearGuideClient:
             raise
         return connection, settings
 
-    @contextmanager
-    def _one_motion(self) -> Iterator[None]:
-        if not self._slot.acquire(blocking=False):
-            raise MotionRefusedError('The guide is busy with another motion; stop it first.')
-        try:
-            yield
-        finally:
-            self._end()
-            self._direction = 0
-            self._slot.release()
-
-    def _begin(self, motion: str, should_stop: Callable[[], bool]) -> None:
-        with self._gate:
-            # Here, because `request_stop` does nothing before a motion has begun.
-            if should_stop():
-                raise MotionStoppedError('Stopped before the guide moved.')
-            self._stop.clear()
-            self._moving = motion
-
-    def _end(self) -> bool:
-        """Let no further stop in; return whether one has come."""
-        with self._gate:
-            self._moving = ''
-            return self._stop.is_set()
+    def _encode(
+        self, planner_blocks: int, start_m: float, end_m: float, speed_m_s: float
+    ) -> Iterator[bytes]:
+        piece_s = compute_piece_s(self._config.run_on_s, planner_blocks)
+        start_mm, end_mm = ((m - self._config.travel_m) * 1e3 for m in (start_m, end_m))
+        for mpos_mm in cut_move(start_mm, end_mm, piece_s * speed_m_s * 1e3):
+            yield grbl.encode_move(mpos_mm, speed_m_s * 60e3)
+        yield grbl.encode_dwell()
 
     def _require_connection(self) -> tuple[GrblConnection, GuideSettings]:
         if self._connection is None or self._settings is None:
@@ -353,7 +348,7 @@ class LinearGuideClient:
 
     def _watch(self, on_state: Callable[[GuideState], None]) -> None:
         state = self.state
-        if state is None or self._stop.is_set():  # a stop begins with a hold of our own
+        if state is None or self._gate.is_stopping:  # a stop begins with a hold of our own
             return
         if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
             raise MotionFailedError(f'the controller went to {state.state} by itself')

@@ -43,6 +43,13 @@ class LinearGuideConfig:
     max_speed_m_s: float = _parameter(
         0.1, 'fastest speed that a goal may ask for', unit='m/s', range=(0.0001, 1.0)
     )
+    run_on_s: float = _parameter(
+        0.25,
+        'how much motion the controller is given in advance: it runs on for so long when the '
+        'driver dies or the cable is cut, and a glide survives a pause of the host as long',
+        unit='s',
+        range=(0.1, 5.0),
+    )
     poll_rate_hz: float = _parameter(
         10.0,
         'rate of status reports and joint states; Grbl documents 10 as its limit, '

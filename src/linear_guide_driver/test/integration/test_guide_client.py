@@ -1,5 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
+import itertools
+import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -47,6 +51,10 @@ def test_home_then_move_ends_at_rest_at_the_target(guide, grbl):
     guide.move_to(0.021, 0.1, states.append)
     assert min(s.velocity_m_s for s in states) == pytest.approx(-0.1)
     assert 'G53 G1 X-169.000 F6000.000' in grbl.lines
+    # Cut into pieces of at most 0.25 s / (15 blocks + 4 lines that wait) = 13 ms.
+    targets = [float(line.split()[2][1:]) for line in grbl.lines if line.startswith('G53 G1')]
+    assert all(abs(b - a) < 1.34 for a, b in itertools.pairwise(targets))
+    assert grbl.real_time.endswith(b'\x90')
 
 
 @pytest.mark.parametrize(
@@ -75,6 +83,8 @@ def test_a_bad_command_moves_nothing(guide, grbl, position_m, speed_m_s, text):
         (20, '0', r'set \$20=1'),
         (22, '0', r'set \$22=1'),
         (110, '500.000', 'caps speed at 500 mm/min'),
+        (100, '5.000', r'5 steps a millimetre.*\$100'),
+        (100, '1600.000', '160000 steps/s'),
         (130, '300.000', 'travel is 300 mm'),
         (120, 'x', r'setting \$120 is x'),
     ],
@@ -310,3 +320,55 @@ def test_close_brings_a_moving_guide_to_rest(guide, grbl):
     assert isinstance(move.end(), MotionStoppedError)
     with pytest.raises(MotionRefusedError, match='not connected'):
         guide.home()
+
+
+HOME_AND_MOVE = """
+import sys
+from linear_guide_driver import LinearGuideClient, LinearGuideConfig
+client = LinearGuideClient(LinearGuideConfig(port=sys.argv[1]))
+client.connect()
+client.home()
+client.move_to(0.19, 0.02)
+"""
+
+
+def test_a_killed_driver_leaves_little_for_the_controller_to_carry_out(grbl):
+    command = [sys.executable, '-c', HOME_AND_MOVE, grbl.port]
+    driver = subprocess.Popen(command, env=os.environ)
+    wait_until(lambda: grbl.mpos > -195, 15.0)
+    driver.kill()
+    driver.wait()
+    killed_at = grbl.mpos
+    wait_until(lambda: not grbl.is_moving)
+    # 0.25 s of motion at 20 mm/s are 5 mm; sent as one move it would go on for 150 mm.
+    assert grbl.mpos < killed_at + 10
+
+
+def test_a_move_that_pauses_on_the_way_is_counted(guide, grbl):
+    guide.home()
+    guide.move_to(0.005, 0.05)
+    assert guide.late_moves == 0
+    move = Background(guide.move_to, 0.105, 0.05)
+    wait_until(lambda: grbl.is_moving)
+    grbl.pause_s = 0.5
+    assert move.end() is None
+    assert guide.late_moves == 1
+
+
+def test_grblhal_is_known_by_its_banner_and_may_step_faster(grbl):
+    grbl.banner = b"\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n"
+    grbl.build = (
+        b'[VER:1.1f.20230919:]\r\n[OPT:%sNMSL,35,1024,3,0]\r\n[AXS:3:XYZ]\r\n'
+        b'[NEWOPT:ENUMS,RT+,REBOOT]\r\n[FIRMWARE:grblHAL]\r\n[DRIVER:STM32F407]\r\nok\r\n'
+    )
+    grbl.settings[100] = '1600.000'
+    grbl.settings[10] = '511'
+    guide = LinearGuideClient(LinearGuideConfig(port=grbl.port))
+    guide.connect()
+    assert guide.identification == 'grblHAL 1.1f.20230919'
+    guide.home()
+    grbl.lines.clear()
+    guide.move_to(0.011, 0.1)
+    guide.close()
+    # 10 mm in pieces of 0.25 s / (35 blocks + 4 lines): 6.4 ms, 0.64 mm.
+    assert sum(line.startswith('G53') for line in grbl.lines) == 16

@@ -1,6 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A scripted Grbl 1.1 controller behind a pty: its X axis moves in real time."""
+"""A scripted Grbl 1.1 controller behind a pty: its X axis moves in real time.
+
+It knows no acceleration. Its planner holds `BLOCKS` moves; further lines wait unanswered.
+"""
 
 import os
 import re
@@ -11,8 +14,11 @@ import tty
 
 SETTINGS = {
     0: '10', 1: '255', 10: '1', 13: '0', 20: '1', 21: '1', 22: '1', 23: '1', 24: '60.000',
-    25: '3000.000', 27: '1.000', 110: '6000.000', 120: '500.000', 130: '200.000',
+    25: '3000.000', 27: '1.000', 100: '250.000', 110: '6000.000', 120: '500.000', 130: '200.000',
 }  # fmt: skip
+
+
+BLOCKS = 15
 
 
 class ScriptedGrbl:
@@ -30,10 +36,14 @@ class ScriptedGrbl:
         self.is_deaf = False
         self.state = 'Alarm'  # locked after power-up, as with homing switched on
         self.home_s = 0.05
-        self._from = self._to = -57.0  # machine position [mm]
-        self._speed = 0.0  # [mm/s]
-        self._began_s = 0.0
-        self._held = False
+        self.banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
+        self.build = b'[VER:1.1h.20190830:]\r\n[OPT:%s,15,128]\r\nok\r\n'
+        self.pause_s = 0.0  # for how long it shall stop on the way, once
+        self.real_time = b''  # bytes that came, but for status queries
+        self._mpos = -57.0  # machine position [mm]
+        self._moves = []  # (target [mm], speed [mm/s])
+        self._moved_s = time.monotonic()
+        self._waiting = []  # lines without room in the planner, or behind such lines
         self._due = []  # (time, function)
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
@@ -54,20 +64,15 @@ class ScriptedGrbl:
 
     @property
     def mpos(self):
-        if self._speed == 0.0:
-            return self._to
-        gone = self._speed * (time.monotonic() - self._began_s)
-        if gone >= abs(self._to - self._from):
-            return self._to
-        return self._from + (gone if self._to > self._from else -gone)
+        return self._mpos
 
     @property
     def is_moving(self):
-        return self._speed > 0.0 and self.mpos != self._to
+        return bool(self._moves)
 
     def lose_power(self):
         """Restart in the middle of whatever it does."""
-        self.say(b"\r\nGrbl 1.1h ['$' for help]\r\n[MSG:'$H'|'$X' to unlock]\r\n")
+        self.say(self.banner + b"[MSG:'$H'|'$X' to unlock]\r\n")
         self._rest(0.0)
         self.state = 'Alarm'
 
@@ -79,9 +84,26 @@ class ScriptedGrbl:
     # -- inside ------------------------------------------------------------------------
 
     def _rest(self, mpos):
-        self._from = self._to = mpos
-        self._speed = 0.0
+        self._mpos = mpos
+        self._moves.clear()
+        self._waiting.clear()
         self._due.clear()
+
+    def _move(self):
+        now = time.monotonic()
+        left_s, self._moved_s = now - self._moved_s, now
+        if self.pause_s:
+            time.sleep(self.pause_s)
+            self.pause_s, self._moved_s = 0.0, time.monotonic()
+        while self._moves and left_s > 0.0 and self.state != 'Hold':
+            target, speed = self._moves[0]
+            away = abs(target - self._mpos)
+            if speed * left_s < away:
+                self._mpos += speed * left_s * (1 if target > self._mpos else -1)
+                return
+            self._mpos = target
+            self._moves.pop(0)
+            left_s -= away / speed
 
     def _serve(self):
         buffer = b''
@@ -91,13 +113,16 @@ class ScriptedGrbl:
                 if ready:
                     for byte in os.read(self._master, 1024):
                         char = bytes([byte])
-                        if char in b'?!~\x18':
+                        if char in b'?!~\x18\x90':
                             self._real_time(char)
                         elif char == b'\n':
-                            self._line(buffer.decode())
+                            self._waiting.append(buffer.decode())
+                            self._run_waiting()
                             buffer = b''
                         else:
                             buffer += char
+                self._move()
+                self._run_waiting()
                 now = time.monotonic()
                 for entry in [e for e in self._due if e[0] <= now]:
                     self._due.remove(entry)
@@ -108,6 +133,9 @@ class ScriptedGrbl:
     def _real_time(self, char):
         if self.is_deaf:
             return
+        self._move()
+        if char != b'?':
+            self.real_time += char
         if char == b'?' and self.state != 'Home':
             if self.state == 'Hold':
                 word = 'Hold:0'
@@ -115,10 +143,10 @@ class ScriptedGrbl:
                 word = 'Alarm'
             else:
                 word = 'Run' if self.is_moving else 'Idle'
-            feed = self._speed * 60 if self.is_moving else 0
+            feed = self._moves[0][1] * 60 if self.is_moving else 0
             self.say(f'<{word}|MPos:{self.mpos:.3f},0.000,0.000|FS:{feed:.0f},0>\r\n'.encode())
         elif char == b'!' and self.state == 'Idle':
-            self._rest(self.mpos)
+            self._moves.clear()
             self.state = 'Hold'
         elif char == b'\x18':
             if self.is_moving:
@@ -130,7 +158,15 @@ class ScriptedGrbl:
             self._rest(self.mpos)
             if self.state == 'Hold':
                 self.state = 'Idle'
-            self.say(b"\r\nGrbl 1.1h ['$' for help]\r\n")
+            self.say(self.banner)
+
+    def _run_waiting(self):
+        while self._waiting and not (
+            len(self._moves) >= BLOCKS
+            or self.state == 'Home'
+            or (self._waiting[0].startswith('G4') and self._moves)
+        ):
+            self._line(self._waiting.pop(0))
 
     def _line(self, line):
         self.lines.append(line)
@@ -141,7 +177,7 @@ class ScriptedGrbl:
         if self.is_deaf or self.state == 'Hold':
             return  # what is sent into a hold waits there
         if line == '$I':
-            self.say(f'[VER:1.1h.20190830:]\r\n[OPT:{self.options},15,128]\r\nok\r\n'.encode())
+            self.say(self.build % self.options.encode())
         elif line == '$$':
             dump = ''.join(f'${n}={value}\r\n' for n, value in self.settings.items())
             self.say(dump.encode() + b'ok\r\n')
@@ -150,12 +186,12 @@ class ScriptedGrbl:
             self._due.append((time.monotonic() + self.home_s, self._homed))
         elif self.state == 'Alarm':
             self.say(b'error:9\r\n')
-        elif line.startswith('G4'):
-            self._when_at_rest(lambda: self.say(b'ok\r\n'))
         elif match := re.search(r'G1 X(-?[\d.]+) F([\d.]+)', line):
-            self._from, self._to = self.mpos, float(match[1])
-            self._speed, self._began_s = float(match[2]) / 60, time.monotonic()
-            self.say(b'ok\r\n<Idle|MPos:%.3f,0,0|FS:0,0>\r\n' % self._from)  # the Idle race
+            was_moving = self.is_moving
+            self._moves.append((float(match[1]), float(match[2]) / 60))
+            self.say(b'ok\r\n')
+            if not was_moving:  # the Idle race
+                self.say(b'<Idle|MPos:%.3f,0,0|FS:0,0>\r\n' % self.mpos)
         else:
             self.say(b'ok\r\n')
 
@@ -163,12 +199,3 @@ class ScriptedGrbl:
         self._rest(-199.0)
         self.state = 'Idle'
         self.say(b'ok\r\n')
-
-    def _when_at_rest(self, do):
-        def look():
-            if self.is_moving:
-                self._due.append((time.monotonic() + 0.005, look))
-            else:
-                do()
-
-        look()

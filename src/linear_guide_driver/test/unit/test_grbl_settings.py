@@ -6,8 +6,8 @@ from linear_guide_driver.errors import DeviceRefusedError
 from linear_guide_driver.grbl_settings import GuideSettings
 
 LINES = {
-    13: '0', 20: '1', 22: '1', 24: '60.000', 25: '600.000', 27: '1.000', 110: '6000.000',
-    120: '500.000', 130: '200.000',
+    13: '0', 20: '1', 22: '1', 24: '60.000', 25: '600.000', 27: '1.000', 100: '250.000',
+    110: '6000.000', 120: '500.000', 130: '200.000',
 }  # fmt: skip
 
 

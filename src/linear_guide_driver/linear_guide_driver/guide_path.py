@@ -1,0 +1,52 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Cuts a move into short pieces, because Grbl carries out what it has been given.
+
+Grbl keeps no watch over its line: with the driver dead or the cable cut it goes on to the end
+of what is planned. A piece lasts so long that a full planner and a full receive buffer hold
+`run_on_s` of motion, and the controller itself sets the pace: it answers a line when there is
+room for it. Pieces of one straight line are joined without braking, as long as the next ones
+come in time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from linear_guide_driver import grbl_protocol as grbl
+from linear_guide_driver.grbl_connection import RECEIVE_BYTES
+
+SHORTEST_PIECE_S = 0.005
+"""Shorter ones keep host and line busy; with more than some 45 planner blocks the controller
+therefore runs on for longer than asked."""
+
+
+def compute_piece_s(run_on_s: float, planner_blocks: int) -> float:
+    """Return how long one piece of a move lasts [s].
+
+    Parameters
+    ----------
+    run_on_s : float
+        Motion that the controller may hold in advance [s].
+    planner_blocks : int
+        Moves that its planner takes.
+    """
+    waiting_lines = RECEIVE_BYTES // len(grbl.encode_move(-100.0, 1000.0))
+    return max(SHORTEST_PIECE_S, run_on_s / (planner_blocks + waiting_lines))
+
+
+def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]:
+    """Yield where each piece ends, the last one exactly at ``end_mm`` [mm].
+
+    Parameters
+    ----------
+    start_mm, end_mm : float
+        [mm]
+    piece_mm : float
+        Longest piece [mm].
+    """
+    pieces = max(1, math.ceil(abs(end_mm - start_mm) / piece_mm - 1e-9))
+    for number in range(1, pieces):
+        yield start_mm + (end_mm - start_mm) * number / pieces
+    yield end_mm
