@@ -48,6 +48,7 @@ _RANGES = {
     'setuserfilter': (0, 12),
 }
 _SATURATED_N = 1000.0
+_UPTIME_S = 150.0  # at the beginning: a restart is seen by a counter that falls back
 
 
 class NetFtBox:
@@ -103,14 +104,15 @@ class NetFtBox:
             'scfgtu': 'Nm',
         }
         self.settings = dict(_STORED)
-        self._begun_s = 0.0
+        self._begun_s = -_UPTIME_S
         self._faults: dict[str, tuple[float, dict[str, float]]] = {}
         self._command = Command.STOP
         self._record = 0
-        self._ticks = 0  # of the newest record
+        self._ticks = self._shown = 0  # of the newest record, and what it says
         self._status = 0
         self._held: list[NDArray[np.void]] = []  # records that wait for their datagram
-        self._delayed: list[bytes] = []
+        self._overtaken: list[bytes] = []
+        self._delayed: list[bytes] = []  # on their way through a slow network
 
     # -- faults ------------------------------------------------------------------------
 
@@ -134,6 +136,7 @@ class NetFtBox:
             self._begun_s = now_s + duration_s
             self.settings = dict(_STORED)
             self._stop()
+            self._delayed.clear()
         self._faults[kind] = (now_s + (np.inf if duration_s is None else duration_s), options)
 
     def heal(self) -> None:
@@ -198,7 +201,6 @@ class NetFtBox:
         self._command = Command.STOP
         self._record = 0
         self._held.clear()
-        self._delayed.clear()
 
     def _count(self, now_s: float) -> int:
         return max(0, int((now_s - self._begun_s) * INTERNAL_RATE_HZ))
@@ -226,10 +228,9 @@ class NetFtBox:
         records = np.zeros(len(ticks), dtype=RECORD)
         records['rdt_sequence'] = (self._record + 1 + np.arange(len(ticks))) & 0xFFFFFFFF
         self._record += len(ticks)
-        records['ft_sequence'] = ticks & 0xFFFFFFFF
-        if self.has('stale', now_s):
-            records['ft_sequence'] = (int(ticks[0]) - self._divisor) & 0xFFFFFFFF
-            self._ticks = int(ticks[0]) - self._divisor
+        shown = np.full_like(ticks, self._shown) if self.has('stale', now_s) else ticks
+        self._shown = int(shown[-1])
+        records['ft_sequence'] = shown & 0xFFFFFFFF
         counts = self._noise_counts * self._generator.standard_normal((len(ticks), 6))
         force_n = self._force(ticks / INTERNAL_RATE_HZ)
         self._status = 0
@@ -263,11 +264,14 @@ class NetFtBox:
             if self._happens('garbage', now_s):
                 sent.append(self._generator.bytes(17))
                 continue
+            if not self._overtaken and self._happens('reorder', now_s):
+                self._overtaken = [datagram]
+                continue
             sent.append(datagram)
             if self._happens('duplicate', now_s):
                 sent.append(datagram)
-            if len(sent) > 1 and self._happens('reorder', now_s):
-                sent[-2:] = sent[:-3:-1]
+            sent += self._overtaken
+            self._overtaken = []
         return sent
 
     def _happens(self, kind: str, now_s: float) -> bool:

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 from types import TracebackType
 
-from tendon_sensor_driver.ati_counter import CounterRestartError
+from tendon_sensor_driver.ati_counter import CounterRestartError, SampleCounter
 from tendon_sensor_driver.ati_stream import CountedStream
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
 from tendon_sensor_driver.net_ft_links import LinkCounts, NetFtLink, open_link
@@ -85,9 +85,9 @@ class NetFtClient:
         return '' if box is None else box.serial or box.product
 
     @property
-    def box(self) -> BoxConfiguration | None:
-        """What the box said of itself when the link was last opened."""
-        return self._box
+    def counter(self) -> SampleCounter:
+        """What was dropped, and what was put in order."""
+        return self._stream.counter
 
     def open(self) -> None:
         """Set up the box and start to read.

@@ -1,0 +1,275 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The Net F/T client against a simulated box, over real UDP and HTTP, through every fault."""
+
+import threading
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tactile_sim.net_ft_box import NetFtBox
+from tactile_sim.net_ft_device import NetFtDevice
+from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.net_ft import NetFtClient
+
+INTERNAL_HZ = 7000
+STEP_N = 1e-4  # of the force from one tick to the next
+SLOW, FAST = (100.0, 1), (2000.0, 20)  # through pynetft, and in arrays
+BOTH = pytest.mark.parametrize('way', [SLOW, FAST], ids=['pynetft', 'arrays'])
+
+
+def ramp(times_s):
+    """A force that tells the tick at which it was measured."""
+    return np.rint(times_s * INTERNAL_HZ) * STEP_N
+
+
+class Recorder:
+    def __init__(self):
+        self.blocks = []
+        self.lock = threading.Lock()
+
+    def __call__(self, block):
+        with self.lock:
+            self.blocks.append(block)
+
+    def take(self):
+        with self.lock:
+            return list(self.blocks)
+
+    def status(self, since=0):
+        bits = StrainStatus.OK
+        for block in self.take()[since:]:
+            bits |= block.status
+        return bits
+
+    def samples(self):
+        return sum(len(block.tension_n) for block in self.take())
+
+
+class Rig:
+    def __init__(self, device, client, recorder):
+        self.device, self.client, self.recorder = device, client, recorder
+
+    @property
+    def health(self):
+        return self.client.health()
+
+
+def wait(condition, timeout_s=20.0):
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline_s, 'the condition did not come true in time'
+        time.sleep(0.002)
+
+
+def configure(device, way, **changes):
+    rate_hz, samples_per_block = way
+    return TendonSensorConfig(
+        **{
+            'sensor': 'net_ft',
+            'host': '127.0.0.1',
+            'rdt_port': device.rdt_port,
+            'http_port': device.http_port,
+            'rate_hz': rate_hz,
+            'samples_per_block': samples_per_block,
+            **changes,
+        }
+    )
+
+
+@pytest.fixture
+def rig(way):
+    with NetFtDevice(NetFtBox(ramp, noise_counts=0.0)) as device:
+        recorder = Recorder()
+        with NetFtClient(configure(device, way), recorder, time.time_ns) as client:
+            wait(lambda: recorder.samples() > 10)
+            yield Rig(device, client, recorder)
+        assert device.failure is None
+
+
+def check_samples(rig, divisor):
+    """Each sample is one that the box measured, under its own number, and none comes twice."""
+    expected = stamp_ns = 0
+    first = None
+    for block in rig.recorder.take():
+        assert block.sequence == expected + block.lost_before
+        numbers = block.sequence + np.arange(len(block.tension_n))
+        ticks = np.rint(block.tension_n / STEP_N).astype(int)
+        first = ticks[0] if first is None else first
+        np.testing.assert_array_equal(ticks - first, divisor * numbers)
+        np.testing.assert_array_equal(block.wrench[:, 2], block.tension_n)
+        assert block.stamp_ns > stamp_ns
+        stamp_ns = block.stamp_ns + (len(numbers) - 1) * block.period_ns
+        expected = block.sequence + len(numbers)
+    assert rig.health.lost_samples == expected - rig.recorder.samples()
+
+
+def divisor(way):
+    return int(INTERNAL_HZ / way[0])
+
+
+@BOTH
+def test_all_samples_arrive_in_order_with_the_true_period(rig, way):
+    wait(lambda: rig.recorder.samples() > 3 * way[0] ** 0.5 * 10)
+    rig.client.close()
+    check_samples(rig, divisor(way))
+    assert rig.health.lost_samples == 0
+    assert rig.recorder.status() == StrainStatus.OK
+    assert rig.health.rate_hz == INTERNAL_HZ / divisor(way)
+    assert rig.client.identity == 'FT00000'
+    settings = rig.device.read_settings()
+    assert settings['setuserfilter'] == 6  # 18 Hz
+    assert settings['comrdtrate'] == way[0]
+
+
+@pytest.mark.parametrize('way', [(60.0, 1)])
+def test_60_hz_are_reported_as_what_they_are(rig):
+    wait(lambda: rig.recorder.samples() > 12)
+    assert rig.health.rate_hz == pytest.approx(60.345, abs=0.001)
+    assert rig.recorder.take()[-1].period_ns == round(116e9 / 7000)
+
+
+@BOTH
+@pytest.mark.parametrize('kind', ['drop', 'duplicate', 'reorder', 'garbage'])
+def test_what_the_network_does_is_counted_and_invents_nothing(rig, way, kind):
+    rig.device.fault(kind, fraction=0.3)
+
+    def count():
+        health, counter = rig.health, rig.client.counter
+        return {
+            'drop': health.lost_samples,
+            'duplicate': health.duplicates,
+            'reorder': health.late_samples + counter.reordered,
+            'garbage': health.rejected_lines,
+        }[kind]
+
+    wait(lambda: count() >= 5)
+    rig.device.heal()
+    samples = rig.recorder.samples()
+    wait(lambda: rig.recorder.samples() > samples + 20)
+    rig.client.close()
+    check_samples(rig, divisor(way))
+    if kind == 'garbage':
+        assert StrainStatus.RESYNCHRONISED in rig.recorder.status()
+
+
+@BOTH
+def test_a_burst_loses_nothing(rig, way):
+    rig.device.fault('burst', 0.05)
+    samples = rig.recorder.samples()
+    wait(lambda: rig.recorder.samples() > samples + 0.2 * way[0])
+    rig.client.close()
+    check_samples(rig, divisor(way))
+    assert rig.health.lost_samples == 0
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ('kind', 'bit', 'words'),
+    [
+        ('saturate', StrainStatus.SATURATED, 'transducer saturated or A/D error'),
+        ('status', StrainStatus.DEVICE_ERROR, 'analog supply too high'),
+        ('stuck', StrainStatus.STUCK, ''),
+    ],
+)
+def test_what_the_box_reports_is_in_the_status_and_in_words(rig, way, kind, bit, words):
+    since = len(rig.recorder.take())
+    rig.device.fault(kind)
+    wait(lambda: bit in rig.recorder.status(since))
+    assert rig.health.device_status == words
+    assert bit in rig.health.status
+    samples = rig.recorder.samples()
+    wait(lambda: rig.recorder.samples() > samples + 20)  # they still come
+    rig.device.heal()
+    wait(lambda: bit not in rig.health.status)
+    assert rig.health.device_status == ''
+
+
+@BOTH
+def test_samples_with_an_error_are_the_true_ones(rig, way):
+    rig.device.fault('status')
+    wait(lambda: rig.recorder.samples() > 40)
+    rig.client.close()
+    check_samples(rig, divisor(way))
+
+
+@BOTH
+def test_a_stale_counter_gives_silence_and_no_repeated_sample(rig, way):
+    rig.device.fault('stale', 0.4)
+    samples = rig.recorder.samples()
+    wait(lambda: rig.recorder.samples() > samples + 20)
+    rig.client.close()
+    check_samples(rig, divisor(way))
+    assert rig.health.lost_samples > 0
+
+
+@BOTH
+@pytest.mark.parametrize('kind', ['mute', 'unplug'])
+def test_a_box_that_falls_silent_is_noticed_and_comes_back(rig, way, kind):
+    rig.device.fault(kind)
+    wait(lambda: not rig.health.is_connected)
+    assert rig.health.last_error
+    rig.device.heal()
+    since = len(rig.recorder.take())
+    wait(lambda: len(rig.recorder.take()) > since + 5)
+    rig.client.close()
+    check_samples(rig, divisor(way))  # the counter went on: what is missing is counted
+    assert StrainStatus.RECONNECTED in rig.recorder.take()[since].status
+    assert rig.health.reconnects >= 1
+    assert rig.health.lost_samples > 0
+
+
+@BOTH
+@pytest.mark.parametrize('away_s', [0.01, 1.0])
+def test_a_restarted_box_gets_its_settings_again(rig, way, away_s):
+    since = len(rig.recorder.take())
+    rig.device.fault('restart', away_s)
+    wait(lambda: StrainStatus.RECONNECTED in rig.recorder.status(since))
+    samples = rig.recorder.samples()
+    wait(lambda: rig.recorder.samples() > samples + 20)
+    assert rig.device.read_settings()['comrdtrate'] == way[0]
+    assert rig.device.read_settings()['setuserfilter'] == 6
+    assert rig.health.restarts == 1
+    assert rig.health.rate_hz == INTERNAL_HZ / divisor(way)
+    blocks = rig.recorder.take()
+    for before, after in pairwise(blocks):
+        assert after.sequence == before.sequence + len(before.tension_n) + after.lost_before
+        assert after.stamp_ns > before.stamp_ns
+
+
+@BOTH
+def test_pounds_and_another_axis_become_newtons(way):
+    box = NetFtBox(
+        lambda t: np.full(t.shape, 5.0),
+        axis='fx',
+        force_unit='lbf',
+        counts_per_force=123_457,
+        generator=np.random.default_rng(1),
+    )
+    with NetFtDevice(box) as device:
+        recorder = Recorder()
+        config = configure(device, way, axis='fx', scale=-1.0)
+        with NetFtClient(config, recorder, time.time_ns):
+            wait(lambda: recorder.samples() > 50)
+    tension_n = np.concatenate([block.tension_n for block in recorder.take()])
+    wrench = np.concatenate([block.wrench for block in recorder.take()])
+    assert wrench.shape == (len(tension_n), 6)
+    np.testing.assert_allclose(tension_n.mean(), -5.0, atol=0.02)
+    np.testing.assert_array_equal(tension_n, -wrench[:, 0])
+
+
+def test_a_box_that_is_not_there_is_an_error_with_a_remedy():
+    with NetFtDevice(NetFtBox(ramp)) as device:
+        config = configure(device, SLOW)
+    with pytest.raises(LinkError, match='check its power'):
+        NetFtClient(config, print, time.time_ns).open()
+
+
+def test_a_rate_above_that_of_the_box_is_refused():
+    with NetFtDevice(NetFtBox(ramp)) as device:
+        client = NetFtClient(configure(device, (8000.0, 10)), print, time.time_ns)
+        with pytest.raises(LinkError, match='cannot send 8000 Hz'):
+            client.open()
+        client.close()
