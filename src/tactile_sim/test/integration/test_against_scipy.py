@@ -1,0 +1,187 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The same equations by another route: a stiff solver of SciPy with adaptive steps.
+
+Other than the package's: the integrals along the finger (16 nodes instead of 4), their
+slopes (complex step), the capstan (integrals instead of series), creep, the object's
+branches and the fingertip's damper (differential equations instead of exact relaxation and
+differences), friction (a slider that creeps under the force beyond its limit, instead of a
+return map), and time (Radau, adaptive). The same: constants, surface and motions.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scenery import run
+from scipy.integrate import solve_ivp
+
+from tactile_sim import layout as at
+from tactile_sim.mechanics import GRAVITY_M_S2
+from tactile_sim.scene import build_scene
+from tactile_sim.variation import Variation
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+XI, WEIGHT = (_POINTS + 1) / 2, _WEIGHTS / 2
+SHAPES = np.stack([XI, XI**2 - XI, 2 * XI**3 - 3 * XI**2 + XI])
+LEGENDRE = np.stack([np.ones_like(XI), 2 * XI - 1, 6 * XI**2 - 6 * XI + 1])
+SHARE = 1 / np.array([1.0, 3.0, 5.0])
+STEPS = 1e-30j * np.eye(3)
+# How slowly sliders creep under a force beyond the limit. Ten times as much doubles the
+# differences below; what is left of them is the integrals' along the finger.
+TIP_VISCOSITY_N_S_M, TENDON_VISCOSITY_S = 1e-5, 1e-7
+
+
+class Forces(NamedTuple):
+    rates: np.ndarray
+    tension_n: float
+    normal_n: float
+
+
+class Reference:
+    """Rates of q (3), creep (3), tip slider, tendon slider, tip compression, branches."""
+
+    def __init__(self, scene, state, tendon_m, guide_m):
+        self.scene, self.c = scene, scene.constants
+        self.clearance = state[at.CLEARANCE]
+        self.offset, self.friction = state[at.OFFSET], state[at.FRICTION]
+        self.tendon_m, self.guide_m = tendon_m, guide_m
+        # Ways are counted from here, so that a relative error of them is small.
+        self.started_m = state[at.TIP_SLIDER]
+        branches = scene.body.branches if scene.body else ()
+        self.branch_n_m = np.array([b.stiffness_n_m for b in branches])
+        self.branch_s = np.array([b.relaxation_time_s for b in branches])
+
+    def start(self, state):
+        sliders = state[[at.TIP_SLIDER, at.TENDON_SLIDER, at.SQUEEZED]]
+        branches = state[at.BRANCHES : at.BRANCHES + len(self.branch_n_m)]
+        sliders[0] -= self.started_m
+        return np.concatenate([state[at.MODES : at.MODES + 6], sliders, branches])
+
+    def evaluate(self, time_s, y):
+        c, q, creep = self.c, y[:3], y[3:6]
+        tip_slider, tendon_slider, squeezed, relaxed = y[6], y[7], y[8], y[9:]
+        # Row 0 of each has the value, the imaginary parts the slopes by the modes.
+        angle = (q + STEPS) @ SHAPES
+        drop = c.length * np.sin(angle) @ WEIGHT
+        reach = c.length * np.cos(angle) @ WEIGHT
+        beyond = c.mass * (1 - XI) + c.tip_mass
+        work = GRAVITY_M_S2 * c.length * np.sin(angle) @ (WEIGHT * beyond)
+        z_i, x_i = drop.imag / 1e-30, reach.imag / 1e-30
+        place = self.offset + self.guide_m(time_s) + reach.real[0]
+        height = incline = rise = 0.0
+        if (surface := self.scene.surface) is not None:
+            height, incline, _ = (float(v[0]) for v in surface.sample(place[None]))
+            # Over a corner the surface's slope is rounded, its height is not.
+            cell = int((place - surface.origin_m) / surface.spacing_m)
+            rise = surface.table[cell, 1] / surface.spacing_m
+        indentation = drop.real[0] - self.clearance + height
+        stretch = self.tendon_m(time_s) - c.arm * q[0]
+        tension = c.tendon_stiffness * max(stretch, 0.0)
+        ahead = (q[0] - tendon_slider) / c.presliding_rad
+        loss = np.exp(-c.tendon_friction * q[0] * ahead * XI)
+        shear = c.shear_stiffness * (place - self.started_m - tip_slider)
+        normal_i, along_i = z_i + incline * x_i, x_i - incline * z_i
+        moments = (
+            SHARE * (-c.stiffness * q - c.creep_stiffness * (q - creep))
+            + work.imag / 1e-30
+            + c.arm * tension * (LEGENDRE * loss) @ WEIGHT
+            - shear * along_i
+        )
+        damping = np.diag(c.damping * SHARE)
+        if self.scene.body is None:
+            # Its compression is the indentation: the tip's damper acts on the modes.
+            nearing_i = z_i + rise * x_i
+            drift = rise * (self.guide_m(time_s + 1e-6) - self.guide_m(time_s - 1e-6)) / 2e-6
+            spring = c.tip_stiffness * indentation + c.tip_damping * drift
+            damping = damping + c.tip_damping * np.outer(normal_i, nearing_i)
+            rates = np.linalg.solve(damping, moments - spring * normal_i)
+            squeezing = float(nearing_i @ rates) + drift
+            force = spring + c.tip_damping * float(nearing_i @ rates)
+            relaxing = relaxed
+        else:
+            material = self.scene.body.stiffness_n_m + self.branch_n_m.sum()
+            rest = float(self.branch_n_m @ relaxed)
+            yielded = max(indentation - squeezed, 0.0)
+            pressed = 2 * yielded / (1 + np.sqrt(1 + 2 * c.inverse_softening * yielded))
+            force = max(material * pressed - rest, 0.0)
+            pressed = pressed if force > 0.0 else rest / material
+            squeezing = (force - c.tip_stiffness * squeezed) / c.tip_damping
+            rates = np.linalg.solve(damping, moments - force * normal_i)
+            relaxing = (pressed - relaxed) / self.branch_s
+        limit = self.friction * max(force, 0.0)
+        beyond_n = shear - min(max(shear, -limit), limit)
+        over = (ahead - min(max(ahead, -1.0), 1.0)) * c.presliding_rad
+        creeping = (q - creep) / self.scene.finger.creep_time_s
+        sliding = [beyond_n / TIP_VISCOSITY_N_S_M, over / TENDON_VISCOSITY_S, squeezing]
+        return Forces(np.concatenate([rates, creeping, sliding, relaxing]), tension, force)
+
+    def solve(self, state, times_s, tolerance):
+        scale = np.full(9 + len(self.branch_n_m), 1e-9)
+        solution = solve_ivp(
+            lambda t, y: self.evaluate(t, y).rates,
+            (0.0, times_s[-1]),
+            self.start(state),
+            method='Radau',
+            t_eval=times_s,
+            rtol=tolerance,
+            atol=scale * 1e-3,
+            max_step=2e-3,
+        )
+        assert solution.success, solution.message
+        rows = [self.evaluate(t, y) for t, y in zip(solution.t, solution.y.T, strict=True)]
+        assert min(r.normal_n for r in rows) > 0.0, 'it knows no loss of contact'
+        return np.array([(r.tension_n, r.normal_n) for r in rows]).T
+
+
+def compare(scene, tendon_m, guide_m, duration_s, step_s, tolerance):
+    """Difference of tension and normal force over their alternating parts (rms), by time."""
+    steps = round(duration_s / step_s)
+    times_s = step_s * np.arange(steps + 1)
+    result = run(scene, step_s, tendon_m(times_s), guide_m(times_s), tolerance_nm=1e-12)
+    assert result.failed.tolist() == [-1]
+    zero = np.zeros(1)
+    inputs = scene.compute_inputs(tendon_m(zero), guide_m(zero))[0]
+    state = scene.start_trials('compiled', Variation.none(), inputs)[:, 0]
+    every = steps // 100
+    reference = Reference(scene, state, tendon_m, guide_m)
+    exact = reference.solve(state, times_s[::every], tolerance)[:, 1:]
+    mine = result.rows[[at.TENSION, at.FORCE], 0, ::every][:, 1:]
+    return np.abs(mine - exact) / exact.std(axis=1, keepdims=True)
+
+
+def smooth(times_s, duration_s):
+    """From 0 to 1 without a kink of speed or acceleration."""
+    part = np.clip(times_s / duration_s, 0.0, 1.0)
+    return part**3 * (10 - 15 * part + 6 * part**2)
+
+
+def test_gliding_over_a_groove():
+    duration_s = 0.2
+    difference = compare(
+        build_scene('texture', 'R3', 'flexion'),
+        lambda t: 0.0052 + 0.0 * t,
+        lambda t: 0.064 + 0.006 * smooth(t, duration_s),
+        duration_s,
+        1e-5,
+        1e-8,
+    )
+    assert np.median(difference, axis=1).max() < 1e-4
+    assert np.quantile(difference, 0.9, axis=1).max() < 3e-4
+    # In the groove's middle the tip turns from one edge to the other: a corner of the surface
+    # that lasts for half a millisecond.
+    assert difference.max() < 5e-3
+
+
+@pytest.mark.parametrize('label', ['solid_rubber', 'rubber_shell', 'sponge'])
+def test_pressing_on_an_object(label):
+    duration_s = 0.3
+    difference = compare(
+        build_scene('stiffness', label, 'flexion'),
+        lambda t: 0.0047 + 0.0004 * smooth(t, 0.15) - 0.0003 * smooth(t - 0.2, 0.1),
+        lambda t: 0.060 + 0.0 * t,
+        duration_s,
+        2e-5,
+        1e-9,
+    )
+    assert difference.max() < 1e-4
