@@ -1,0 +1,144 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What nothing feeds loses energy, and never gains any."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scenery import free_scene, object_scene, ramp, run
+
+from tactile_sim import layout as at
+from tactile_sim.description import Body, Branch
+from tactile_sim.solver import advance_trials
+from tactile_sim.steps import BDF2, EULER
+
+SHARE = np.array([1.0, 1 / 3, 1 / 5])[:, np.newaxis]
+GRAVITY_M_S2 = 9.80665
+
+
+def compute_energy(scene, rows):
+    """Of springs and weight, from the positions alone; shape (steps + 1,) [J]."""
+    f, body = scene.finger, scene.body
+    q, creep = rows[at.MODES : at.MODES + 3], rows[at.CREEP : at.CREEP + 3]
+    # Drop along the finger by the midpoint rule.
+    xi = (np.arange(400) + 0.5)[:, np.newaxis] / 400
+    angle = q[0] * xi + q[1] * (xi**2 - xi) + q[2] * (2 * xi**3 - 3 * xi**2 + xi)
+    drop = np.cumsum(np.sin(angle), axis=0) * f.length_m / 400
+    middle = drop - np.sin(angle) * f.length_m / 800
+    energy = 0.5 * f.bending_stiffness_nm_rad * (SHARE * q**2).sum(axis=0)
+    energy += 0.5 * f.creep_stiffness_nm_rad * (SHARE * (q - creep) ** 2).sum(axis=0)
+    energy -= GRAVITY_M_S2 * (f.mass_kg * middle.mean(axis=0) + f.tip_mass_kg * drop[-1])
+    energy += 0.5 * rows[at.TENSION] ** 2 / f.tendon_stiffness_n_m
+    if body is not None:
+        p = rows[at.PRESSED]
+        # Work of a spring with force k p over u = p + p^2 / (2 s).
+        soft = 1 / body.softening_m if body.softening_m else 0.0
+        energy += body.stiffness_n_m * (p**2 / 2 + soft * p**3 / 3)
+        for i, branch in enumerate(body.branches):
+            energy += branch.stiffness_n_m * (p - rows[at.BRANCHES + i]) ** 2 / 2
+        energy += 0.5 * f.tip_stiffness_n_m * rows[at.SQUEEZED] ** 2
+    return energy
+
+
+@pytest.mark.parametrize('scheme', [EULER, BDF2], ids=lambda scheme: scheme.name)
+def test_a_released_finger_loses_energy(scheme):
+    """Let go within one step, and watched as it swings back to where it hangs."""
+    tendon_m = np.concatenate([[0.012], np.full(3000, -0.02)])
+    scene = free_scene()
+    rows = run(scene, 1e-3, tendon_m, scheme=scheme, tolerance_nm=1e-11).rows[:, 0]
+    assert rows[at.TENSION, 1:].max() == 0.0
+    energy = compute_energy(scene, rows)[1:]
+    assert energy[0] - energy[-1] > 1e-3
+    assert np.diff(energy).max() < 1e-10
+
+
+@pytest.mark.parametrize('scheme', [EULER, BDF2], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize('branches', [(), (Branch(300.0, 0.2), Branch(200.0, 0.02))])
+def test_a_finger_held_on_an_elastic_object_loses_energy(scheme, branches):
+    body = Body(200.0, branches, 0.0, 0.0)
+    scene = dataclasses.replace(object_scene(body, tendon_friction=0.0), friction=0.0)
+    times_s = 1e-3 * np.arange(1501)
+    tendon_m = ramp(times_s, 0.0, 0.0, 0.0055, 0.1)
+    rows = run(scene, 1e-3, tendon_m, scheme=scheme, tolerance_nm=1e-11).rows[:, 0]
+    held = times_s > 0.07  # nothing moves the tendon any more, and the tip's damper is done
+    assert rows[at.FORCE, held].min() > 0.1
+    energy = compute_energy(scene, rows)[held]
+    assert energy[0] - energy[-1] > 1e-5
+    assert np.diff(energy).max() < 1e-10
+
+
+def test_energy_is_what_the_tendon_puts_in():
+    """Without what dissipates, the pull's work is the stored energy: the sum is not short."""
+    scene = free_scene(tendon_friction=0.0, creep_stiffness_nm_rad=0.0, damping_nm_s_rad=1e-7)
+    times_s = 1e-3 * np.arange(1001)
+    tendon_m = ramp(times_s, 0.0, 0.0, 0.008, 0.01)
+    rows = run(scene, 1e-3, tendon_m, scheme=EULER, tolerance_nm=1e-11).rows[:, 0]
+    tension = rows[at.TENSION]
+    work = np.sum((tension[1:] + tension[:-1]) / 2 * np.diff(tendon_m))
+    energy = compute_energy(scene, rows)
+    assert work > 0.02
+    assert energy[-1] - energy[0] == pytest.approx(work, rel=1e-3)
+
+
+def test_held_object_relaxes_by_the_exact_exponential_at_the_sensors_rate():
+    """So stiff a finger on so soft an object that the compression stays what it is."""
+    body = Body(0.01, (Branch(0.004, 0.03), Branch(0.006, 1.5)), 0.0, 0.0)
+    scene = object_scene(
+        body,
+        bending_stiffness_nm_rad=100.0,
+        tendon_stiffness_n_m=1e7,
+        tendon_friction=0.0,
+        creep_stiffness_nm_rad=0.0,
+        damping_nm_s_rad=1e-7,
+    )
+    step_s = 1 / 120
+    tendon_m = np.concatenate([[0.0], np.full(240, 0.0062)])
+    rows = run(scene, step_s, tendon_m, tolerance_nm=1e-10).rows[:, 0]
+    pressed = rows[at.PRESSED, 1:]
+    assert pressed[0] > 1e-3
+    np.testing.assert_allclose(pressed, pressed[0], rtol=2e-6)
+    times_s = step_s * np.arange(240)
+    force = 0.01 * pressed[0]
+    for i, branch in enumerate(body.branches):
+        strain = pressed[0] - rows[at.BRANCHES + i, 1:]
+        # Pressed evenly within the first step, it lags by the integral of its exponential.
+        a = step_s / branch.relaxation_time_s
+        expected = pressed[0] * -math.expm1(-a) / a * np.exp(-times_s / branch.relaxation_time_s)
+        np.testing.assert_allclose(strain, expected, rtol=0, atol=1e-6 * pressed[0])
+        force = force + branch.stiffness_n_m * expected
+    np.testing.assert_allclose(rows[at.FORCE, 1:], force, rtol=2e-6)
+
+
+@pytest.mark.parametrize('step_s', [1e-3, 0.1])
+def test_a_pressed_object_recovers_alone_once_it_is_out_of_reach(step_s):
+    body = Body(200.0, (Branch(300.0, 2.0),), 0.0, 0.0)
+    scene = object_scene(body)
+    press = ramp(1e-3 * np.arange(1001), 0.0, 0.0, 0.006, 0.1)
+    pressed = run(scene, 1e-3, press).state
+    assert pressed[at.FORCE, 0] > 0.1
+    # Taken from under the tip, its compression falls with the time 2 s (200 + 300) / 200.
+    count = round(2.0 / step_s)
+    tendon_m = np.full(count + 1, 0.006)
+    guide_m = np.full(count + 1, 0.090)
+    inputs = scene.compute_inputs(tendon_m, guide_m)
+    failed = np.full(1, -1, dtype=np.int64)
+    out = advance_trials(
+        'compiled',
+        pressed,
+        scene.parameters,
+        np.zeros(count, dtype=np.int64),
+        inputs[0],
+        inputs[1:],
+        scene.compute_coefficients((step_s,)),
+        (at.BRANCHES, at.PRESSED, at.FORCE),
+        failed,
+    )
+    branch, left, force = out[0, :, :, 0].T
+    assert force[1:].max() == 0.0
+    assert failed.tolist() == [-1]
+    times_s = step_s * np.arange(count + 1)
+    expected = branch[1] * np.exp(-(times_s[1:] - step_s) / 5.0)
+    np.testing.assert_allclose(branch[1:], expected, rtol=2e-5 if step_s < 0.01 else 2e-3)
+    np.testing.assert_allclose(left[1:], 0.6 * branch[1:], rtol=1e-9)
