@@ -142,4 +142,4 @@ def time_best(work: Callable[[], object], rounds: int) -> float:
 def name_choice(scheme: Scheme, steps: int) -> str:
     """Name of a scheme with so many steps a sample."""
     is_default = scheme == BDF2 and steps == STEPS_PER_SAMPLE
-    return f'{scheme.name} {steps}' + (' (default)' if is_default else '')
+    return f'{scheme.name} {steps}' + (', default' if is_default else '')
