@@ -1,0 +1,227 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene leaves out changes nothing, and what it has does what its name says."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scenery import CONTACT_GUIDE_M, PULL_M, change, draw, object_scene, plate_scene, ramp, run
+
+from tactile_sim import layout as at
+from tactile_sim.catalogue import default_catalogue, list_objects
+from tactile_sim.description import Body, Branch
+from tactile_sim.errors import DescriptionError
+from tactile_sim.scene import build_scene
+
+STEP_S = 1 / 600
+TIMES_S = STEP_S * np.arange(481)
+TENDON_M = ramp(TIMES_S, 0.02, 0.0, 0.0054, 0.03)
+GLIDE_M = CONTACT_GUIDE_M + ramp(TIMES_S, 0.3, 0.0, 1.0, 0.015)
+SEEN = (at.TENSION, at.FORCE, at.SENSED, at.MODES, at.MODES + 1, at.MODES + 2, at.TIP_SLIDER)
+
+
+def seen(result):
+    return result.rows[list(SEEN)]
+
+
+def test_a_very_stiff_object_is_a_plate():
+    """Texture needs no object: one that hardly yields comes to the same."""
+    plate = plate_scene('R2')
+    rigid = seen(run(plate, STEP_S, TENDON_M, GLIDE_M, variation=draw(3)))
+    differences = []
+    for stiffness in (1e6, 1e7, 1e8):
+        yielding = dataclasses.replace(plate, body=Body(stiffness, (), 0.0, 0.4))
+        result = run(yielding, STEP_S, TENDON_M, GLIDE_M, variation=draw(3))
+        differences.append(np.abs(seen(result) - rigid)[0].max())
+    assert differences[0] / differences[1] == pytest.approx(10.0, rel=0.05)
+    assert differences[2] < differences[1] / 3  # down to what a step may leave unbalanced
+    assert differences[-1] < 1e-3 < np.ptp(rigid[0])
+
+
+def test_branches_of_no_stiffness_are_no_branches():
+    plain = object_scene(Body(800.0, (), 1e-3, 0.8))
+    springs = dataclasses.replace(plain)
+    with_branches = object_scene(
+        Body(800.0, (Branch(1e-300, 1.0), Branch(1e-300, 3.0)), 1e-3, 0.8)
+    )
+    one = run(springs, STEP_S, TENDON_M, variation=draw(3))
+    other = run(with_branches, STEP_S, TENDON_M, variation=draw(3))
+    assert seen(one).tobytes() == seen(other).tobytes()
+    stiffer = run(object_scene(Body(800.0, (Branch(1.0, 1.0),), 1e-3, 0.8)), STEP_S, TENDON_M)
+    assert not np.array_equal(seen(stiffer), seen(run(plain, STEP_S, TENDON_M)))
+
+
+def test_a_flat_plate_is_a_level_top():
+    """Its surface changes nothing while the tip stays on it."""
+    plate = plate_scene('F')
+    level = dataclasses.replace(plate, surface=None)
+    one, other = (run(scene, STEP_S, TENDON_M, GLIDE_M) for scene in (plate, level))
+    assert one.get(at.FORCE).max() > 0.5
+    assert seen(one).tobytes() == seen(other).tobytes()
+
+
+def test_a_kinetic_friction_of_one_never_weakens():
+    held = build_scene('slip', 'smooth', 'flexion')
+    constant = dataclasses.replace(held, kinetic_friction=1.0)
+    without = dataclasses.replace(constant, weakening_m=math.inf)
+    pulled = ramp(TIMES_S, 0.3, 0.0, 0.004, 0.02)
+    one, other, weak = (
+        run(scene, STEP_S, TENDON_M, pulled_m=pulled) for scene in (constant, without, held)
+    )
+    assert seen(one).tobytes() == seen(other).tobytes()
+    assert one.get(at.WEAKENED).max() == 1.0
+    assert not np.array_equal(seen(one), seen(weak))
+
+
+def test_nothing_is_never_touched():
+    scene = build_scene('stiffness', 'none', 'flexion')
+    result = run(scene, STEP_S, 2 * TENDON_M, variation=draw(3, 'stiffness', 'none'))
+    assert result.get(at.FORCE).max() == 0.0
+    assert np.degrees(result.get(at.MODES).max()) > 60.0
+
+
+def test_an_object_out_of_reach_is_not_felt():
+    scene = build_scene('stiffness', 'sponge', 'flexion')
+    half = scene.half_width_m
+    away = run(scene, STEP_S, TENDON_M, CONTACT_GUIDE_M + 1.01 * half)
+    nothing = run(build_scene('stiffness', 'none', 'flexion'), STEP_S, TENDON_M)
+    near = run(scene, STEP_S, TENDON_M, CONTACT_GUIDE_M + 0.99 * half)
+    assert away.get(at.FORCE).max() == 0.0
+    assert near.get(at.FORCE).max() > 0.1
+    np.testing.assert_allclose(away.get(at.TENSION), nothing.get(at.TENSION), atol=1e-4)
+
+
+@pytest.mark.parametrize('contact', ['flexion', 'abduction'])
+def test_friction_opposes_sliding(contact):
+    tendon_m = ramp(TIMES_S, 0.02, 0.0, PULL_M[contact], 0.03)
+    way_m = ramp(TIMES_S, 0.3, 0.0, 1.0, 0.015)
+    pushed = {}
+    for friction in (0.0, 0.4):
+        for sign in (1, -1):
+            scene = dataclasses.replace(plate_scene('F', contact), friction=friction)
+            result = run(scene, STEP_S, tendon_m, 0.085 + sign * way_m)
+            pushed[friction, sign] = result.get(at.FORCE)[0, -1]
+            slider = result.get(at.TIP_SLIDER)[0]
+            assert sign * (slider[-1] - slider[300]) > 1e-3  # it slides along
+    # Sliding ahead, friction presses the bent finger down; sliding back, it lifts it.
+    assert pushed[0.4, 1] > pushed[0.0, 1] * 1.05
+    assert pushed[0.4, -1] < pushed[0.0, -1] * 0.95
+    assert pushed[0.0, 1] == pytest.approx(pushed[0.0, -1], rel=1e-3)
+
+
+def test_friction_stays_within_coulombs_cone_and_sticks_inside():
+    scene = plate_scene('R2')
+    result = run(scene, STEP_S, TENDON_M, GLIDE_M)
+    c = scene.constants
+    reach = np.array(
+        [
+            c.length * tip_reach(result.rows[at.MODES : at.MODES + 3, 0, i])
+            for i in range(len(TIMES_S))
+        ]
+    )
+    place = result.state[at.OFFSET, 0] + result.state[at.SCALE, 0] * GLIDE_M + reach
+    slider, force = result.get(at.TIP_SLIDER)[0], result.get(at.FORCE)[0]
+    rub = c.shear_stiffness * (place - slider)
+    assert (np.abs(rub) <= 0.4 * force + 1e-3).all()
+    inside = np.abs(rub[1:]) < 0.39 * force[1:]
+    assert 5 < inside.sum() < len(inside) - 5
+    touching = (force[1:] > 0) & (force[:-1] > 0)
+    assert np.abs(np.diff(slider))[inside & touching].max() < 1e-9
+
+
+def tip_reach(modes):
+    points, weights = np.polynomial.legendre.leggauss(32)
+    xi = (points + 1) / 2
+    angle = modes[0] * xi + modes[1] * (xi**2 - xi) + modes[2] * (2 * xi**3 - 3 * xi**2 + xi)
+    return float(np.cos(angle) @ weights / 2)
+
+
+def test_the_tips_damper_smooths_and_then_bears_nothing():
+    force = {}
+    for damping in (0.0, 2.0, 20.0):
+        scene = plate_scene('F', tip_damping_n_s_m=damping)
+        scene = dataclasses.replace(scene, friction=0.0)
+        result = run(scene, STEP_S, TENDON_M)
+        force[damping] = result.get(at.FORCE)[0]
+        at_rest = result.get(at.SQUEEZED)[0, -1] * scene.finger.tip_stiffness_n_m
+        assert at_rest == pytest.approx(force[damping][-1], rel=2e-2)
+    first = np.argmax(force[2.0] > 0)
+    assert force[20.0][first] > 1.05 * force[2.0][first] > 1.05 * force[0.0][first]
+    assert force[20.0][-1] == pytest.approx(force[0.0][-1], rel=2e-2)
+
+
+def test_the_mounting_height_and_the_tendons_zero_shift_the_contact():
+    base = draw(1)
+    flat = plate_scene('F')
+    tendon_m = ramp(TIMES_S, 0.02, 0.0, 0.0054, 0.012)
+
+    def touch(**deviations):
+        spread = {name: np.array([value]) for name, value in deviations.items()}
+        quiet = dataclasses.replace(
+            base,
+            **dict.fromkeys(('contact_height_m', 'tendon_zero_m', 'placement_m'), 0 * base.phase),
+            finger_stiffness=1 + 0 * base.phase,
+        )
+        force = run(flat, STEP_S, tendon_m, variation=dataclasses.replace(quiet, **spread))
+        return tendon_m[np.argmax(force.get(at.FORCE)[0] > 0)]
+
+    described = touch()
+    assert touch(contact_height_m=5e-4) < described - 5e-5
+    assert touch(contact_height_m=-5e-4) > described + 5e-5
+    # Wound in by 0.1 mm before it is taut, it does everything 0.1 mm later.
+    assert touch(tendon_zero_m=1e-4) - described == pytest.approx(1e-4, abs=2.1e-5)
+
+
+def pull(label, contact='flexion', count=1):
+    """Hold as the trials do, and draw sideways by the packaged pull."""
+    rig = default_catalogue().rig().pull
+    hold_m = {'flexion': 0.0049, 'abduction': 0.0074}[contact]
+    times_s = STEP_S * np.arange(round((0.8 + rig.distance_m / rig.speed_m_s + 0.2) / STEP_S))
+    tendon_m = ramp(times_s, 0.02, 0.0, hold_m, 0.01)
+    pulled_m = ramp(times_s, 0.8, 0.0, rig.distance_m, rig.speed_m_s)
+    scene = build_scene('slip', label, contact)
+    variation = draw(count, 'slip', label, contact) if count > 1 else None
+    result = run(scene, STEP_S, tendon_m, pulled_m=pulled_m, variation=variation)
+    assert (result.failed < 0).all()
+    begin = np.argmax(times_s >= 0.8)
+    slider = result.get(at.TIP_SLIDER)
+    return np.abs(slider[:, -1] - slider[:, begin]), rig.distance_m, result, begin
+
+
+# Follow held_objects.yaml and rig.yaml: change them there, and these with them.
+def test_the_smooth_object_slips_under_the_packaged_pull():
+    slip_m, distance_m, result, _ = pull('smooth')
+    assert slip_m[0] > 0.3 * distance_m
+    assert result.get(at.WEAKENED)[0].max() > 0.3
+
+
+def test_the_rough_object_slips_later_than_the_smooth_one():
+    rough, smooth = pull('rough')[0][0], pull('smooth')[0][0]
+    assert rough < 0.7 * smooth
+
+
+def test_the_cylinder_rolls_instead_of_sliding():
+    """Its material keeps up with the fingertip: only its shape moves away."""
+    slip_m, distance_m, result, begin = pull('cylinder')
+    assert slip_m[0] < 0.05 * distance_m
+    tension = result.get(at.TENSION)[0]
+    assert abs(tension[-1] - tension[begin]) < 0.2 * tension[begin]
+
+
+def test_unknown_scenes_are_refused():
+    with pytest.raises(DescriptionError, match="protocol is 'smell'"):
+        build_scene('smell', 'F', 'flexion')
+    with pytest.raises(DescriptionError, match='no slip object'):
+        build_scene('slip', 'F', 'flexion')
+    assert set(list_objects('slip')) >= {'rough', 'smooth', 'cylinder'}
+
+
+def test_another_finger_is_another_scene():
+    """`dataclasses.replace` must not carry over what was computed from the old finger."""
+    scene = plate_scene('F')
+    first = run(scene, STEP_S, TENDON_M).get(at.TENSION)[0, -1]
+    other = change(scene, bending_stiffness_nm_rad=0.05)
+    assert run(other, STEP_S, TENDON_M).get(at.TENSION)[0, -1] > first + 0.3
+    assert run(scene, STEP_S, TENDON_M).get(at.TENSION)[0, -1] == first
