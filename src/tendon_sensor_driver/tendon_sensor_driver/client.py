@@ -15,10 +15,12 @@ from tendon_sensor_driver.errors import LinkError, TendonSensorError
 from tendon_sensor_driver.line_protocol import LineDecoder
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 from tendon_sensor_driver.stream import StrainStream
-from tendon_sensor_driver.transport import SerialTransport
+from tendon_sensor_driver.transport import SerialTransport, find_serial_number
 
 FIRST_DELAY_S = 0.25
-LONGEST_DELAY_S = 2.0
+LONGEST_DELAY_S = 1.0
+_BURST_READINGS = 3
+_MENU_PROMPT = b'>'
 _QUEUED_CHUNKS = 1000
 _JOIN_TIMEOUT_S = 5.0
 
@@ -41,7 +43,11 @@ class TendonSensorClient:
     calls ``on_block``, so that a slow consumer does not spoil the arrival times. Between
     them is a bounded queue: what does not fit is lost, counted, and visible in the blocks
     like any other lost sample. A port that is lost is opened again, first after 0.25 s,
-    then after twice as long each time up to 2 s.
+    then after twice as long each time up to 1 s.
+
+    A board that says nothing may be an OpenScale whose settings menu somebody left open. A
+    carriage return makes the menu show itself and means nothing to a board that measures;
+    the prompt of a menu is answered with the ``x`` that leaves it.
 
     A client is opened once; make a new one to open the port again.
 
@@ -80,6 +86,8 @@ class TendonSensorClient:
         self._heard_at_ns = 0
         self._reconnects = 0
         self._overruns = 0
+        self._bursts = 0
+        self._identity = ''
         self._last_error = ''
 
     def __enter__(self) -> TendonSensorClient:
@@ -96,8 +104,8 @@ class TendonSensorClient:
 
     @property
     def identity(self) -> str:
-        """Empty: a load-cell line says nothing about who sends it."""
-        return ''
+        """Serial number of the USB adapter, empty when it has none."""
+        return self._identity
 
     def open(self) -> None:
         """Open the port and start to read.
@@ -112,6 +120,7 @@ class TendonSensorClient:
         if self._reader.ident is not None or self._stop.is_set():
             raise TendonSensorError('this client has been opened before; make a new one')
         self._transport = SerialTransport(self._config.port, self._config.baud)
+        self._identity = find_serial_number(self._config.port)
         self._heard_at_ns = self._now_ns()
         self._is_connected = True
         self._worker.start()
@@ -146,10 +155,14 @@ class TendonSensorClient:
             readings=decoder.readings,
             rejected_lines=decoder.rejected_lines,
             lost_samples=stream.lost_samples,
+            duplicates=stream.duplicates,
             late_samples=stream.late_samples,
             outliers=stream.outliers,
+            bursts=self._bursts,
             reconnects=self._reconnects,
+            restarts=stream.restarts,
             overruns=self._overruns,
+            status=stream.status,
             last_rejected=decoder.last_rejected.decode('ascii', 'backslashreplace'),
             last_error=self._last_error,
         )
@@ -189,6 +202,7 @@ class TendonSensorClient:
             except LinkError as error:
                 self._last_error = str(error)
             else:
+                self._identity = find_serial_number(self._config.port)
                 self._reconnects += 1
                 self._is_connected = True
                 return transport
@@ -205,6 +219,7 @@ class TendonSensorClient:
                 self._deliver(self._stream.flush())
                 if self._stop.is_set():
                     return
+                self._leave_menu()
                 continue
             if chunk is None:
                 self._deliver(self._stream.flush())
@@ -216,9 +231,24 @@ class TendonSensorClient:
             elif chunk.is_cut:
                 self._decoder.reset()
                 self._stream.note_dropped_bytes()
-            for reading in self._decoder.feed(chunk.data, chunk.received_at_ns):
+            readings = self._decoder.feed(chunk.data, chunk.received_at_ns)
+            self._bursts += len(readings) >= _BURST_READINGS
+            for reading in readings:
                 self._heard_at_ns = reading.received_at_ns
                 self._deliver(self._stream.add(reading))
+
+    def _leave_menu(self) -> None:
+        transport = self._transport
+        last = self._decoder.last_byte
+        if not self._config.leave_menu or transport is None or not self._is_connected:
+            return
+        try:
+            if last == _MENU_PROMPT:
+                transport.write(b'x')
+            elif not last:
+                transport.write(b'\r')
+        except LinkError as error:
+            self._last_error = str(error)
 
     def _deliver(self, blocks: list[Block]) -> None:
         try:

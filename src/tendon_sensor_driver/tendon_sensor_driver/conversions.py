@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+import array
 import dataclasses
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.records import AXES, Block, Health, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.tare import Bias
 
 LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
@@ -31,7 +34,8 @@ def to_strain_msg(block: Block, frame_id: str) -> Any:
     message.header.frame_id = frame_id
     message.sequence = block.sequence
     message.period_ns = block.period_ns
-    message.tension_n = block.tension_n.tolist()
+    # A list would be checked number by number.
+    message.tension_n = array.array('d', block.tension_n.tobytes())
     message.lost_before = block.lost_before
     message.stamp_error_s = block.stamp_error_s
     message.status = int(block.status)
@@ -52,10 +56,12 @@ def from_strain_msg(message: Any) -> Block:
     )
 
 
-def to_wrench_msg(block: Block, frame_id: str) -> Any:
-    """Return the block's last sample as ``geometry_msgs/WrenchStamped``, along +x.
+def to_wrench_msg(block: Block, frame_id: str, axis: str = 'fx', scale: float = 1.0) -> Any:
+    """Return the block's last sample as ``geometry_msgs/WrenchStamped``, the tension along +x.
 
-    The type has no status: a saturated value is published as it is.
+    A wrench of six axes is turned from the sensor's own axes into the frame, whose +x lies
+    along ``axis``, against it where ``scale`` is negative. The type has no status: a
+    saturated value is published as it is.
     """
     from geometry_msgs.msg import WrenchStamped
 
@@ -63,7 +69,49 @@ def to_wrench_msg(block: Block, frame_id: str) -> Any:
     message = WrenchStamped()
     message.header.stamp = _to_time_msg(block.stamp_ns + last * block.period_ns)
     message.header.frame_id = frame_id
-    message.wrench.force.x = float(block.tension_n[last])
+    if block.wrench is None:
+        message.wrench.force.x = float(block.tension_n[last])
+        return message
+    wrench = turn_wrench(block.wrench[last], axis, scale)
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
+    return message
+
+
+def turn_wrench(wrench: NDArray[np.float64], axis: str, scale: float) -> NDArray[np.float64]:
+    """Return a wrench in the frame whose +x is ``axis``, or its opposite for a negative scale.
+
+    The other two axes follow in their cyclic order; for the opposite the frame is turned half
+    a turn about its second axis, so that it stays right-handed.
+
+    Parameters
+    ----------
+    wrench : array, shape (6,)
+        In the sensor's own axes [N, N m].
+    axis : str
+        fx, fy, fz, tx, ty or tz.
+    scale : float
+        Its sign counts.
+    """
+    first = AXES.index(axis) % 3
+    order = [(first + i) % 3 for i in range(3)]
+    turned: NDArray[np.float64] = wrench[order + [3 + i for i in order]]
+    if scale < 0:
+        turned = turned * np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
+    return turned
+
+
+def to_tare_msg(bias: Bias, frame_id: str) -> Any:
+    """Return the bias as ``tactile_msgs/Tare``."""
+    from tactile_msgs.msg import Tare
+
+    message = Tare()
+    message.header.stamp = _to_time_msg(bias.stamp_ns)
+    message.header.frame_id = frame_id
+    message.is_set = bias.samples > 0
+    message.bias_n = bias.bias_n
+    message.spread_n = bias.spread_n
+    message.samples = bias.samples
     return message
 
 
@@ -75,7 +123,7 @@ def assess_health(
     Parameters
     ----------
     health, before : Health
-        Now, and at the last assessment.
+        Now, and some time ago: what has been counted since is news.
     config : TendonSensorConfig
     now_ns : int
         The present time, on the clock of the client [ns].
@@ -84,22 +132,58 @@ def assess_health(
         return LEVEL_ERROR, f'link down, reconnecting: {health.last_error}'
     silence_s = (now_ns - health.heard_at_ns) / 1e9
     if silence_s > config.silence_s:
-        sentence = f'no reading for {silence_s:.1f} s'
-        if health.rejected_lines > before.rejected_lines:
-            sentence += (
-                f'; lines arrive but none is a reading in {config.unit}, such as '
-                f'"{health.last_rejected}": check the columns, the unit and the baud'
-            )
-        elif health.bytes > before.bytes:
-            sentence += '; bytes arrive but no lines: check the baud'
-        return LEVEL_WARN, sentence
+        return LEVEL_WARN, _describe_silence(silence_s, health, before, config)
+    if health.device_status or health.status & StrainStatus.DEVICE_ERROR:
+        return LEVEL_ERROR, f'the device reports: {health.device_status or "an error"}'
+    if health.status & StrainStatus.SATURATED:
+        return LEVEL_ERROR, 'saturated: the tension is beyond the range, release the tendon'
+    if health.status & StrainStatus.STUCK:
+        return LEVEL_WARN, (
+            f'stuck: the same value for more than {config.stuck_s:g} s; check the load cell and '
+            'its amplifier, or set stuck_s for a coarse sensor'
+        )
+    if health.restarts > before.restarts:
+        return LEVEL_WARN, 'the device has restarted; tare again'
+    if health.reconnects > before.reconnects:
+        return LEVEL_WARN, 'the link was lost and is back'
+    rejected = health.rejected_lines - before.rejected_lines
+    if rejected:
+        return LEVEL_WARN, (
+            f'{rejected} lines were no readings, just now, such as "{health.last_rejected}"'
+        )
     lost = health.lost_samples - before.lost_samples
-    dropped = health.late_samples + health.outliers - before.late_samples - before.outliers
+    dropped = sum(
+        getattr(health, name) - getattr(before, name)
+        for name in ('duplicates', 'late_samples', 'outliers')
+    )
     if lost or dropped:
         return LEVEL_WARN, f'{lost} samples lost and {dropped} without a place, just now'
     return LEVEL_OK, 'samples arrive'
 
 
+def _describe_silence(
+    silence_s: float, health: Health, before: Health, config: TendonSensorConfig
+) -> str:
+    sentence = f'no reading for {silence_s:.1f} s'
+    if config.sensor != 'line':
+        return sentence
+    if health.rejected_lines > before.rejected_lines:
+        sentence += (
+            f'; lines arrive but none is a reading in {config.unit}, such as '
+            f'"{health.last_rejected}": check the columns, the unit and the baud'
+        )
+    elif health.bytes > before.bytes:
+        sentence += '; bytes arrive but no lines: check the baud'
+    return sentence
+
+
 def to_values(health: Health) -> dict[str, object]:
     """Return the values of the diagnostics by name."""
-    return dataclasses.asdict(health)
+    values = dataclasses.asdict(health)
+    values['status'] = describe_status(health.status)
+    return values
+
+
+def describe_status(status: StrainStatus) -> str:
+    """Return the names of the bits, such as ``saturated, stuck``, or ``ok``."""
+    return ', '.join(str(bit.name).lower() for bit in StrainStatus if bit & status) or 'ok'

@@ -4,12 +4,13 @@
 
 A line holds columns separated by ``,``, ``;``, a tab or spaces, and ends in CR,
 LF or both; separators may trail. Which columns count is configured; the others may
-hold anything. This covers SparkFun's OpenScale and the usual HX711 sketches.
+hold anything. The value may carry a name before it and a unit behind it, with or without a
+space: ``Weight:12.3g``. This covers SparkFun's OpenScale and the usual HX711 sketches.
 
 The format has no checksum: a digit that changes on the wire cannot be seen. What can
 be seen is refused: a line that is cut, two lines that melted into one (the number of
 columns changes), a unit that is not the configured one, a number that is no plain
-finite decimal.
+finite decimal, a line whose words before the value are not the usual ones (a banner).
 """
 
 from __future__ import annotations
@@ -28,7 +29,11 @@ MAX_VALUE = 1e15
 _split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
 # Patterns, because float() and int() take more: '1_0', 'infinity', digits of other scripts.
 _match_number = re.compile(rb'[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?').fullmatch
-_match_ticks = re.compile(rb'\d{1,19}').fullmatch
+_find_digit = re.compile(rb'\d').search
+# 'Weight:' and '12.3g' written together.
+_match_named = re.compile(
+    rb'([A-Za-z_]*[:=])?([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)([A-Za-z]*)'
+).fullmatch
 
 _UNIT_NAMES = {
     'kg': (b'kg', b'Kg', b'KG'),
@@ -36,6 +41,8 @@ _UNIT_NAMES = {
     'N': (b'N',),
     'lbf': (b'lbs', b'lb', b'lbf'),
 }
+
+_Shape = tuple[int, tuple[bytes, ...]]
 
 
 class LineDecoder:
@@ -55,12 +62,18 @@ class LineDecoder:
         Counters; see `tendon_sensor_driver.records.Health`.
     last_rejected : bytes
         The last rejected line, or the start of it.
+    last_byte : bytes
+        The last byte since the start or `reset`, empty before the first.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
         self._value_column = config.value_column
         self._time_column = config.time_column
         self._last_column = max(config.value_column, config.time_column)
+        decimals = config.time_decimals
+        ticks = rb'\d{1,19}' if not decimals else rb'\d{1,%d}\.\d{%d}' % (19 - decimals, decimals)
+        self._match_ticks = re.compile(ticks).fullmatch
+        self._units = frozenset(_UNIT_NAMES[config.unit])
         self._other_units = frozenset(
             name for unit, names in _UNIT_NAMES.items() if unit != config.unit for name in names
         )
@@ -69,8 +82,11 @@ class LineDecoder:
         self.readings = 0
         self.rejected_lines = 0
         self.last_rejected = b''
-        self._columns = 0  # in a line of this device; 0: not known yet
-        self._odd_columns = 0  # in the line before, when it had another number of them
+        # Number of columns and words before the value in a line of this device; None: not
+        # known yet. And in the line before, when they were others.
+        self._shape: _Shape | None = None
+        self._odd_shape: _Shape | None = None
+        self.last_byte = b''
         self.reset()
 
     def reset(self) -> None:
@@ -78,6 +94,7 @@ class LineDecoder:
         self._rest = b''
         self._skip_line = True
         self._has_dropped = False
+        self.last_byte = b''
 
     def feed(self, data: bytes, received_at_ns: int) -> list[Reading]:
         """Return the readings that ``data`` completes.
@@ -90,6 +107,7 @@ class LineDecoder:
             When they were received [ns].
         """
         self.bytes += len(data)
+        self.last_byte = data[-1:] or self.last_byte
         *lines, rest = (self._rest + data).replace(b'\r', b'\n').split(b'\n')
         if lines and self._skip_line:
             self._skip_line = False
@@ -127,34 +145,39 @@ class LineDecoder:
         ticks = None
         if self._time_column >= 0:
             text = columns[self._time_column]
-            if not _match_ticks(text):
+            if not self._match_ticks(text):
                 return None
-            ticks = int(text)
+            ticks = int(text.replace(b'.', b''))
         text = columns[self._value_column]
+        words = tuple(
+            word for word in columns[: self._value_column] if word and not _find_digit(word)
+        )
         if not _match_number(text):
-            return None
+            named = _match_named(text)
+            if not named or (named[3] and named[3] not in self._units):
+                return None
+            words += (named[1] or b'', named[3])
+            text = named[2]
         value = float(text)
         if not math.fabs(value) <= MAX_VALUE:
             return None
-        if not self._has_usual_shape(columns):
+        after_value = self._value_column + 1
+        if after_value < len(columns) and columns[after_value] in self._other_units:
+            return None
+        if not self._is_usual((len(columns), words)):
             return None
         return ticks, value
 
-    def _has_usual_shape(self, columns: list[bytes]) -> bool:
-        after_value = self._value_column + 1
-        if after_value < len(columns) and columns[after_value] in self._other_units:
-            return False
-        count = len(columns)
-        if count == self._columns:
-            self._odd_columns = 0
+    def _is_usual(self, shape: _Shape) -> bool:
+        # A cut or melted line differs once, and so does a banner that looks like a reading;
+        # a device that was set up anew differs for good.
+        is_plain_start = self._shape is None and not shape[1]
+        if shape == self._shape or shape == self._odd_shape or is_plain_start:
+            self._shape = shape
+            self._odd_shape = None
             return True
-        # A cut or melted line differs once; a device that was set up anew differs for good.
-        if self._columns and count != self._odd_columns:
-            self._odd_columns = count
-            return False
-        self._columns = count
-        self._odd_columns = 0
-        return True
+        self._odd_shape = shape
+        return False
 
     def _reject(self, line: bytes) -> None:
         self.lines += 1

@@ -48,8 +48,9 @@ class TendonSensorConfig:
         'column of the device time in a line, from 0; -1: the device sends no time',
         range=(-1, 63),
     )
-    time_unit_s: float = _option(
-        0.001, 'one tick of the device time, which must be an integer', unit='s', range=(1e-9, 1.0)
+    time_unit_s: float = _option(0.001, 'what the device time counts', unit='s', range=(1e-9, 1.0))
+    time_decimals: int = _option(
+        0, 'digits after the point of the device time, always as many', range=(0, 9)
     )
     unit: str = _option(
         'kg', 'what the value counts; kg and g are weights at standard gravity', choices=UNITS
@@ -109,10 +110,10 @@ class TendonSensorConfig:
         unit='N',
         range=(0.0, 1e6),
     )
-    tare_slope_n_s: float = _option(
-        0.2,
-        'change of the tension with time from which a tare is refused as moving',
-        unit='N/s',
+    tare_change_n: float = _option(
+        0.1,
+        'rise or fall of the tension over the samples from which a tare is refused as moving',
+        unit='N',
         range=(0.0, 1e6),
     )
     frame_id: str = _option(
@@ -147,6 +148,11 @@ class TendonSensorConfig:
     def period_ns(self) -> int:
         """Nominal time between two samples [ns]."""
         return round(1e9 / self.rate_hz)
+
+    @property
+    def tick_s(self) -> float:
+        """Smallest step of the device time of a load-cell line [s]."""
+        return self.time_unit_s / 10.0**self.time_decimals
 
 
 class StrainStatus(IntFlag):

@@ -142,7 +142,7 @@ class StrainStream(SampleStream):
         if config.time_column < 0:
             super().__init__(config, HostClock(), config.period_ns, StrainStatus.HOST_TIME)
         else:
-            super().__init__(config, DeviceClock(config.time_unit_s), config.period_ns)
+            super().__init__(config, DeviceClock(config.tick_s), config.period_ns)
 
     def add(self, reading: Reading) -> list[Block]:
         """Take one reading; return the blocks that it completes."""

@@ -4,50 +4,96 @@
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import fields
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
-from tactile_msgs.msg import StrainBlock
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from std_srvs.srv import Trigger
+from tactile_msgs.msg import StrainBlock, Tare
 
 from tactile_ros import diagnostics
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
-from tendon_sensor_driver.client import TendonSensorClient
+from tendon_sensor_driver import tare
 from tendon_sensor_driver.conversions import (
     LEVEL_OK,
     assess_health,
     to_strain_msg,
+    to_tare_msg,
     to_values,
     to_wrench_msg,
 )
-from tendon_sensor_driver.records import Block, TendonSensorConfig
+from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.sensors import SensorClient, make_sensor
+
+WATCH_PERIOD_S = 0.1
+_NEWS_PERIODS = 10  # what was counted in the last second is news
+
+_LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 
 
 class TendonSensorNode(TactileNode):
     """Publishes the tension on one tendon as ``~/strain`` and ``~/wrench``.
 
-    configure opens the port, activate lets the samples out, deactivate holds them back
-    while the link stays open, cleanup closes it.
+    configure opens the link, activate lets the samples out, deactivate holds them back
+    while the link stays open, cleanup closes it. ``~/tare`` and ``~/clear_tare`` set what is
+    taken off, which is latched on ``~/tare_state``. The link is looked at ten times a second:
+    what changes for better or worse is on ``/diagnostics`` at once.
     """
 
     def __init__(self, node_name: str = 'tendon_sensor', **node_options: Any) -> None:
         super().__init__(node_name, TendonSensorConfig, **node_options)
-        self._client: TendonSensorClient | None = None
-        self._level = LEVEL_OK
+        self._client: SensorClient | None = None
         self._diagnostics: diagnostics.Diagnostics | None = None
-        self._strain: Any = None
-        self._wrench: Any = None
+        self._entities: list[tuple[Any, Any]] = []  # what to destroy, and with what
+        self._restarts = 0
+        self._drift_n: float | None = None
+        self.add_on_set_parameters_callback(self._check_parameters)
 
     def set_up(self, config: TendonSensorConfig) -> None:
-        self._strain = self.create_lifecycle_publisher(StrainBlock, '~/strain', STREAM)
-        self._wrench = self.create_lifecycle_publisher(WrenchStamped, '~/wrench', STREAM)
-        client = self._client = TendonSensorClient(config, self._publish, self._now_ns)
-        client.open()
-        self._before = client.health()
-        self._diagnostics = diagnostics.Diagnostics(
-            self, lambda: config.port, lambda: self._assess(client)
+        self._zero = tare.Tare(config)
+        self._restarts = 0
+        self._drift_n = None
+        overriding = QoSOverridingOptions.with_default_policies()
+        self._strain = self._add(
+            self.create_lifecycle_publisher(
+                StrainBlock, '~/strain', STREAM, qos_overriding_options=overriding
+            ),
+            self.destroy_lifecycle_publisher,
         )
+        self._wrench = self._add(
+            self.create_lifecycle_publisher(
+                WrenchStamped, '~/wrench', STREAM, qos_overriding_options=overriding
+            ),
+            self.destroy_lifecycle_publisher,
+        )
+        # Not held back while inactive: it is a state, and a recorder wants it from the start.
+        self._tare_state = self._add(
+            self.create_publisher(Tare, '~/tare_state', _LATCHED), self.destroy_publisher
+        )
+        self._publish_tare(self._zero.clear(self._now_ns()))
+        client = make_sensor(config, self._publish, self._now_ns)
+        client.open()
+        self._client = client
+        self._past: deque[Health] = deque([client.health()], maxlen=_NEWS_PERIODS)
+        self._shown: tuple[object, ...] = ()
+        self._diagnostics = diagnostics.Diagnostics(
+            self,
+            lambda: client.identity or (config.host if config.sensor == 'net_ft' else config.port),
+            self._assess,
+        )
+        self._add(self.create_timer(WATCH_PERIOD_S, self._watch), self.destroy_timer)
+        for name, callback in (('~/tare', self._on_tare), ('~/clear_tare', self._on_clear_tare)):
+            self._add(self.create_service(Trigger, name, callback), self.destroy_service)
 
     def tear_down(self) -> None:
         if self._diagnostics is not None:
@@ -56,28 +102,110 @@ class TendonSensorNode(TactileNode):
         if self._client is not None:  # before the publishers, which its thread uses
             self._client.close()
             self._client = None
-        for publisher in (self._strain, self._wrench):
-            if publisher is not None:
-                self.destroy_lifecycle_publisher(publisher)
-        self._strain = self._wrench = None
+        while self._entities:
+            entity, destroy = self._entities.pop()
+            destroy(entity)
+
+    def _add(self, entity: Any, destroy: Any) -> Any:
+        self._entities.append((entity, destroy))
+        return entity
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _publish(self, block: Block) -> None:
-        """Send one block, unless deactivated; called on the client's thread."""
-        frame_id = self.config.frame_id
-        self._strain.publish(to_strain_msg(block, frame_id))
-        self._wrench.publish(to_wrench_msg(block, frame_id))
+    def _check_parameters(self, parameters: list[Any]) -> SetParametersResult:
+        names = {field.name for field in fields(TendonSensorConfig)}
+        for parameter in parameters:
+            if self._client is not None and parameter.name in names:
+                return SetParametersResult(
+                    successful=False,
+                    reason=f'{parameter.name} cannot change while the sensor is open; '
+                    'deactivate and clean up the node first',
+                )
+        return SetParametersResult(successful=True)
 
-    def _assess(self, client: TendonSensorClient) -> diagnostics.Health:
-        health = client.health()
-        level, sentence = assess_health(health, self._before, self.config, self._now_ns())
-        self._before = health
-        if level > LEVEL_OK and level != self._level:
+    # -- on the client's thread --------------------------------------------------------
+
+    def _publish(self, block: Block) -> None:
+        """Send one block, unless deactivated."""
+        if block.status & StrainStatus.RECONNECTED:
+            self._forget_after_restart()
+        block = self._zero.apply(block)
+        config = self.config
+        self._strain.publish(to_strain_msg(block, config.frame_id))
+        self._wrench.publish(to_wrench_msg(block, config.frame_id, config.axis, config.scale))
+
+    def _forget_after_restart(self) -> None:
+        client = self._client
+        restarts = client.health().restarts if client is not None else 0
+        if restarts == self._restarts:
+            return
+        self._restarts = restarts
+        if self._zero.note_restart(self._now_ns()):
+            self.get_logger().warning('the device has restarted: the tare is gone, tare again')
+            self._drift_n = None
+            self._publish_tare(self._zero.bias)
+
+    # -- on the executor's thread ------------------------------------------------------
+
+    def _on_tare(self, _: Any, response: Any) -> Any:
+        try:
+            bias = self._zero.measure(self._now_ns())
+        except tare.TareError as error:
+            response.message = f'no tare: {error}'
+            self.get_logger().warning(response.message)
+            return response
+        self._drift_n = None
+        self._publish_tare(bias)
+        response.success = True
+        response.message = (
+            f'{bias.bias_n:.3f} N are taken off from now on, the mean of {bias.samples} samples '
+            f'with a spread of {bias.spread_n:.3f} N'
+        )
+        self.get_logger().info(response.message)
+        return response
+
+    def _on_clear_tare(self, _: Any, response: Any) -> Any:
+        self._drift_n = None
+        self._publish_tare(self._zero.clear(self._now_ns()))
+        response.success = True
+        response.message = 'nothing is taken off from now on'
+        return response
+
+    def _publish_tare(self, bias: tare.Bias) -> None:
+        self._tare_state.publish(to_tare_msg(bias, self.config.frame_id))
+
+    def _watch(self) -> None:
+        """Look at the link; tell at once when what there is to say is of another kind."""
+        if self._client is None or self._diagnostics is None:
+            return
+        health = self._client.health()
+        self._past.append(health)
+        level, sentence = self._judge(health)
+        shown = (level, health.is_connected, health.status, health.device_status)
+        if shown == self._shown:
+            return
+        if level > LEVEL_OK:
             self.get_logger().warning(sentence)
-        self._level = level
-        return diagnostics.Health(bytes([level]), sentence, to_values(health))
+        self._shown = shown
+        self._diagnostics.publish()
+
+    def _judge(self, health: Health) -> tuple[int, str]:
+        return assess_health(health, self._past[0], self.config, self._now_ns())
+
+    def _assess(self) -> diagnostics.Health:
+        assert self._client is not None
+        health = self._client.health()
+        level, sentence = self._judge(health)
+        bias = self._zero.bias
+        drift_n = self._zero.compute_drift(self._now_ns())
+        self._drift_n = drift_n if drift_n is not None else self._drift_n
+        values = {
+            **to_values(health),
+            'tare_n': bias.bias_n if bias.samples else 'none',
+            'tare_drift_n': 'not known' if self._drift_n is None else f'{self._drift_n:.4f}',
+        }
+        return diagnostics.Health(bytes([level]), sentence, values)
 
 
 def main() -> int:

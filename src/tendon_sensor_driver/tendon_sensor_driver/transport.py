@@ -5,14 +5,17 @@
 from __future__ import annotations
 
 import errno
+import os
 import termios
 import threading
 
 import serial
+from serial.tools import list_ports
 
 from tendon_sensor_driver.errors import LinkError
 
 READ_TIMEOUT_S = 0.25
+_WRITE_TIMEOUT_S = 0.5
 
 # What pyserial lets through when the other side of a port dies; termios.error is no OSError.
 _FAILURES = (OSError, termios.error, ValueError)
@@ -28,7 +31,7 @@ _REMEDIES = {
 class SerialTransport:
     """A serial port that is open from construction to `close`.
 
-    Boards that reset when their port is opened do so here; nothing is ever sent.
+    Boards that reset when their port is opened do so here.
 
     Parameters
     ----------
@@ -48,7 +51,13 @@ class SerialTransport:
         self._lock = threading.Lock()
         try:
             # exclusive: two readers would each get half of the lines.
-            self._port = serial.Serial(port, baud, timeout=READ_TIMEOUT_S, exclusive=True)
+            self._port = serial.Serial(
+                port,
+                baud,
+                timeout=READ_TIMEOUT_S,
+                write_timeout=_WRITE_TIMEOUT_S,
+                exclusive=True,
+            )
         except _FAILURES as error:
             reason = _REMEDIES.get(getattr(error, 'errno', None) or 0, str(error))
             raise LinkError(f'cannot open serial port {port}: {reason}') from error
@@ -69,6 +78,20 @@ class SerialTransport:
             raise LinkError(f'lost serial port {self._name}: {error}') from error
         return data
 
+    def write(self, data: bytes) -> None:
+        """Send bytes; may be called while another thread reads.
+
+        Raises
+        ------
+        LinkError
+            When the port has gone or takes nothing.
+        """
+        try:
+            with self._lock:
+                self._port.write(data)
+        except _FAILURES as error:
+            raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
+
     def cancel(self) -> None:
         """Make a `read` that waits in another thread return. Harmless on a closed port."""
         # pyserial writes a byte to a pipe here; while the port is being closed, that
@@ -80,3 +103,12 @@ class SerialTransport:
         """Close the port. Not while another thread reads: `cancel` first."""
         with self._lock:
             self._port.close()
+
+
+def find_serial_number(port: str) -> str:
+    """Return the serial number of the USB adapter behind a port, empty when it has none."""
+    device = os.path.realpath(port)
+    for found in list_ports.comports():
+        if os.path.realpath(found.device) == device:
+            return found.serial_number or ''
+    return ''

@@ -1,9 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 import dataclasses
+import re
 import types
 
 import numpy as np
+import pytest
 
 from tendon_sensor_driver import Block, Health, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.conversions import (
@@ -11,11 +13,16 @@ from tendon_sensor_driver.conversions import (
     LEVEL_OK,
     LEVEL_WARN,
     assess_health,
+    describe_status,
     from_strain_msg,
     to_strain_msg,
+    to_tare_msg,
     to_values,
     to_wrench_msg,
+    turn_wrench,
 )
+from tendon_sensor_driver.records import AXES
+from tendon_sensor_driver.tare import Bias
 
 BLOCK = Block(
     stamp_ns=1_700_000_000_123_456_789,
@@ -59,6 +66,42 @@ def test_the_wrench_is_the_last_sample_along_x():
     assert (torque.x, torque.y, torque.z) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize(
+    ('axis', 'scale', 'expected'),
+    [
+        ('fx', 1.0, [1, 2, 3, 4, 5, 6]),
+        ('fy', 1.0, [2, 3, 1, 5, 6, 4]),
+        ('fz', 1.0, [3, 1, 2, 6, 4, 5]),
+        ('fz', -1.0, [-3, 1, -2, -6, 4, -5]),
+    ],
+)
+def test_a_wrench_of_six_axes_is_turned_into_the_frame(axis, scale, expected):
+    wrench = np.array([[0.0] * 6, [1.0, 2, 3, 4, 5, 6]])
+    tension_n = scale * wrench[:, AXES.index(axis)]
+    block = dataclasses.replace(BLOCK, tension_n=tension_n, wrench=wrench)
+    message = to_wrench_msg(block, 'left_link', axis, scale)
+    force, torque = message.wrench.force, message.wrench.torque
+    assert [force.x, force.y, force.z, torque.x, torque.y, torque.z] == expected
+    assert force.x == tension_n[-1]
+
+
+@pytest.mark.parametrize('axis', ['fx', 'fy', 'fz'])
+@pytest.mark.parametrize('scale', [1.0, -1.0])
+def test_the_frame_of_the_wrench_stays_right_handed(axis, scale):
+    turned = [
+        turn_wrench(np.concatenate([unit, np.zeros(3)]), axis, scale)[:3] for unit in np.eye(3)
+    ]
+    assert np.linalg.det(turned) == pytest.approx(1.0)
+
+
+def test_a_tare_becomes_a_message():
+    message = to_tare_msg(Bias(1_500_000_000, 0.25, 0.01, 60), 'left_link')
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 500_000_000)
+    assert (message.is_set, message.bias_n, message.spread_n) == (True, 0.25, 0.01)
+    assert (message.samples, message.header.frame_id) == (60, 'left_link')
+    assert not to_tare_msg(Bias(5), '').is_set
+
+
 def assess(now_s=5.5, before=HEALTHY, **changes):
     now_ns = round(now_s * SECOND_NS)
     return assess_health(dataclasses.replace(HEALTHY, **changes), before, CONFIG, now_ns)
@@ -89,6 +132,37 @@ def test_new_losses_are_a_warning_and_old_ones_are_not():
         assert assess(**{counter: 3})[0] == LEVEL_WARN
         before = dataclasses.replace(HEALTHY, **{counter: 3})
         assert assess(before=before, **{counter: 3})[0] == LEVEL_OK
+
+
+@pytest.mark.parametrize(
+    ('changes', 'level', 'words'),
+    [
+        ({'status': StrainStatus.SATURATED}, LEVEL_ERROR, 'saturated'),
+        ({'status': StrainStatus.STUCK}, LEVEL_WARN, 'stuck'),
+        ({'status': StrainStatus.DEVICE_ERROR}, LEVEL_ERROR, 'device reports'),
+        ({'device_status': 'gauge broken'}, LEVEL_ERROR, 'gauge broken'),
+        ({'restarts': 1}, LEVEL_WARN, 'restarted'),
+        ({'reconnects': 1}, LEVEL_WARN, 'is back'),
+        ({'rejected_lines': 5, 'last_rejected': 'zz'}, LEVEL_WARN, '3 lines .* "zz"'),
+        ({'duplicates': 2, 'lost_samples': 1}, LEVEL_WARN, '1 samples lost and 2 without'),
+    ],
+)
+def test_every_fault_has_its_sentence(changes, level, words):
+    got, sentence = assess(**changes)
+    assert got == level
+    assert re.search(words, sentence)
+
+
+def test_a_silent_six_axis_sensor_is_not_told_about_lines():
+    config = TendonSensorConfig(sensor='net_ft')
+    health = dataclasses.replace(HEALTHY, bytes=10**6, rejected_lines=5)
+    _, sentence = assess_health(health, HEALTHY, config, 7 * SECOND_NS)
+    assert sentence == 'no reading for 2.0 s'
+
+
+def test_status_bits_are_told_in_words():
+    assert describe_status(StrainStatus.OK) == 'ok'
+    assert describe_status(StrainStatus.STUCK | StrainStatus.SATURATED) == 'saturated, stuck'
 
 
 def test_every_counter_is_a_value_of_the_diagnostics():

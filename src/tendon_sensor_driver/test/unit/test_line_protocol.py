@@ -56,6 +56,58 @@ def test_the_columns_are_configured():
     assert decode(b'-7\n', config)[1] == [(None, -7.0)]
 
 
+@pytest.mark.parametrize(
+    ('line', 'options', 'reading'),
+    [
+        (b'1204,0.53,kg,24.75,', {}, (1204, 0.53)),  # OpenScale with its temperature
+        (b'1204,0.53,kg,8388607,24.75,21.3,', {}, (1204, 0.53)),  # and the rest it can send
+        (b'12.3', {'time_column': -1, 'value_column': 0}, (None, 12.3)),
+        (b'12.3,45', {'time_column': -1, 'value_column': 0}, (None, 12.3)),
+        (b'12.3,45', {'time_column': -1}, (None, 45.0)),
+        (b'Reading: 12.3 g', {'time_column': -1, 'unit': 'g'}, (None, 12.3)),
+        (b'Reading: 12.3 lbs', {'time_column': -1, 'unit': 'lbf'}, (None, 12.3)),
+        (b'Reading:12.3g', {'time_column': -1, 'value_column': 0, 'unit': 'g'}, (None, 12.3)),
+        (b'weight=-0.5kg', {'time_column': -1, 'value_column': 0}, (None, -0.5)),
+        (b'12.3kg', {'time_column': -1, 'value_column': 0}, (None, 12.3)),
+        (
+            b'one reading:\t12.3\t| average:\t12.25000',
+            {'time_column': -1, 'value_column': 2, 'unit': 'g'},
+            (None, 12.3),
+        ),
+        (
+            b'Load_cell output val: 12.30',
+            {'time_column': -1, 'value_column': 3, 'unit': 'g'},
+            (None, 12.3),
+        ),
+        (b'12\t0.5\tkg', {}, (12, 0.5)),
+        (b'12.34 0.5', {'time_unit_s': 1.0, 'time_decimals': 2}, (1234, 0.5)),
+    ],
+)
+def test_the_forms_that_are_seen_on_load_cells(line, options, reading):
+    decoder, readings = decode((line + b'\r\n') * 3, TendonSensorConfig(**options))
+    # Words before the value must be seen twice before they are believed.
+    assert readings in ([reading] * 3, [reading] * 2)
+    assert decoder.rejected_lines == 3 - len(readings)
+
+
+def test_a_banner_that_looks_like_a_reading_is_none():
+    config = TendonSensorConfig(time_column=-1, unit='g')
+    data = b'Version: 1.2\r\nReading: 5.0 g\r\nReading: 5.1 g\r\nReading: 5.2 g\r\n'
+    assert decode(data, config)[1] == [(None, 5.1), (None, 5.2)]
+
+
+@pytest.mark.parametrize('text', [b'12.3lbs', b'Reading:12.3lbs', b'12.3x', b'a1:12.3', b'1e5e'])
+def test_what_is_glued_to_a_value_must_be_known(text):
+    config = TendonSensorConfig(time_column=-1, value_column=0, unit='g')
+    assert decode((text + b'\n') * 3, config)[1] == []
+
+
+@pytest.mark.parametrize('text', [b'12', b'12.3', b'12.345', b'.34', b'-1.23', b'1e2'])
+def test_a_device_time_has_exactly_its_decimals(text):
+    config = TendonSensorConfig(time_unit_s=1.0, time_decimals=2)
+    assert decode(text + b' 0.5\n', config)[1] == []
+
+
 # -- lines that are not ----------------------------------------------------------------------
 
 

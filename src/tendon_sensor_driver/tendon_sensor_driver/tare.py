@@ -1,0 +1,181 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The zero of the sensor: measured when asked for, taken off every sample, or refused."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendon_sensor_driver.errors import TendonSensorError
+from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
+
+_BAD = StrainStatus.SATURATED | StrainStatus.STUCK | StrainStatus.DEVICE_ERROR
+
+
+class TareError(TendonSensorError):
+    """The last samples cannot be a zero."""
+
+
+@dataclass(frozen=True)
+class Bias:
+    """What is taken off every sample; mirrors ``tactile_msgs/Tare``.
+
+    Attributes
+    ----------
+    stamp_ns
+        When it was measured or cleared [ns].
+    bias_n
+        Mean of the samples [N].
+    spread_n
+        Their standard deviation [N].
+    samples
+        How many they were; 0: nothing is taken off.
+    """
+
+    stamp_ns: int
+    bias_n: float = 0.0
+    spread_n: float = 0.0
+    samples: int = 0
+
+
+class Tare:
+    """Keeps the last samples as they came, and the bias that is taken off.
+
+    A tare is measured from samples that are there already, so it is answered at once: what
+    was to be still must have been so for that many samples before. It is refused when there
+    are not as many, when they are old, bad by status, spread too far, change over their
+    length, or lie too far from the sensor's own zero: a loaded sensor.
+
+    A device that restarted may have measured a zero of its own, as many load-cell boards do.
+    Then the bias is a number about another zero, and is forgotten.
+
+    Its methods may be called from several threads.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    """
+
+    def __init__(self, config: TendonSensorConfig) -> None:
+        self._config = config
+        self._lock = threading.Lock()
+        self._blocks: deque[Block] = deque()
+        self._samples = 0
+        self._wrench_bias: NDArray[np.float64] | None = None
+        self._bias = Bias(0)
+
+    @property
+    def bias(self) -> Bias:
+        """What is taken off now."""
+        return self._bias
+
+    def apply(self, block: Block) -> Block:
+        """Take note of a block as it came, and return it with the bias taken off."""
+        with self._lock:
+            self._blocks.append(block)
+            self._samples += len(block.tension_n)
+            while self._samples - len(self._blocks[0].tension_n) >= self._config.tare_samples:
+                self._samples -= len(self._blocks.popleft().tension_n)
+            bias, wrench_bias = self._bias, self._wrench_bias
+        if not bias.samples:
+            return block
+        wrench = block.wrench
+        if wrench is not None and wrench_bias is not None:
+            wrench = wrench - wrench_bias
+        return replace(block, tension_n=block.tension_n - bias.bias_n, wrench=wrench)
+
+    def measure(self, now_ns: int) -> Bias:
+        """Take the mean of the last samples as the new bias.
+
+        Raises
+        ------
+        TareError
+            When they cannot be a zero; the bias stays as it was.
+        """
+        with self._lock:
+            blocks = self._check(now_ns)
+            bias = self._compute(blocks, now_ns)
+            wrenches = [block.wrench for block in blocks if block.wrench is not None]
+            self._wrench_bias = (
+                np.concatenate(wrenches)[-bias.samples :].mean(axis=0) if wrenches else None
+            )
+            self._bias = bias
+        return bias
+
+    def clear(self, now_ns: int) -> Bias:
+        """Take nothing off any more."""
+        with self._lock:
+            self._wrench_bias = None
+            self._bias = Bias(now_ns)
+        return self._bias
+
+    def note_restart(self, now_ns: int) -> bool:
+        """Forget samples and bias of a device that has restarted; return whether one was set."""
+        with self._lock:
+            self._blocks.clear()
+            self._samples = 0
+        was_set = self._bias.samples > 0
+        self.clear(now_ns)
+        return was_set
+
+    def compute_drift(self, now_ns: int) -> float | None:
+        """Return how far the sensor's zero is from the bias [N]; None when it is not to be seen.
+
+        It can be seen while a tare would be accepted.
+        """
+        if not self._bias.samples:
+            return None
+        with self._lock:
+            try:
+                bias = self._compute(self._check(now_ns), now_ns)
+            except TareError:
+                return None
+        return bias.bias_n - self._bias.bias_n
+
+    def _check(self, now_ns: int) -> list[Block]:
+        """Return the last blocks when there are enough, they are fresh and good."""
+        blocks, config = list(self._blocks), self._config
+        if self._samples < config.tare_samples:
+            raise TareError(
+                f'only {self._samples} of {config.tare_samples} samples have come; try again'
+            )
+        newest = blocks[-1]
+        end_ns = newest.stamp_ns + len(newest.tension_n) * newest.period_ns
+        silence_s = (now_ns - end_ns) / 1e9
+        if silence_s > config.silence_s:
+            raise TareError(f'no sample for {silence_s:.1f} s; see the diagnostics of the sensor')
+        for block in blocks:
+            if block.status & _BAD:
+                bad = block.status & _BAD
+                names = ', '.join(str(bit.name).lower() for bit in StrainStatus if bit & bad)
+                raise TareError(f'the last samples are marked {names}; see the diagnostics')
+        return blocks
+
+    def _compute(self, blocks: list[Block], now_ns: int) -> Bias:
+        config = self._config
+        tension_n = np.concatenate([block.tension_n for block in blocks])[-config.tare_samples :]
+        mean_n, spread_n = float(tension_n.mean()), float(tension_n.std(ddof=1))
+        # Rise of the regression line over all samples, on places from -1/2 to 1/2.
+        places = np.linspace(-0.5, 0.5, len(tension_n))
+        change_n = float(places @ (tension_n - mean_n) / (places @ places))
+        if abs(mean_n) > config.tare_limit_n:
+            raise TareError(
+                f'loaded: the mean is {mean_n:.2f} N without any tare, beyond tare_limit_n '
+                f'({config.tare_limit_n:g} N); release the tendon'
+            )
+        if abs(change_n) > config.tare_change_n:
+            raise TareError(
+                f'moving: the tension changed by {change_n:.2f} N over {len(tension_n)} samples, '
+                f'more than tare_change_n ({config.tare_change_n:g} N); hold still'
+            )
+        if spread_n > config.tare_spread_n:
+            raise TareError(
+                f'noisy: the standard deviation is {spread_n:.3f} N, more than tare_spread_n '
+                f'({config.tare_spread_n:g} N); look for loose contacts and vibration'
+            )
+        return Bias(now_ns, mean_n, spread_n, len(tension_n))

@@ -1,0 +1,141 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tendon_sensor_driver import Block, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.tare import Tare, TareError
+
+CONFIG = TendonSensorConfig(tare_samples=50)
+PERIOD_NS = CONFIG.period_ns
+NOW_NS = 100 * PERIOD_NS
+
+
+def make_block(tension_n, first=0, status=StrainStatus.OK, wrench=None):
+    return Block(
+        stamp_ns=first * PERIOD_NS,
+        sequence=first,
+        period_ns=PERIOD_NS,
+        tension_n=np.asarray(tension_n, float),
+        lost_before=0,
+        stamp_error_s=0.001,
+        status=status,
+        wrench=wrench,
+    )
+
+
+def feed(tare, tension_n, **options):
+    """Seven samples a block, the last one at NOW_NS."""
+    start = 100 - len(tension_n)
+    for i in range(0, len(tension_n), 7):
+        tare.apply(make_block(tension_n[i : i + 7], start + i, **options))
+
+
+def noise(mean_n=0.3, count=80):
+    return np.random.default_rng(2).normal(mean_n, 0.01, count)
+
+
+def test_the_mean_of_the_last_samples_is_taken_off_from_then_on():
+    tare = Tare(CONFIG)
+    tension_n = noise()
+    feed(tare, tension_n)
+    assert tare.apply(make_block([0.7], 100)).tension_n == [0.7]
+    tension_n = np.append(tension_n, 0.7)[-50:]
+    tension_n[-1] = 0.3
+    feed(tare, tension_n)
+    bias = tare.measure(NOW_NS)
+    assert bias.bias_n == pytest.approx(np.mean(tension_n), rel=1e-12)
+    assert bias.spread_n == pytest.approx(np.std(tension_n, ddof=1), rel=1e-12)
+    assert (bias.samples, bias.stamp_ns) == (50, NOW_NS)
+    assert tare.apply(make_block([0.7])).tension_n == [0.7 - bias.bias_n]
+    cleared = tare.clear(NOW_NS + 5)
+    assert (cleared.samples, cleared.bias_n, cleared.stamp_ns) == (0, 0.0, NOW_NS + 5)
+    assert tare.apply(make_block([0.7])).tension_n == [0.7]
+
+
+@pytest.mark.parametrize(
+    ('tension_n', 'reason'),
+    [
+        (noise(count=49), 'only 49 of 50 samples'),
+        (noise(2.5), r'loaded: .* tare_limit_n \(2 N\)'),
+        (noise(-2.5), 'loaded'),
+        (noise() + np.linspace(0, 0.3, 80), 'moving'),
+        (noise() + 0.3 * (np.arange(80) % 2), 'noisy'),
+    ],
+)
+def test_it_is_refused_with_the_reason_and_changes_nothing(tension_n, reason):
+    tare = Tare(CONFIG)
+    feed(tare, noise(0.2))
+    before = tare.measure(NOW_NS)
+    tare.note_restart(NOW_NS)
+    feed(tare, tension_n)
+    with pytest.raises(TareError, match=reason):
+        tare.measure(NOW_NS)
+    assert tare.bias.samples == 0
+    assert before.samples == 50
+
+
+@pytest.mark.parametrize('bad', ['SATURATED', 'STUCK', 'DEVICE_ERROR'])
+def test_bad_samples_are_no_zero(bad):
+    tare = Tare(CONFIG)
+    feed(tare, noise(), status=StrainStatus[bad] | StrainStatus.HOST_TIME)
+    with pytest.raises(TareError, match=bad.lower()):
+        tare.measure(NOW_NS)
+
+
+def test_a_silent_sensor_is_not_tared():
+    tare = Tare(CONFIG)
+    feed(tare, noise())
+    with pytest.raises(TareError, match=r'no sample for 0\.6 s'):
+        tare.measure(NOW_NS + 600_000_000)
+
+
+def test_load_is_judged_without_the_tare_so_that_tares_do_not_add_up():
+    tare = Tare(CONFIG)
+    feed(tare, noise(1.5))
+    tare.measure(NOW_NS)
+    feed(tare, noise(2.5))
+    with pytest.raises(TareError, match='loaded'):
+        tare.measure(NOW_NS)
+    assert tare.bias.bias_n == pytest.approx(1.5, abs=0.01)
+
+
+def test_the_drift_is_seen_while_a_tare_would_be_accepted():
+    tare = Tare(CONFIG)
+    feed(tare, noise(0.3))
+    assert tare.compute_drift(NOW_NS) is None
+    tare.measure(NOW_NS)
+    feed(tare, noise(0.35))
+    assert tare.compute_drift(NOW_NS) == pytest.approx(0.05, abs=1e-9)
+    feed(tare, noise(5.0))
+    assert tare.compute_drift(NOW_NS) is None
+
+
+def test_a_restart_takes_the_tare_away():
+    tare = Tare(CONFIG)
+    assert not tare.note_restart(NOW_NS)
+    feed(tare, noise())
+    tare.measure(NOW_NS)
+    assert tare.note_restart(NOW_NS)
+    assert tare.bias.samples == 0
+    with pytest.raises(TareError, match='only 0'):
+        tare.measure(NOW_NS)
+
+
+def test_all_six_axes_are_tared_with_the_tension():
+    tare = Tare(CONFIG)
+    wrench = np.arange(6.0) + np.zeros((7, 6))
+    for first in range(0, 98, 7):
+        tare.apply(make_block(np.full(7, 0.2), first, wrench=wrench))
+    tare.measure(NOW_NS)
+    block = tare.apply(make_block([0.5], wrench=np.arange(6.0)[None] + 1.0))
+    assert block.wrench.tolist() == [[1.0] * 6]
+
+
+def test_it_keeps_no_more_than_it_needs():
+    tare = Tare(dataclasses.replace(CONFIG, tare_samples=10))
+    for first in range(0, 7000, 7):
+        tare.apply(make_block(np.zeros(7), first))
+    assert sum(len(block.tension_n) for block in tare._blocks) <= 16
