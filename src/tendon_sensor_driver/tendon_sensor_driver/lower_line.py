@@ -42,10 +42,9 @@ class LowerLine:
     slope : float
         Drift: host time per device time, less one [1]; within 0.01.
     scatter_ns : int
-        How far the line may be off [ns]: three times the median of how far the least differences
-        of the last seconds lie above it, and 0.5 ms for what bursts and a
-        changing drift hide. Negative:
-        not known, for the slope is not yet.
+        How far the line may be off [ns]: three times the median (the largest, of fewer than
+        ten) of how far the least differences of the last seconds lie above it, and 0.5 ms for
+        what bursts and a changing drift hide. Negative: not known, for the slope is not yet.
     """
 
     def __init__(self) -> None:
@@ -106,7 +105,8 @@ class LowerLine:
         self._device_ns, self._difference_ns = origin_ns, base_ns + round(lowest_ns)
         if len(points) >= _FEWEST:
             above_ns = sorted(height - lowest_ns for height in heights_ns[-_RECENT:])
-            self.scatter_ns = round(3 * above_ns[len(above_ns) // 2]) + _CHANGE_NS
+            typical = len(above_ns) // 2 if len(points) >= _RECENT else -1
+            self.scatter_ns = round(3 * above_ns[typical]) + _CHANGE_NS
 
 
 def _compute_slope(points: list[tuple[float, float]]) -> float:
