@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import deque
 from dataclasses import fields
 from typing import Any
@@ -63,19 +64,8 @@ class TendonSensorNode(TactileNode):
         self._zero = tare.Tare(config)
         self._restarts = 0
         self._drift_n = None
-        overriding = QoSOverridingOptions.with_default_policies()
-        self._strain = self._add(
-            self.create_lifecycle_publisher(
-                StrainBlock, '~/strain', STREAM, qos_overriding_options=overriding
-            ),
-            self.destroy_lifecycle_publisher,
-        )
-        self._wrench = self._add(
-            self.create_lifecycle_publisher(
-                WrenchStamped, '~/wrench', STREAM, qos_overriding_options=overriding
-            ),
-            self.destroy_lifecycle_publisher,
-        )
+        self._strain = self._add_stream(StrainBlock, '~/strain')
+        self._wrench = self._add_stream(WrenchStamped, '~/wrench')
         # Not held back while inactive: it is a state, and a recorder wants it from the start.
         self._tare_state = self._add(
             self.create_publisher(Tare, '~/tare_state', _LATCHED), self.destroy_publisher
@@ -105,6 +95,15 @@ class TendonSensorNode(TactileNode):
         while self._entities:
             entity, destroy = self._entities.pop()
             destroy(entity)
+
+    def _add_stream(self, kind: type, topic: str) -> Any:
+        publisher = self.create_lifecycle_publisher(
+            kind,
+            topic,
+            copy.copy(STREAM),  # rclpy writes the overrides into it
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+        return self._add(publisher, self.destroy_lifecycle_publisher)
 
     def _add(self, entity: Any, destroy: Any) -> Any:
         self._entities.append((entity, destroy))

@@ -1,87 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The node in process, over real DDS and a real pty."""
-
-import time
+"""The node over a real pty: what it publishes, its lifecycle, parameters and tare."""
 
 import pytest
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain_coordinator import domain_id
-from geometry_msgs.msg import WrenchStamped
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from tactile_msgs.msg import StrainBlock
+from rclpy.qos import ReliabilityPolicy
 
-from tactile_ros.qos import STREAM
-from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
-
-
-@pytest.fixture
-def context():
-    with domain_id() as domain:
-        context = Context()
-        rclpy.init(context=context, domain_id=int(domain))
-        yield context
-        rclpy.try_shutdown(context=context)
-
-
-class Graph:
-    """The node under test, and a second one that keeps what it hears."""
-
-    def __init__(self, context, port):
-        self.node = TendonSensorNode(
-            context=context,
-            namespace='left',
-            parameter_overrides=[
-                Parameter('port', value=port),
-                Parameter('frame_id', value='left_link'),
-            ],
-        )
-        self.listener = Node('listener', context=context)
-        self.strain, self.wrench, self.diagnostics = [], [], []
-        for kind, topic, heard, qos in (
-            (StrainBlock, '/left/tendon_sensor/strain', self.strain, STREAM),
-            (WrenchStamped, '/left/tendon_sensor/wrench', self.wrench, STREAM),
-            (DiagnosticArray, '/diagnostics', self.diagnostics, 10),
-        ):
-            self.listener.create_subscription(kind, topic, heard.append, qos)
-        self.executor = SingleThreadedExecutor(context=context)
-        self.executor.add_node(self.node)
-        self.executor.add_node(self.listener)
-
-    def spin_until(self, condition, timeout_s=10.0):
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline, 'the condition did not come true in time'
-            self.executor.spin_once(timeout_sec=0.05)
-
-    def is_matched(self):
-        return all(
-            self.listener.count_publishers(f'/left/tendon_sensor/{topic}')
-            and self.node.count_subscribers(f'/left/tendon_sensor/{topic}')
-            for topic in ('strain', 'wrench')
-        )
-
-    def values(self):
-        if not self.diagnostics:
-            return {}
-        return {pair.key: pair.value for pair in self.diagnostics[-1].status[0].values}
-
-    def close(self):
-        self.node.take_down()
-        self.listener.destroy_node()
-        self.executor.shutdown()
-
-
-@pytest.fixture
-def graph(context, sensor):
-    graph = Graph(context, sensor.port)
-    yield graph
-    graph.close()
+from tendon_sensor_driver import encode_reading
 
 
 def test_samples_arrive_and_a_lost_one_is_visible(graph, sensor):
@@ -161,3 +88,74 @@ def test_a_silent_sensor_is_a_warning(graph):
         lambda: graph.diagnostics and 'no reading' in graph.diagnostics[-1].status[0].message
     )
     assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.WARN
+
+
+def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
+    graph = make_graph(sensor.port, tare_samples=5, unit='N', tare_spread_n=0.3, tare_change_n=0.5)
+    assert graph.node.bring_up()
+    graph.spin_until(graph.is_matched)
+    graph.spin_until(lambda: graph.tares)
+    assert not graph.tares[-1].is_set
+    answer = graph.call('tare')
+    assert not answer.success
+    assert 'only 0 of 5 samples' in answer.message
+
+    sensor.write(b'\n')
+    for i, value in enumerate((0.5, 0.6, 0.5, 0.4, 0.5)):
+        sensor.write(encode_reading(i * 17, value, 'N'))
+    graph.spin_until(lambda: len(graph.strain) == 5)
+    answer = graph.call('tare')
+    assert answer.success, answer.message
+    graph.spin_until(lambda: graph.tares[-1].is_set)
+    state = graph.tares[-1]
+    assert (state.samples, state.header.frame_id) == (5, 'left_link')
+    assert state.bias_n == pytest.approx(0.5)
+    assert state.spread_n == pytest.approx(0.0707, abs=1e-4)
+
+    sensor.write(encode_reading(85, 5.0, 'N'))
+    graph.spin_until(lambda: len(graph.strain) == len(graph.wrench) == 6)
+    assert graph.strain[-1].tension_n[0] == graph.wrench[-1].wrench.force.x == 5.0 - state.bias_n
+    answer = graph.call('tare')
+    assert not answer.success
+    assert 'moving' in answer.message or 'noisy' in answer.message
+    assert graph.call('clear_tare').success
+    graph.spin_until(lambda: not graph.tares[-1].is_set)
+    sensor.write(encode_reading(102, 5.0, 'N'))
+    graph.spin_until(lambda: len(graph.strain) == 7)
+    assert graph.strain[-1].tension_n[0] == 5.0
+
+
+def test_parameters_do_not_change_under_an_open_sensor(graph):
+    scale = Parameter('scale', value=-1.0)
+    assert graph.node.bring_up()
+    (result,) = graph.node.set_parameters([scale])
+    assert not result.successful
+    assert 'scale cannot change while the sensor is open' in result.reason
+    graph.node.trigger_deactivate()
+    graph.node.trigger_cleanup()
+    (result,) = graph.node.set_parameters([scale])
+    assert result.successful
+    (result,) = graph.node.set_parameters([Parameter('rate_hz', value=0.0)])
+    assert not result.successful
+
+
+def test_the_quality_of_service_can_be_overridden(make_graph, sensor):
+    graph = make_graph(
+        sensor.port,
+        **{'qos_overrides./left/tendon_sensor/strain.publisher.reliability': 'best_effort'},
+    )
+    for _ in range(2):
+        assert graph.node.bring_up()
+        (strain,) = graph.node.get_publishers_info_by_topic('/left/tendon_sensor/strain')
+        (wrench,) = graph.node.get_publishers_info_by_topic('/left/tendon_sensor/wrench')
+        assert strain.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert wrench.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        graph.node.trigger_deactivate()
+        graph.node.trigger_cleanup()
+
+
+def test_the_serial_number_is_the_hardware_id(graph, monkeypatch):
+    monkeypatch.setattr('tendon_sensor_driver.client.find_serial_number', lambda port: 'A50285BI')
+    assert graph.node.bring_up()
+    graph.spin_until(lambda: graph.diagnostics)
+    assert graph.diagnostics[-1].status[0].hardware_id == 'A50285BI'

@@ -1,0 +1,110 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The node in process, over real DDS."""
+
+import time
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from domain_coordinator import domain_id
+from geometry_msgs.msg import WrenchStamped
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_srvs.srv import Trigger
+from tactile_msgs.msg import StrainBlock, Tare
+
+from tactile_ros.qos import STREAM
+from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
+
+
+@pytest.fixture
+def context():
+    with domain_id() as domain:
+        context = Context()
+        rclpy.init(context=context, domain_id=int(domain))
+        yield context
+        rclpy.try_shutdown(context=context)
+
+
+class Graph:
+    """The node under test, and a second one that keeps what it hears."""
+
+    def __init__(self, context, port, **parameters):
+        self.node = TendonSensorNode(
+            context=context,
+            namespace='left',
+            parameter_overrides=[
+                Parameter('port', value=port),
+                Parameter('frame_id', value='left_link'),
+                *(Parameter(name, value=value) for name, value in parameters.items()),
+            ],
+        )
+        self.listener = Node('listener', context=context)
+        self.strain, self.wrench, self.diagnostics, self.tares = [], [], [], []
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for kind, topic, heard, qos in (
+            (StrainBlock, '/left/tendon_sensor/strain', self.strain, STREAM),
+            (WrenchStamped, '/left/tendon_sensor/wrench', self.wrench, STREAM),
+            (DiagnosticArray, '/diagnostics', self.diagnostics, 10),
+            (Tare, '/left/tendon_sensor/tare_state', self.tares, latched),
+        ):
+            self.listener.create_subscription(kind, topic, heard.append, qos)
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.listener)
+
+    def spin_until(self, condition, timeout_s=10.0):
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline, 'the condition did not come true in time'
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def is_matched(self):
+        return all(
+            self.listener.count_publishers(f'/left/tendon_sensor/{topic}')
+            and self.node.count_subscribers(f'/left/tendon_sensor/{topic}')
+            for topic in ('strain', 'wrench')
+        )
+
+    def call(self, name):
+        """Return what the service answers."""
+        client = self.listener.create_client(Trigger, f'/left/tendon_sensor/{name}')
+        self.spin_until(client.service_is_ready)
+        future = client.call_async(Trigger.Request())
+        self.spin_until(future.done)
+        return future.result()
+
+    def sentence(self):
+        return self.diagnostics[-1].status[0].message if self.diagnostics else ''
+
+    def values(self):
+        if not self.diagnostics:
+            return {}
+        return {pair.key: pair.value for pair in self.diagnostics[-1].status[0].values}
+
+    def close(self):
+        self.node.take_down()
+        self.listener.destroy_node()
+        self.executor.shutdown()
+
+
+@pytest.fixture
+def make_graph(context):
+    graphs = []
+
+    def make(port, **parameters):
+        graphs.append(Graph(context, port, **parameters))
+        return graphs[-1]
+
+    yield make
+    for graph in graphs:
+        graph.close()
+
+
+@pytest.fixture
+def graph(make_graph, sensor):
+    return make_graph(sensor.port)
