@@ -3,6 +3,7 @@
 """A sensor on a real pty, and waiting on conditions."""
 
 import os
+import select
 import time
 import tty
 
@@ -34,6 +35,12 @@ class PtySensor:
         os.close(self._master)
         os.close(self._slave)
         self._master = None
+
+    def read(self):
+        """Return what the client has sent since the last call."""
+        if not select.select([self._master], [], [], 0)[0]:
+            return b''
+        return os.read(self._master, 1000)
 
     def write(self, data):
         while data:
