@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faulty lines in virtual time, byte by byte."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -158,3 +160,17 @@ def test_every_fault_begins_and_ends(device):
 def test_a_bad_request_is_refused(document, reason):
     with pytest.raises(RigError, match=reason):
         FaultRequest.from_json(document)
+
+
+def test_the_documentation_has_every_fault_and_option():
+    text = (Path(__file__).parents[4] / 'docs' / 'faults.md').read_text()
+    for device, kinds in KINDS.items():
+        for kind, facts in kinds.items():
+            (row,) = (
+                line
+                for line in text.splitlines()
+                if line.startswith((f'| `{kind}` |', f'| {device} | `{kind}` |'))
+            )
+            for name, option in facts.options.items():
+                default = '' if np.isnan(option.default) else f' {option.default:g}'
+                assert f'`{name}`{default}' in row

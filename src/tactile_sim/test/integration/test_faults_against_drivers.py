@@ -1,0 +1,256 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The real drivers notice every fault of the simulated rig, or get over it; and come back."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from linear_guide_driver import (
+    LinearGuideClient,
+    LinearGuideConfig,
+    LinearGuideDriverError,
+    TendonActuatorClient,
+    TendonActuatorConfig,
+)
+from tactile_sim import SimulatedRig
+from tactile_sim.faults import KINDS
+from tendon_sensor_driver.records import StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.sensors import make_sensor
+
+DEADLINE_S = 30.0
+
+
+@pytest.fixture(scope='module')
+def rig():
+    with SimulatedRig(seed=4) as rig:
+        yield rig
+
+
+@pytest.fixture(autouse=True)
+def _sound_again(rig):
+    yield
+    for device in KINDS:
+        rig.fault(device, 'none')
+
+
+def wait_for(condition, what):
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not (result := condition()):
+        assert time.monotonic() < deadline_s, what() if callable(what) else what
+        time.sleep(0.01)
+    return result
+
+
+# -- sensor --------------------------------------------------------------------------------
+
+
+class Listener:
+    """A sensor client and its blocks."""
+
+    def __init__(self, port):
+        self.blocks = []
+        config = TendonSensorConfig(port=port, saturation_n=19.0)
+        self.client = make_sensor(config, self.blocks.append, time.time_ns)
+        self.client.open()
+
+    @property
+    def health(self):
+        return self.client.health()
+
+    def silence_s(self):
+        return (time.time_ns() - self.health.heard_at_ns) * 1e-9
+
+    def wait_for_blocks(self, count=20):
+        start = len(self.blocks)
+        wait_for(lambda: len(self.blocks) >= start + count, lambda: str(self.health))
+
+
+@pytest.fixture
+def listener(rig):
+    listener = Listener(rig.ports.sensor)
+    listener.wait_for_blocks()
+    yield listener
+    listener.client.close()
+
+
+def has_status(bit):
+    return lambda listener: listener.blocks[-1].status & bit
+
+
+SENSOR_FAULTS = {
+    'unplug': ({}, lambda it: not it.health.is_connected),
+    'mute': ({}, lambda it: it.silence_s() > 0.5),
+    'burst': ({'period_s': 0.2}, lambda it: it.health.bursts > 1),
+    'garbage': ({}, lambda it: it.health.rejected_lines > 3 and it.health.lost_samples > 3),
+    'split': ({}, lambda it: it.health.rejected_lines > 3 and it.health.lost_samples > 3),
+    'wrong_baud': ({'ratio': 3.0}, lambda it: it.silence_s() > 0.5),
+    'drop': ({'count': 5}, lambda it: it.health.lost_samples == 5),
+    'saturate': ({}, has_status(StrainStatus.SATURATED)),
+    'stuck': ({}, has_status(StrainStatus.STUCK)),
+    'restart': ({}, lambda it: it.health.restarts == 1),
+    # It asks the board to leave its menu; what was not sent meanwhile is lost.
+    'menu': ({}, lambda it: it.health.lost_samples > 10),
+    # It never needs to be heard.
+    'deaf': ({}, lambda it: len(it.blocks) > 60),
+}
+
+
+@pytest.mark.parametrize('kind', KINDS['sensor'])
+def test_the_sensor_driver_notices_and_comes_back(rig, listener, kind):
+    options, is_noticed = SENSOR_FAULTS[kind]
+    rig.fault('sensor', kind, **options)
+    wait_for(lambda: is_noticed(listener), lambda: f'{kind} is not noticed: {listener.health}')
+    rig.fault('sensor', 'none')
+    listener.wait_for_blocks(30)
+    wait_for(lambda: listener.health.is_connected, 'not connected')
+    bad = StrainStatus.SATURATED | StrainStatus.STUCK
+    wait_for(lambda: not listener.blocks[-1].status & bad, 'the status stays bad')
+    assert listener.silence_s() < 2.0
+    # Nothing is repeated, nothing is invented: the unloaded sensor reads next to nothing.
+    blocks = listener.blocks[:]
+    sequence = [block.sequence for block in blocks]
+    assert sequence == sorted(set(sequence))
+    tension_n = np.concatenate([b.tension_n for b in blocks if not b.status & bad])
+    assert np.abs(tension_n).max() < 1.0
+
+
+# -- guide ---------------------------------------------------------------------------------
+
+
+class Motion:
+    """A blocking call on a thread of its own."""
+
+    def __init__(self, call):
+        self.error = None
+        self._thread = threading.Thread(target=self._run, args=(call,), daemon=True)
+        self._thread.start()
+
+    def _run(self, call):
+        try:
+            call()
+        except LinearGuideDriverError as error:
+            self.error = error
+
+    def join(self):
+        self._thread.join(DEADLINE_S)
+        assert not self._thread.is_alive(), 'the motion does not end'
+        return self.error
+
+
+@pytest.fixture
+def guide(rig):
+    client = LinearGuideClient(LinearGuideConfig(port=rig.ports.guide))
+    client.connect()
+    client.home()
+    yield client
+    client.close()
+
+
+GUIDE_FAULTS = {  # options, and a word of the reason
+    'unplug': ({}, 'lost'),
+    'mute': ({}, ''),
+    'deaf': ({}, ''),
+    'garbage': ({'share': 1.0}, ''),
+    'split': ({'share': 1.0}, ''),
+    'wrong_baud': ({}, ''),
+    'drop': ({'count': 1}, ''),
+    'alarm': ({}, 'limit'),
+    'restart': ({}, ''),
+}
+
+
+@pytest.mark.parametrize('kind', GUIDE_FAULTS)
+def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, kind):
+    options, reason = GUIDE_FAULTS[kind]
+    start_m = rig.truth()['guide_position_m']
+    motion = Motion(lambda: guide.move_to(0.19, 0.03))
+    wait_for(lambda: rig.truth()['guide_position_m'] > start_m + 0.005, 'it does not move')
+    rig.fault('guide', kind, **options)
+    error = motion.join()
+    assert error is not None
+    assert reason in str(error)
+    assert guide.trouble
+    with pytest.raises(LinearGuideDriverError):
+        guide.move_to(0.1, 0.03)
+    rig.fault('guide', 'none')
+    # It rests, and nothing moves it again until it is told to.
+    wait_for(lambda: is_at_rest(rig), 'it moves on')
+    wait_for(lambda: guide.home() is not None, 'homing')
+    assert guide.trouble == ''
+
+
+def is_at_rest(rig):
+    before_m = rig.truth()['guide_position_m']
+    time.sleep(0.1)
+    return rig.truth()['guide_position_m'] == before_m
+
+
+def test_late_answers_do_not_end_a_move(rig, guide):
+    rig.fault('guide', 'burst', period_s=0.1)
+    guide.move_to(0.03, 0.03)
+    assert rig.truth()['guide_position_m'] == pytest.approx(0.03, abs=1e-4)
+    assert guide.trouble == ''
+
+
+# -- tendon --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def tendon(rig):
+    rig.fault('tendon', 'restart')
+    config = TendonActuatorConfig(port=rig.ports.tendon, watchdog_s=0.5)
+    client = TendonActuatorClient(config)
+
+    def connect():
+        try:
+            client.connect()
+        except LinearGuideDriverError:
+            return False
+        return True
+
+    wait_for(connect, 'no connection')
+    yield client
+    client.close()
+
+
+TENDON_FAULTS = {
+    'unplug': ({}, 'lost'),
+    'mute': ({}, 'silent'),
+    'deaf': ({}, 'silent'),
+    'split': ({'share': 1.0}, 'silent'),
+    'corrupt': ({'share': 1.0}, 'silent'),
+    'wrong_baud': ({}, 'silent'),
+    'overheat': ({}, 'overheating'),
+    'overload': ({}, 'overload'),
+    'restart': ({}, ''),
+}
+
+
+@pytest.mark.parametrize('kind', TENDON_FAULTS)
+def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, kind):
+    options, reason = TENDON_FAULTS[kind]
+    motion = Motion(lambda: tendon.pull_to(0.008, 0.002))
+    wait_for(lambda: rig.truth()['tendon_displacement_m'] > 0.001, 'it does not wind')
+    rig.fault('tendon', kind, **options)
+    error = motion.join()
+    assert error is not None
+    assert reason in str(error)
+    # What the watchdog, the servo or the driver stopped stays stopped.
+    rest_m = rig.truth()['tendon_displacement_m']
+    assert rest_m < 0.007
+    rig.fault('tendon', 'none')
+    time.sleep(0.2)
+    assert rig.truth()['tendon_displacement_m'] <= rest_m + 1e-3
+
+
+@pytest.mark.parametrize(
+    ('kind', 'options'), [('drop', {'count': 1}), ('noise', {}), ('garbage', {'share': 0.2})]
+)
+def test_a_disturbed_bus_does_not_end_a_pull(rig, tendon, kind, options):
+    rig.fault('tendon', kind, **options)
+    tendon.pull_to(0.002, 0.004)
+    assert rig.truth()['tendon_displacement_m'] == pytest.approx(0.002, abs=1e-3)
+    assert tendon.trouble == ''
