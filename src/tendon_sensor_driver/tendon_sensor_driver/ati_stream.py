@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendon_sensor_driver.ati_counter import Batch, Order, SampleCounter
-from tendon_sensor_driver.clock import DeviceClock, Instant
+from tendon_sensor_driver.clock import DeviceClock, HostClock, Instant
 from tendon_sensor_driver.records import AXES, Block, StrainStatus, TendonSensorConfig
 
 _FEWEST_STUCK = 10
@@ -61,7 +61,7 @@ class CountedStream:
         self.status = StrainStatus.OK
         self._tick_rate_hz = 0.0
         self._period_ns = 1
-        self._clock = DeviceClock(1.0)
+        self._clock: DeviceClock | HostClock = HostClock()
         self._sequence = -1
         self._end_ns: int | None = None  # stamp of the newest sample
         self._equal = 0
@@ -70,7 +70,9 @@ class CountedStream:
         self._event = StrainStatus.OK
         self._run: _Run | None = None
 
-    def begin_session(self, tick_rate_hz: float, ticks_per_sample: int) -> None:
+    def begin_session(
+        self, tick_rate_hz: float, ticks_per_sample: int, *, is_clock: bool = True
+    ) -> None:
         """Say that the link stands, for the first time or again.
 
         Parameters
@@ -79,14 +81,22 @@ class CountedStream:
             Rate of the counter [Hz].
         ticks_per_sample : int
             Expected ticks from one sample to the next.
+        is_clock : bool
+            Whether the counter is the device's; one that the host counts tells no time.
         """
-        if tick_rate_hz != self._tick_rate_hz:
+        if not is_clock:
+            self._tick_rate_hz = tick_rate_hz
+        elif tick_rate_hz != self._tick_rate_hz:
             self._tick_rate_hz = tick_rate_hz
             self._clock = DeviceClock(float(1 / Fraction(tick_rate_hz)))
         if self._sequence >= 0:
             self._clock.note_reconnection()
             self._event |= StrainStatus.RECONNECTED
         self.counter.begin_session(tick_rate_hz, ticks_per_sample)
+
+    def correct_rate(self, tick_rate_hz: float) -> None:
+        """Take a better value for the rate of a counter that is no clock [Hz]."""
+        self._tick_rate_hz = tick_rate_hz
 
     @property
     def rate_hz(self) -> float:
@@ -169,7 +179,6 @@ class CountedStream:
                 error_s,
             )
         self._sequence = int(numbers[-1])
-        self._end_ns = int(stamps[-1])
         self.status = StrainStatus(int(status[-1]))
         return blocks
 
@@ -227,6 +236,7 @@ class CountedStream:
             run.samples += len(part)
             run.error_s = max(run.error_s, error_s) if min(run.error_s, error_s) >= 0 else -1.0
             taken += len(part)
+            self._end_ns = run.stamp_ns + (run.samples - 1) * self._period_ns
             if run.samples == self._config.samples_per_block:
                 blocks += self.flush()
         return blocks
