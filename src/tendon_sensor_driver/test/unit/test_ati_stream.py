@@ -1,0 +1,203 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tendon_sensor_driver import StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.ati_counter import Batch, CounterRestartError, SampleCounter
+from tendon_sensor_driver.ati_stream import CountedStream
+
+RATE_HZ = 7000
+START_NS = 1_800_000_000_000_000_000
+
+
+def configure(**changes):
+    return TendonSensorConfig(
+        **{'sensor': 'net_ft', 'rate_hz': 1000.0, 'samples_per_block': 10, **changes}
+    )
+
+
+def batch_of(ticks, *, records=None, status=0, first=0, delay_s=0.0, values=None):
+    """Samples of a counter that began with ``first``; each value tells its own tick."""
+    ticks = np.asarray(ticks, dtype=np.int64)
+    wrench = np.zeros((len(ticks), 6))
+    wrench[:, 2] = ticks if values is None else values
+    newest_s = (ticks.max() - first) / RATE_HZ
+    return Batch(
+        records=np.asarray(ticks // 7 if records is None else records).astype(np.uint32),
+        ticks=(ticks % 2**32).astype(np.uint32),
+        wrench=wrench,
+        status=np.full(len(ticks), status, dtype=np.uint32),
+        timed=len(ticks) - 1,
+        received_at_ns=START_NS + round(1e9 * (newest_s + delay_s)),
+    )
+
+
+def run(stream, batches):
+    blocks = []
+    for batch in batches:
+        blocks += stream.add(batch)
+    return blocks + stream.flush()
+
+
+def start(**changes):
+    stream = CountedStream(configure(**changes))
+    stream.begin_session(RATE_HZ, 7)
+    return stream
+
+
+def check(blocks, ticks):
+    """Just these ticks came out, each under the number that its tick gives it."""
+    values = np.concatenate([block.tension_n for block in blocks])
+    np.testing.assert_array_equal(values, ticks)
+    expected = end_ns = 0
+    for block in blocks:
+        assert block.sequence == expected + block.lost_before
+        numbers = block.sequence + np.arange(len(block.tension_n))
+        np.testing.assert_array_equal(block.tension_n, ticks[0] + 7 * numbers)
+        np.testing.assert_array_equal(block.wrench[:, 2], block.tension_n)
+        assert block.stamp_ns > end_ns
+        expected = int(numbers[-1]) + 1
+        end_ns = block.stamp_ns + (len(numbers) - 1) * block.period_ns
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    count=st.integers(1, 300),
+    seed=st.integers(0, 2**32 - 1),
+    first=st.sampled_from([0, 70_000, 2**32 - 700]),
+    samples_per_block=st.sampled_from([1, 10, 40]),
+)
+def test_any_loss_duplication_order_and_cutting_gives_true_samples_once(
+    count, seed, first, samples_per_block
+):
+    generator = np.random.default_rng(seed)
+    sent = first + 7 * np.arange(1, count + 1)
+    kept = sent[np.sort(generator.choice(count, generator.integers(1, count + 1), replace=False))]
+    stream = start(samples_per_block=samples_per_block)
+    batches, expected, done = [], [], first
+    while len(kept):
+        part, kept = np.split(kept, [generator.integers(1, 30)])
+        expected += part[part > done].tolist()
+        twice = generator.choice(part, generator.integers(0, 4))
+        part = np.concatenate((part, twice))
+        if batches:
+            generator.shuffle(part)
+        else:  # the very first record is where the counting begins
+            part = np.concatenate((part[:1], generator.permutation(part[1:])))
+        batches.append(batch_of(part, first=first))
+    blocks = run(stream, batches)
+    check(blocks, np.array(expected))
+    counter = stream.counter
+    assert counter.late == 0
+    assert stream.readings == len(expected)
+    assert stream.lost_samples == (expected[-1] - expected[0]) // 7 + 1 - len(expected)
+
+
+def test_late_samples_are_dropped_and_counted():
+    stream = start()
+    blocks = run(stream, [batch_of([7, 14, 28]), batch_of([21, 35])])
+    check(blocks, np.array([7, 14, 28, 35]))
+    assert stream.counter.late == 1
+    assert stream.lost_samples == 1
+
+
+def test_a_batch_of_nothing_new_gives_nothing():
+    stream = start()
+    assert run(stream, [batch_of([7, 14])])
+    assert stream.add(batch_of([14, 7])) == []
+    assert (stream.counter.duplicates, stream.counter.late) == (1, 1)
+
+
+def test_the_period_follows_the_records_and_not_the_expectation():
+    stream = CountedStream(configure(samples_per_block=1, rate_hz=60.0))
+    stream.begin_session(RATE_HZ, 117)  # what a box that reports 60 Hz seems to say
+    batches = [batch_of([116 * i], records=[i]) for i in range(1, 8)]
+    blocks = run(stream, batches)
+    assert blocks[-1].period_ns == round(116e9 / 7000)
+    assert stream.rate_hz == pytest.approx(60.345, abs=1e-3)
+    assert [block.sequence for block in blocks] == list(range(7))
+
+
+def test_one_odd_record_does_not_change_the_period():
+    counter = SampleCounter()
+    counter.begin_session(RATE_HZ, 7)
+    for ticks, record in [(7, 1), (14, 2), (28, 3), (35, 4), (42, 5)]:
+        counter.sort(batch_of([ticks], records=[record]))
+    assert counter.ticks_per_sample == 7
+
+
+def test_a_counter_that_falls_back_within_a_session_is_an_error():
+    stream = start()
+    stream.add(batch_of(700_000 + 7 * np.arange(5), first=700_000))
+    with pytest.raises(CounterRestartError, match='was restarted'):
+        stream.add(batch_of([7], first=-35))
+    stream.begin_session(RATE_HZ, 7)
+    blocks = stream.add(batch_of([7, 14], first=-35)) + stream.flush()
+    assert StrainStatus.RECONNECTED in blocks[-1].status
+    assert (blocks[-1].sequence, blocks[-1].lost_before) == (5, 0)
+    assert stream.counter.restarts == 1
+
+
+def test_a_gap_over_a_new_session_is_counted_by_the_counter():
+    stream = start(samples_per_block=1)
+    stream.add(batch_of(7 * np.arange(1, 6)))
+    stream.begin_session(RATE_HZ, 7)
+    block = stream.add(batch_of([7 * 3006], records=[1]))[0]
+    assert (block.sequence, block.lost_before) == (3005, 3000)
+    assert block.status == StrainStatus.RECONNECTED
+    assert stream.counter.restarts == 0
+
+
+def test_a_change_of_status_begins_a_block():
+    stream = start(samples_per_block=100)
+    batch = batch_of(7 * np.arange(1, 7))
+    batch.status[2:4] = int(StrainStatus.SATURATED)
+    blocks = run(stream, [batch])
+    assert [int(block.status) for block in blocks] == [0, 2, 0]
+    assert [len(block.tension_n) for block in blocks] == [2, 2, 2]
+    assert stream.status == StrainStatus.OK
+
+
+def test_a_value_beyond_the_stated_range_is_saturated():
+    stream = start(saturation_n=20.0, scale=-1.0)
+    blocks = run(stream, [batch_of([7, 14, 21, 28])])
+    assert [int(block.status) for block in blocks] == [0, 2]
+    assert blocks[1].tension_n.tolist() == [-21.0, -28.0]
+
+
+@pytest.mark.parametrize('cut', [1, 3, 40])
+def test_equal_values_are_stuck_after_their_time_and_not_before(cut):
+    stream = start(stuck_s=0.02, samples_per_block=1)
+    values = np.concatenate((np.arange(15.0), np.full(25, 99.0), np.arange(10.0)))
+    blocks = []
+    for i in range(0, len(values), cut):
+        ticks = 7 * np.arange(i + 1, min(i + cut, len(values)) + 1)
+        blocks += stream.add(batch_of(ticks, values=values[i : i + cut]))
+    stuck = [StrainStatus.STUCK in block.status for block in blocks]
+    assert stuck == [False] * 34 + [True] * 6 + [False] * 10
+
+
+def test_dropped_datagrams_are_marked_once():
+    stream = start(samples_per_block=1)
+    stream.note_dropped_bytes()
+    blocks = run(stream, [batch_of([7, 14])])
+    assert [block.status for block in blocks] == [StrainStatus.RESYNCHRONISED, StrainStatus.OK]
+
+
+def test_late_batches_do_not_spoil_the_stamps():
+    generator = np.random.default_rng(2)
+    stream = start(samples_per_block=7)
+    blocks = []
+    for i in range(3000):
+        late_s = 0.016 * generator.random() if generator.random() < 0.7 else 0.0
+        ticks = 7 * np.arange(7 * i + 1, 7 * i + 8)
+        blocks += stream.add(batch_of(ticks, delay_s=late_s))
+    error_s = [
+        (block.stamp_ns - START_NS) / 1e9 - block.tension_n[0] / RATE_HZ
+        for block in blocks
+        if block.tension_n[0] / RATE_HZ > 10
+    ]
+    assert np.abs(error_s).max() < 1e-3
