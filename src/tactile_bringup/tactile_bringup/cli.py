@@ -497,8 +497,8 @@ def check(
 ) -> None:
     """Exercise each device and print what it found; exit with 1 when something is wrong.
 
-    Devices are those whose port is given here, or whose ``port`` or ``host`` stands in
-    ``--params``. No node of the rig may run meanwhile: a port has one user.
+    Devices are those whose port is given here, or whose ``port`` (of a Net F/T: ``sensor``)
+    stands in ``--params``. No node of the rig may run meanwhile: a port has one user.
 
     **Sensor**: rate against ``rate_hz``, noise, lost samples, error of the time stamps, status
     bits. Leave the tendon alone while it listens.

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from contextlib import suppress
@@ -18,7 +17,7 @@ from linear_guide_driver.dynamixel_bus import DynamixelBus
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.guide_client import LinearGuideClient
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from linear_guide_driver.tendon_setup import set_up_servo
+from linear_guide_driver.tendon_setup import arm_watchdog, set_up_servo
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
@@ -39,10 +38,6 @@ _STATUS_REMEDIES = {
     StrainStatus.STUCK: (
         'the reading does not change at all',
         'check the cable between load cell and amplifier; a coarse sensor needs stuck_s = 0',
-    ),
-    StrainStatus.DEVICE_ERROR: (
-        'the sensor reports an error of its own',
-        'read its status; power-cycle it',
     ),
 }
 
@@ -110,6 +105,17 @@ def check_sensor(config: TendonSensorConfig, seconds: float) -> CheckReport:
         facts, problems = judge_blocks(blocks, config)
     if identity:
         facts = {'identity': identity, **facts}
+    if health.rate_hz:
+        facts['rate that the device states [Hz]'] = round(health.rate_hz, 3)
+    if health.device_status:
+        problems.append(Problem(f'the sensor says: {health.device_status}', 'power-cycle it'))
+    if out_of_order := health.duplicates + health.late_samples + health.outliers:
+        problems.append(
+            Problem(
+                f'{out_of_order} readings came twice, too late or at an impossible time',
+                'check time_column and time_unit_s, and the cable',
+            )
+        )
     if not blocks:
         said = health.last_error or (
             f'the last line was "{health.last_rejected}"' if health.last_rejected else 'silence'
@@ -208,6 +214,7 @@ def check_guide(config: LinearGuideConfig, may_move: bool) -> CheckReport:
         client.connect()
         state = client.state
         facts['firmware'] = client.identification
+        facts['settings'] = 'fit'  # or it would not be connected
         facts['state'] = state.state if state else 'unknown'
         is_locked = state is not None and state.state == 'Alarm'
         facts['homed since power-up'] = 'no' if is_locked else 'perhaps; trials home it anyway'
@@ -303,13 +310,21 @@ def _read_servo(bus: DynamixelBus, facts: dict[str, Any]) -> list[Problem]:
         'temperature [C]': temperature_c,
         'hardware errors': words,
     }
+    problems = []
+    if error:
+        problems.append(
+            Problem(
+                f'the servo has shut down: {words}',
+                'remove the cause; the driver restarts the servo when it is configured',
+            )
+        )
     if temperature_c > MOST_TEMPERATURE_C:
-        return [
+        problems.append(
             Problem(
                 f'the servo has {temperature_c} degrees Celsius', 'let it cool; lower its load'
             )
-        ]
-    return []
+        )
+    return problems
 
 
 def _try_watchdog(
@@ -333,18 +348,16 @@ def _try_watchdog(
 def _wind(
     bus: DynamixelBus, config: TendonActuatorConfig, slack_counts: int, facts: dict[str, Any]
 ) -> list[Problem]:
-    """Wind in by a short way and let out; each read feeds the watchdog, which is off now."""
+    """Wind in by a short way and let out; each read feeds the watchdog."""
     length_m = min(0.002, config.max_displacement_m)
     sign = -1 if config.reverse else 1
     counts = sign * registers.m_to_counts(length_m, config.pulley_radius_m)
-    bus.write(registers.BUS_WATCHDOG, 0)
+    bus.write(registers.BUS_WATCHDOG, 0)  # it has tripped, which locks the goals
     bus.write(
         registers.PROFILE_VELOCITY,
         registers.m_s_to_velocity(config.speed_m_s, config.pulley_radius_m),
     )
-    bus.write(
-        registers.BUS_WATCHDOG, math.ceil(config.watchdog_s / registers.WATCHDOG_STEP_S - 1e-9)
-    )
+    arm_watchdog(bus, config.watchdog_s)
     most_a = 0.0
     for goal in (slack_counts + counts, slack_counts):
         bus.write(registers.GOAL_POSITION, goal)

@@ -8,6 +8,7 @@ import contextlib
 import json
 import os
 import select
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -76,8 +77,11 @@ class SimulatedRig:
             start_new_session=True,
         )
         self._pending = b''
+        self._own_folder: Path | None = None
         try:
             self.ports = RigPorts(**self._read_answer(_START_S))
+            if links is None:
+                self._own_folder = Path(self.ports.guide).parent
         except BaseException:
             self.close()
             raise
@@ -154,6 +158,8 @@ class SimulatedRig:
         if process.stdout is not None:
             process.stdout.close()
         self._complaints.close()
+        if self._own_folder is not None:  # when the process was killed it is still there
+            shutil.rmtree(self._own_folder, ignore_errors=True)
 
     def _request(self, message: dict[str, Any]) -> dict[str, Any]:
         stdin = self._process.stdin

@@ -81,8 +81,12 @@ def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], C
         name: {**of_node, **({'port': given[name]} if given[name] else {})}
         for name, of_node in wanted.items()
     }
-    # Parameters alone name a device when they say where it is.
-    named = [name for name, of_node in wanted.items() if 'port' in of_node or 'host' in of_node]
+    # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
+    named = [
+        name
+        for name, of_node in wanted.items()
+        if 'port' in of_node or of_node.get('sensor') == 'net_ft'
+    ]
     if not named:
         raise BringupError(
             'name what to check: --sensor, --guide or --tendon with a port, --params with a file '

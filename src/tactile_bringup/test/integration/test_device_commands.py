@@ -195,6 +195,7 @@ def test_faults_of_guide_and_tendon_are_told(rig):
     facts, problems = check('--tendon', rig.ports.tendon)
     assert facts['temperature [C]'] == 91
     assert facts['hardware errors'] == 'overheating'
+    assert 'has shut down: overheating' in problems
     assert 'let it cool' in problems
     rig.fault('tendon', 'mute')
     _, problems = check('--tendon', rig.ports.tendon)

@@ -69,7 +69,6 @@ def test_what_was_lost_before_listening_does_not_count():
     [
         ({'status': StrainStatus.SATURATED}, 'saturates'),
         ({'status': StrainStatus.STUCK}, 'does not change'),
-        ({'status': StrainStatus.DEVICE_ERROR}, 'an error of its own'),
         ({'stamp_error_s': 0.02}, 'wrong by 20.0 ms'),
     ],
 )

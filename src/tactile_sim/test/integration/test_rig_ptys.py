@@ -143,6 +143,7 @@ def test_a_dead_rig_says_so(tmp_path):
             rig.truth()
     with pytest.raises(RigError, match='closed'):
         rig.truth()
+    assert not os.path.lexists(os.path.dirname(rig.ports.guide))
 
 
 def test_ctrl_c_in_the_terminal_of_its_program_does_not_end_the_rig():
