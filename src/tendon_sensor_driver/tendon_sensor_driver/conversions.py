@@ -165,7 +165,8 @@ def _describe_silence(
     silence_s: float, health: Health, before: Health, config: TendonSensorConfig
 ) -> str:
     sentence = f'no reading for {silence_s:.1f} s'
-    if config.sensor != 'line':
+    # What came before the last reading says nothing about the silence.
+    if config.sensor != 'line' or before.heard_at_ns != health.heard_at_ns:
         return sentence
     if health.rejected_lines > before.rejected_lines:
         sentence += (
