@@ -122,7 +122,8 @@ class SampleCounter:
             newest = indices[-1]
             self._measure(int(batch.records[newest]), int(ahead[newest]))
             self._newest = (int(batch.ticks[newest]), batch.received_at_ns)
-            elapsed = np.diff(ahead[indices], prepend=0)
+            elapsed = ahead[indices]
+            elapsed[1:] -= elapsed[:-1].copy()
             if is_restart:
                 elapsed[0] = self.ticks_per_sample
             steps = np.maximum(np.rint(elapsed / self.ticks_per_sample).astype(np.int64), 1)

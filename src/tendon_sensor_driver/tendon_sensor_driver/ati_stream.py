@@ -55,7 +55,7 @@ class CountedStream:
     def __init__(self, config: TendonSensorConfig) -> None:
         self._config = config
         self._axis = AXES.index(config.axis)
-        self._saturation_n = config.saturation_n or float('inf')
+        self._saturation_n = config.saturation_n
         self.counter = SampleCounter()
         self.readings = self.lost_samples = self.outliers = 0
         self.status = StrainStatus.OK
@@ -165,9 +165,10 @@ class CountedStream:
         is_break = lost > 0
         is_break[1:] |= status[1:] != status[:-1]
         is_break[0] |= self._is_break(int(stamps[0]), int(status[0]))
-        starts = np.flatnonzero(is_break)
-        edges = np.unique(np.concatenate(([0], starts, [len(indices)])))
-        for first, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        starts = np.flatnonzero(is_break).tolist()
+        if starts[:1] != [0]:
+            starts.insert(0, 0)
+        for first, last in zip(starts, [*starts[1:], len(indices)], strict=True):
             if is_break[first]:
                 blocks += self.flush()
             blocks += self._extend(
@@ -244,14 +245,19 @@ class CountedStream:
     def _judge(self, wrench: NDArray[np.float64]) -> NDArray[np.uint32]:
         """Status bits that the values themselves give."""
         tension_n = self._config.scale * wrench[:, self._axis]
-        status = np.where(
-            np.abs(tension_n) >= self._saturation_n, int(StrainStatus.SATURATED), 0
-        ).astype(np.uint32)
-        is_changed = np.diff(tension_n, prepend=self._tension_n) != 0
+        status = np.zeros(len(tension_n), dtype=np.uint32)
+        if self._saturation_n:
+            status[np.abs(tension_n) >= self._saturation_n] = int(StrainStatus.SATURATED)
+        is_equal = np.empty(len(tension_n), dtype=np.bool_)
+        is_equal[0] = tension_n[0] == self._tension_n
+        np.equal(tension_n[1:], tension_n[:-1], out=is_equal[1:])
         self._tension_n = float(tension_n[-1])
+        if not is_equal.any():
+            self._equal = 1
+            return status
         # Equal samples in a row, up to and with each one.
         position = np.arange(1, len(tension_n) + 1)
-        change = np.maximum.accumulate(np.where(is_changed, position, -self._equal))
+        change = np.maximum.accumulate(np.where(is_equal, -self._equal, position))
         equal = np.where(change > 0, position - change + 1, position + self._equal)
         self._equal = int(equal[-1])
         if self._config.stuck_s:

@@ -41,6 +41,7 @@ _LONGEST_GATHER_S = 0.02
 _MOST_BYTES = 4096 * RECORD_BYTES  # in one batch
 _BUFFER_BYTES = 4 << 20
 _PYNETFT_QUEUE = 4096
+_COUNT_S = 0.1
 
 
 class LinkCounts(NamedTuple):
@@ -176,6 +177,8 @@ class PynetftLink:
         self._now_ns = now_ns
         self.status_word = box.status
         self._records = 0
+        self._counts = LinkCounts()
+        self._counted_s = 0.0
         force_n, torque_n_m = float(box.si_per_count[0]), float(box.si_per_count[3])
         config = pynetft.Config(
             sensor_host=host,
@@ -199,14 +202,18 @@ class PynetftLink:
 
     @property
     def counts(self) -> LinkCounts:
-        health = self._client.health()
-        return LinkCounts(
-            bytes=RECORD_BYTES * self._records,
-            datagrams=self._records + health.malformed_count,
-            rejected=health.malformed_count,
-            duplicates=health.duplicate_count,
-            late=health.out_of_order_count,
-        )
+        now_s = time.monotonic()
+        if now_s - self._counted_s > _COUNT_S:  # pynetft is slow to tell its counts
+            self._counted_s = now_s
+            health = self._client.health()
+            self._counts = LinkCounts(
+                bytes=RECORD_BYTES * self._records,
+                datagrams=self._records + health.malformed_count,
+                rejected=health.malformed_count,
+                duplicates=health.duplicate_count,
+                late=health.out_of_order_count,
+            )
+        return self._counts
 
     def read(self) -> Batch | None:
         samples: list[pynetft.Sample] = []
