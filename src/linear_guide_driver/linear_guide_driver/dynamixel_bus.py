@@ -113,6 +113,16 @@ class DynamixelBus:
         """
         self._insist(lambda: self._write_once(register, value))
 
+    def reboot(self) -> None:
+        """Restart the servo, which then is silent for a while.
+
+        Raises
+        ------
+        SilentServoError, DeviceRefusedError, DeviceConnectionError
+        """
+        result, error = self._call(lambda: self._packets.reboot(self._port, self._id))
+        self._check('restarting', result, error)
+
     def close(self) -> None:
         """Close the port. Harmless when called twice."""
         if self._port.ser is not None:

@@ -59,6 +59,8 @@ class LinearGuideClient:
         Called with each `GuideState`, on the reader thread.
     clock_ns : callable, optional
         Clock that stamps states [ns].
+    on_trouble : callable, optional
+        Called with a reason, on the reader thread, when a fault has lost the position.
 
     Attributes
     ----------
@@ -72,9 +74,10 @@ class LinearGuideClient:
         config: LinearGuideConfig,
         on_state: Callable[[GuideState], None] = lambda _: None,
         clock_ns: Callable[[], int] = time.time_ns,
+        on_trouble: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._config = config
-        self._on_state = on_state
+        self._on_state, self._on_trouble = on_state, on_trouble
         self._clock_ns = clock_ns
         self._connection: GrblConnection | None = None
         self._settings: GuideSettings | None = None
@@ -375,7 +378,9 @@ class LinearGuideClient:
 
     def _on_fault(self, reason: str) -> None:
         # The first reason is the cause; what follows are its consequences.
-        self._trouble = self._trouble or reason
+        if not self._trouble:
+            self._trouble = reason
+            self._on_trouble(reason)
 
     def _on_report(self, report: grbl.StatusReport) -> None:
         if report.state == 'Alarm':

@@ -7,13 +7,17 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 from tactile_msgs.action import HomeGuide, MoveGuide
+from tactile_msgs.msg import StrainBlock
 
 from linear_guide_driver.conversions import joint_state_to_msg
 from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
 from linear_guide_driver.guide_client import LinearGuideClient
+from linear_guide_driver.heartbeat import Heartbeat
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.throttle import Throttle
 from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
@@ -23,6 +27,8 @@ from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
 
 FEEDBACK_PERIOD_S = 0.1
+WATCH_PERIOD_S = 0.02
+NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
 
 
 class LinearGuideNode(TactileNode):
@@ -36,6 +42,9 @@ class LinearGuideNode(TactileNode):
         super().__init__(node_name, LinearGuideConfig, **node_options)
         self._client: LinearGuideClient | None = None
         self._runners: list[GoalRunner] = []
+        self._needed: list[Heartbeat] = []  # what must be heard of while the guide moves
+        self._heard: list[Any] = []  # the subscriptions to it
+        self._watch_timer: Any = None
         self._joint_states: Any = None
         self._stop_service: Any = None
         self._diagnostics: Diagnostics | None = None
@@ -43,13 +52,14 @@ class LinearGuideNode(TactileNode):
     def set_up(self, config: LinearGuideConfig) -> None:
         self._joint_states = self.create_lifecycle_publisher(JointState, '~/joint_states', STREAM)
         self._client = LinearGuideClient(
-            config, self._on_state, lambda: int(self.get_clock().now().nanoseconds)
+            config, self._on_state, self._now_ns, on_trouble=self._on_trouble
         )
         self._client.connect()
         self._runners = [
             GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self._accepting),
             GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self._accepting),
         ]
+        self._listen(config)
         self._stop_service = self.create_service(Trigger, '~/stop', self._on_stop)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
 
@@ -67,6 +77,12 @@ class LinearGuideNode(TactileNode):
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
+        if self._watch_timer is not None:
+            self.destroy_timer(self._watch_timer)
+            self._watch_timer = None
+        for subscription in self._heard:
+            self.destroy_subscription(subscription)
+        self._heard, self._needed = [], []
         if self._stop_service is not None:
             self.destroy_service(self._stop_service)
             self._stop_service = None
@@ -81,7 +97,8 @@ class LinearGuideNode(TactileNode):
             return 'The linear guide is not active; activate its node first.'
         if any(runner.is_busy for runner in self._runners):
             return 'The guide is busy with another motion; stop it first.'
-        return ''
+        now_ns = time.monotonic_ns()
+        return ' '.join(filter(None, (n.describe_silence(now_ns) for n in self._needed)))
 
     def _move(self, goal: Goal) -> MoveGuide.Result:
         assert self._client is not None
@@ -135,6 +152,41 @@ class LinearGuideNode(TactileNode):
             return {}
         return {'position_m': state.position_m}
 
+    # -- what must be heard of -----------------------------------------------------------
+
+    def _listen(self, config: LinearGuideConfig) -> None:
+        if config.heartbeat_topic:
+            beats = Heartbeat(config.heartbeat_topic, config.heartbeat_timeout_s)
+            self._needed.append(beats)
+            self._heard.append(
+                self.create_subscription(
+                    Empty,
+                    config.heartbeat_topic,
+                    lambda _: beats.beat(time.monotonic_ns()),
+                    qos_profile_sensor_data,
+                )
+            )
+        if config.strain_timeout_s:
+            samples = Heartbeat('valid strain samples', config.strain_timeout_s)
+            self._needed.append(samples)
+
+            def on_strain(block: StrainBlock) -> None:
+                if block.tension_n and not block.status & NO_MEASUREMENT:
+                    samples.beat(time.monotonic_ns())
+
+            self._heard.append(
+                self.create_subscription(StrainBlock, 'tendon_sensor/strain', on_strain, STREAM)
+            )
+        if self._needed:
+            self._watch_timer = self.create_timer(WATCH_PERIOD_S, self._watch_needed)
+
+    def _watch_needed(self) -> None:
+        now_ns = time.monotonic_ns()
+        for needed in self._needed:
+            loss = needed.take_loss(now_ns)
+            if loss and self._end_motion():
+                self.get_logger().error(f'{loss} The guide brakes.')
+
     # -- the rest ----------------------------------------------------------------------------
 
     def _end_motion(self) -> bool:
@@ -166,6 +218,14 @@ class LinearGuideNode(TactileNode):
                 )
             )
 
+    def _on_trouble(self, reason: str) -> None:
+        self.get_logger().error(f'{reason}; the position is unknown')
+        if self._diagnostics is not None:
+            self._diagnostics.publish()
+
+    def _now_ns(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
     def _hardware_id(self) -> str:
         return '' if self._client is None else self._client.identification
 
@@ -177,6 +237,8 @@ class LinearGuideNode(TactileNode):
         values = {
             'state': state.state,
             'position_m': 'unknown' if state.position_m is None else f'{state.position_m:.6f}',
+            'report_age_s': f'{(self._now_ns() - state.received_at_ns) / 1e9:.2f}',
+            'late_moves': client.late_moves,
             'garbage_lines': client.garbage_lines,
             'port': self.config.port,
         }

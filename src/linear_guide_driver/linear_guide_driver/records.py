@@ -57,6 +57,21 @@ class LinearGuideConfig:
         unit='Hz',
         range=(1.0, 20.0),
     )
+    heartbeat_topic: str = _parameter(
+        '',
+        'std_msgs/Empty that the commanding program sends again and again; every motion ends '
+        'when it falls silent; empty: none is needed',
+    )
+    heartbeat_timeout_s: float = _parameter(
+        0.2, 'silence of heartbeat_topic that ends motion', unit='s', range=(0.02, 10.0)
+    )
+    strain_timeout_s: float = _parameter(
+        0.0,
+        'every motion ends when no valid sample came on tendon_sensor/strain for this long; '
+        '0: none is needed',
+        unit='s',
+        range=(0.0, 10.0),
+    )
     joint_name: str = _parameter('linear_guide_joint', 'name of the joint in joint states')
     frame_id: str = _parameter('linear_guide_link', 'frame of the joint states')
 
@@ -104,9 +119,23 @@ class TendonActuatorConfig:
     abduction_limit_n: float = _parameter(
         3.0, 'tension at which an abduction pull is released', unit='N', range=(0.1, 200.0)
     )
+    unguarded: bool = _parameter(
+        False,
+        'true lets the tendon be pulled although no strain sample arrives; then nothing but '
+        'current_limit_a limits the tension',
+    )
+    taut_tension_n: float = _parameter(
+        0.2,
+        'tension at which a tendon that is homed counts as taut',
+        unit='N',
+        range=(0.02, 5.0),
+    )
+    homing_speed_m_s: float = _parameter(
+        0.002, 'tendon speed while it is homed', unit='m/s', range=(0.0005, 0.02)
+    )
     guard_timeout_s: float = _parameter(
-        0.25,
-        'a pull with a stop tension ends when no strain sample came for this long',
+        0.2,
+        'winding ends, and the tendon is held, when no valid strain sample came for this long',
         unit='s',
         range=(0.02, 10.0),
     )
@@ -118,6 +147,14 @@ class TendonActuatorConfig:
     )
     poll_rate_hz: float = _parameter(
         60.0, 'rate of state reads and joint states', unit='Hz', range=(5.0, 200.0)
+    )
+    heartbeat_topic: str = _parameter(
+        '',
+        'std_msgs/Empty that the commanding program sends again and again; every motion ends '
+        'when it falls silent; empty: none is needed',
+    )
+    heartbeat_timeout_s: float = _parameter(
+        0.2, 'silence of heartbeat_topic that ends motion', unit='s', range=(0.02, 10.0)
     )
     joint_name: str = _parameter('tendon_joint', 'name of the joint in joint states')
     frame_id: str = _parameter('tendon_link', 'frame of the joint states')

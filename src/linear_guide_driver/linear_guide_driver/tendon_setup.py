@@ -4,12 +4,13 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from typing import NamedTuple
 
 from linear_guide_driver import dynamixel_registers as registers
-from linear_guide_driver.dynamixel_bus import DynamixelBus
+from linear_guide_driver.dynamixel_bus import DynamixelBus, SilentServoError
 from linear_guide_driver.errors import DeviceRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
 
@@ -17,12 +18,18 @@ SETTLING_S = 3.0
 SETTLING_PERIOD_S = 0.1
 SETTLED_COUNTS = 2
 
+REBOOT_S = 3.0
+"""A restarted servo is silent for some 0.3 s."""
+
+_logger = logging.getLogger(__name__)
+
 
 class TendonServo(NamedTuple):
     """A servo that is ready and holds its position, in its own units."""
 
     identification: str
     velocity_limit: int
+    temperature_limit_c: int
     position_counts: int
 
 
@@ -39,8 +46,8 @@ def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> TendonServo
     DeviceConnectionError
         When the servo does not answer.
     DeviceRefusedError
-        When it is not a supported servo, is too old, reports a hardware error, or
-        its limits are below those of the configuration.
+        When it is not a supported servo, is too old, reports a hardware error that a
+        restart does not end, or its limits are below those of the configuration.
     """
     identification = _check_servo(bus, config.device_id)
     velocity_limit = bus.read(registers.VELOCITY_LIMIT)
@@ -49,6 +56,7 @@ def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> TendonServo
         raise DeviceRefusedError(
             f'speed_m_s is {config.speed_m_s} and the servo allows {fastest_m_s:.4f} m/s; lower it'
         )
+    temperature_limit_c = bus.read(registers.TEMPERATURE_LIMIT)
     current = registers.a_to_current(config.current_limit_a)
     current_limit = bus.read(registers.CURRENT_LIMIT)
     if current > current_limit:
@@ -74,7 +82,7 @@ def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> TendonServo
     bus.write(registers.GOAL_POSITION, position_counts)
     bus.write(registers.TORQUE_ENABLE, 1)
     arm_watchdog(bus, config.watchdog_s)  # works only with the torque on
-    return TendonServo(identification, velocity_limit, position_counts)
+    return TendonServo(identification, velocity_limit, temperature_limit_c, position_counts)
 
 
 def arm_watchdog(bus: DynamixelBus, watchdog_s: float) -> None:
@@ -96,16 +104,33 @@ def _check_servo(bus: DynamixelBus, device_id: int) -> str:
             f'{registers.FIRMWARE_WITH_WATCHDOG} or later'
         )
     if word := bus.read(registers.HARDWARE_ERROR):
-        raise DeviceRefusedError(
-            f'servo {device_id} has shut down: {registers.describe_hardware_error(word)}; '
-            'remove the cause and power-cycle the servo'
-        )
+        _reboot(bus, device_id, registers.describe_hardware_error(word))
     if bus.read(registers.STATUS_RETURN_LEVEL) != registers.STATUS_ALWAYS:
         raise DeviceRefusedError(
             f'servo {device_id} does not answer every instruction; set its status return level '
             f'to {registers.STATUS_ALWAYS}'
         )
     return f'Dynamixel {registers.MODELS[model]} firmware {firmware}'
+
+
+def _reboot(bus: DynamixelBus, device_id: int, words: str) -> None:
+    """Restart a servo that has shut down; only that ends it, and what ails it comes again."""
+    _logger.warning('servo %d has shut down: %s; restarting it', device_id, words)
+    bus.reboot()
+    deadline_s = time.monotonic() + REBOOT_S
+    while True:
+        time.sleep(SETTLING_PERIOD_S)
+        try:
+            word = bus.read(registers.HARDWARE_ERROR)
+            break
+        except SilentServoError:
+            if time.monotonic() > deadline_s:
+                raise
+    if word:
+        raise DeviceRefusedError(
+            f'servo {device_id} has shut down: {registers.describe_hardware_error(word)}, and a '
+            'restart did not help; remove the cause, let it cool, and configure the driver again'
+        )
 
 
 def _wait_settled(bus: DynamixelBus) -> None:

@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import Enum
 
 from linear_guide_driver.errors import MotionRefusedError
@@ -17,7 +18,7 @@ class Verdict(Enum):
     CONTINUE = 'continue'
     REACHED = 'the stop tension is reached: hold'
     OVER_LIMIT = 'the limit is exceeded: release'
-    NO_SAMPLES = 'a stop tension was asked for and the sensor is silent: release'
+    NO_SAMPLES = 'the sensor is silent: hold'
 
 
 class TensionGuard:
@@ -31,16 +32,22 @@ class TensionGuard:
     limits_n : mapping of str to float
         Limit by contact [N].
     timeout_s : float
-        A pull with a stop tension ends when no valid sample came for this long [s].
+        A pull ends when no valid sample came for this long [s].
+    is_optional : bool
+        True lets pulls without a stop tension go on without samples.
     """
 
-    def __init__(self, limits_n: Mapping[str, float], timeout_s: float) -> None:
+    def __init__(
+        self, limits_n: Mapping[str, float], timeout_s: float, is_optional: bool = False
+    ) -> None:
+        self._is_optional = is_optional
         self._limits_n = dict(limits_n)
         self._timeout_ns = round(timeout_s * 1e9)
         self._lock = threading.Lock()
         # Before the first pull names a contact, the tendon has no business being tight.
         self._limit_n = min(self._limits_n.values())
         self._stop_tension_n = 0.0
+        self._needs_samples = False
         self._tension_n: float | None = None
         self._sampled_at_ns: int | None = None
         self._is_release = False
@@ -63,7 +70,24 @@ class TensionGuard:
         with self._lock:
             return self._is_alive(now_ns)
 
-    def begin(self, contact: str, stop_tension_n: float, is_release: bool, now_ns: int) -> None:
+    def live_tension_n(self, now_ns: int) -> float | None:
+        """Return the latest tension [N]; None when valid samples do not arrive [ns]."""
+        with self._lock:
+            return self._tension_n if self._is_alive(now_ns) else None
+
+    @property
+    def strictest_contact(self) -> str:
+        """The contact with the lowest limit."""
+        return min(self._limits_n, key=lambda contact: self._limits_n[contact])
+
+    def begin(
+        self,
+        contact: str,
+        stop_tension_n: float,
+        is_release: bool,
+        now_ns: int,
+        target_tension_n: float = 0.0,
+    ) -> None:
         """Put the limit of a new pull in force.
 
         Parameters
@@ -76,6 +100,8 @@ class TensionGuard:
             True when the pull only lets tendon out, which is always allowed.
         now_ns : int
             Monotonic time [ns].
+        target_tension_n : float
+            Tension that the pull is to reach and keep [N]; 0: none.
 
         Raises
         ------
@@ -88,16 +114,23 @@ class TensionGuard:
                     f'Contact "{contact}" is unknown; it must be one of '
                     f'{", ".join(self._limits_n)}.'
                 )
-            if not 0.0 <= stop_tension_n <= limit_n:
+            for name, tension_n in (('Stop', stop_tension_n), ('Target', target_tension_n)):
+                if not 0.0 <= tension_n <= limit_n:
+                    raise MotionRefusedError(
+                        f'{name} tension {tension_n} N must be between 0 and the {contact} limit '
+                        f'of {limit_n} N.'
+                    )
+            if stop_tension_n and target_tension_n:
                 raise MotionRefusedError(
-                    f'Stop tension {stop_tension_n} N must be between 0 and the {contact} limit '
-                    f'of {limit_n} N.'
+                    'A pull takes stop_tension_n or target_tension_n; set one of them to 0.'
                 )
             alive = self._is_alive(now_ns)
-            if stop_tension_n > 0 and not alive:
+            asks = bool(stop_tension_n or target_tension_n)
+            needs_samples = asks or not (is_release or self._is_optional)
+            if needs_samples and not alive:
                 raise MotionRefusedError(
-                    'A stop tension needs the tendon sensor and no valid strain sample arrives; '
-                    'start the sensor or set stop_tension_n to 0.'
+                    'A pull needs the tendon sensor and no valid strain sample arrives; start the '
+                    'sensor' + ('.' if asks else ', or set the parameter unguarded to true.')
                 )
             if alive and not is_release and (self._tension_n or 0.0) > limit_n:
                 raise MotionRefusedError(
@@ -106,6 +139,7 @@ class TensionGuard:
                 )
             self._limit_n = limit_n
             self._stop_tension_n = stop_tension_n
+            self._needs_samples = needs_samples
             self._is_release = is_release
             self._is_over = False
             self._verdict = Verdict.CONTINUE
@@ -114,6 +148,7 @@ class TensionGuard:
         """Forget the stop tension; the limit stays in force."""
         with self._lock:
             self._stop_tension_n = 0.0
+            self._needs_samples = False
             self._is_release = False
 
     def put_back(self, limit_n: float) -> None:
@@ -121,32 +156,37 @@ class TensionGuard:
         with self._lock:
             self._limit_n = limit_n
 
-    def add_sample(self, tension_n: float, is_saturated: bool, now_ns: int) -> bool:
-        """Take a valid sample; return True when the tendon must be released now.
+    def add_samples(self, tension_n: Sequence[float], is_saturated: bool, now_ns: int) -> bool:
+        """Take valid samples; return True when the tendon must be released now.
 
-        True comes once for each time the limit is crossed.
+        True comes once for each time the limit is crossed. A sensor that pulls the other
+        way round is as dangerous, so the limit holds for both signs.
 
         Parameters
         ----------
-        tension_n : float
-            [N]
+        tension_n : sequence of float
+            Oldest first [N].
         is_saturated : bool
             The sensor is at the end of its range: counts as over the limit.
         now_ns : int
             Monotonic time of arrival [ns].
         """
+        if not tension_n:
+            return False
+        highest_n, lowest_n, last_n = max(tension_n), min(tension_n), tension_n[-1]
         with self._lock:
-            self._tension_n = float('inf') if is_saturated else tension_n
+            self._tension_n = math.inf if is_saturated else last_n
             self._sampled_at_ns = now_ns
             if self._is_release:
                 return False
-            was_over, self._is_over = self._is_over, self._tension_n > self._limit_n
+            worst_n = math.inf if is_saturated else max(highest_n, -lowest_n)
+            was_over, self._is_over = self._is_over, worst_n > self._limit_n
             if self._is_over:
                 if not was_over:
-                    self._verdict, self._decisive_n = Verdict.OVER_LIMIT, self._tension_n
+                    self._verdict, self._decisive_n = Verdict.OVER_LIMIT, worst_n
                 return not was_over
-            if self._verdict is Verdict.CONTINUE and 0 < self._stop_tension_n <= tension_n:
-                self._verdict, self._decisive_n = Verdict.REACHED, tension_n
+            if self._verdict is Verdict.CONTINUE and 0 < self._stop_tension_n <= highest_n:
+                self._verdict, self._decisive_n = Verdict.REACHED, highest_n
             return False
 
     def check(self, now_ns: int) -> Verdict:
@@ -154,7 +194,7 @@ class TensionGuard:
         with self._lock:
             if (
                 self._verdict is Verdict.CONTINUE
-                and self._stop_tension_n > 0
+                and self._needs_samples
                 and not self._is_alive(now_ns)
             ):
                 self._verdict = Verdict.NO_SAMPLES

@@ -131,7 +131,6 @@ def test_a_bad_command_moves_nothing(tendon, servo, displacement_m, speed_m_s, t
     [
         (0, 2, 1200, 'model number 1200'),
         (6, 1, 37, 'firmware 37 without bus watchdog'),
-        (70, 1, 0x24, 'shut down: overheating and overload'),
         (68, 1, 1, 'status return level'),
         (38, 2, 50, r'allows 0\.1[0-9]+ A'),
         (44, 4, 10, 'lower it'),
@@ -143,6 +142,21 @@ def test_an_unfit_servo_is_refused_and_left_without_torque(
     servo.put(address, size, value)
     with pytest.raises(DeviceRefusedError, match=text):
         TendonActuatorClient(config).connect()
+    assert servo.table[64] == 0
+
+
+def test_a_servo_that_has_shut_down_is_restarted_and_refused_when_that_does_not_help(
+    config, servo
+):
+    servo.shut_down(0x24)
+    tendon = TendonActuatorClient(config)
+    tendon.connect()
+    assert servo.table[64] == 1
+    tendon.close()
+    servo.lasting_error = 0x04
+    servo.shut_down(0x24)
+    with pytest.raises(DeviceRefusedError, match='shut down: overheating, and a restart did not'):
+        tendon.connect()
     assert servo.table[64] == 0
 
 

@@ -31,6 +31,7 @@ class ScriptedServo:
         self.put(6, 1, 45)
         self.put(7, 1, 1)
         self.put(11, 1, 3)
+        self.put(31, 1, 80)
         self.put(38, 2, 1193)
         self.put(44, 4, 200)
         self.put(68, 1, 2)
@@ -39,6 +40,8 @@ class ScriptedServo:
         self.put(146, 1, 31)
         self.writes = []
         self.is_silent = False
+        self.lasting_error = 0  # the hardware error that a restart does not end
+        self._silent_until_s = 0.0
         self.is_mute = False  # hears, but its answers are lost
         self.lose = lambda address: False  # whether the packet for this register is lost
         self.lost_answers = 0  # how many of the next answers are lost
@@ -112,6 +115,8 @@ class ScriptedServo:
         assert struct.unpack('<H', packet[-2:])[0] == compute_crc(packet[:-2])
         if packet[4] != self.table[7] or self.is_silent:
             return
+        if time.monotonic() < self._silent_until_s:
+            return
         if packet[7] in (2, 3) and self.lose(struct.unpack('<H', packet[8:10])[0]):
             return
         self._heard_s = time.monotonic()
@@ -127,6 +132,12 @@ class ScriptedServo:
         elif instruction == 3:
             address, data = struct.unpack('<H', parameters[:2])[0], parameters[2:]
             self._answer(self._write(address, data))
+        elif instruction == 8:
+            self._answer(0)
+            self.put(64, 1, 0)
+            self.put(98, 1, 0)
+            self.put(70, 1, self.lasting_error)
+            self._silent_until_s = time.monotonic() + 0.3
         else:
             self._answer(2)
 
