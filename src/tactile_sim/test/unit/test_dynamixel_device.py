@@ -241,3 +241,43 @@ def test_sync_and_registered_instructions():
     assert bench.send(0x05)[0] == 0
     assert bench.read(known.BUS_WATCHDOG) == 3
     assert bench.send(0x05)[0] == 1
+
+
+def test_power_loss_is_silence_and_a_servo_without_torque():
+    bench = Bench()
+    bench.arm()
+    bench.write(known.GOAL_POSITION, 2048 + 4096)
+    bench.wait(2.0)
+    bench.device.fail(0x20)
+    # Half a packet before, the other half after: no packet.
+    packet = encode_instruction(1, 0x01)
+    bench.device.receive(packet[:6], bench.now_s)
+    bench.device.restart()
+    assert bench.send(0x01) is None
+    bench.wait(0.35)
+    assert bench.device.receive(packet[6:], bench.now_s) == b''
+    assert bench.send(0x01)[0] == 0
+    assert bench.read(known.TORQUE_ENABLE) == 0
+    assert bench.read(known.PRESENT_POSITION) == 2048
+    assert bench.read(known.OPERATING_MODE) == 5
+
+
+def test_a_hot_servo_shuts_down_again_after_each_reboot_until_it_is_cool():
+    bench = Bench()
+    bench.arm()
+    bench.device.heat(85)
+    bench.wait(0.01)
+    for _ in range(2):
+        assert bench.read(known.HARDWARE_ERROR) == 0x04
+        assert bench.read(known.TORQUE_ENABLE) == 0
+        assert bench.read(known.PRESENT_TEMPERATURE) == 85
+        bench.send(0x08)
+        bench.wait(0.35)
+    bench.device.cool()
+    assert bench.read(known.HARDWARE_ERROR) == 0x04  # it stays until a reboot
+    assert bench.write(known.TORQUE_ENABLE, 1) == 0x81
+    bench.send(0x08)
+    bench.wait(0.35)
+    assert bench.read(known.HARDWARE_ERROR) == 0
+    assert bench.read(known.PRESENT_TEMPERATURE) == 30
+    assert bench.write(known.TORQUE_ENABLE, 1) == 0

@@ -213,3 +213,74 @@ def test_garbage_never_breaks_it(garbage):
     bench.send(b'\x18', after_s=1.0)
     bench.send(b'\x18', after_s=1.0)
     assert '|MPos:' in bench.send('?')
+
+
+# -- what the world does to it ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    'doing', ['', 'G1X-100F900\n', '$J=G91X-50F900\n', 'G4P9\n', '$H\n', 'moving, held']
+)
+def test_power_loss_forgets_all_but_settings(doing):
+    bench = Bench()
+    bench.send('$110=3000\nG20\n')
+    bench.send('G1X-3F20\n!' if doing == 'moving, held' else doing, after_s=0.2)
+    bench.device.restart(bench.now_s)
+    here_m = bench.device.position_m(bench.now_s)
+    assert bench.send('G1X0F900\n?\x18', after_s=0.999) == ''  # it boots, and hears nothing
+    said = bench.send('', after_s=0.001)
+    assert said == "\r\nGrbl 1.1h ['$' for help]\r\n[MSG:'$H'|'$X' to unlock]\r\n"
+    bench.now_s += 20.0
+    assert bench.send('?').startswith('<Alarm|MPos:0.000,')  # and no late ok
+    assert bench.device.position_m(bench.now_s) == here_m
+    assert '$110=3000.000' in bench.send('$$\n')
+    assert 'G21' in bench.send('$G\n')
+    assert bench.send('$H\n', after_s=20.0) == 'ok\r\n'
+    assert bench.mpos() == -199.0
+
+
+@pytest.mark.parametrize('doing', ['', 'G1X-100F900\n', '$J=G91X50F900\n', 'G4P9\n', '$H\n'])
+def test_the_limit_switch_stops_it_dead_until_a_reset(doing):
+    bench = Bench()
+    bench.send(doing, after_s=0.2)
+    bench.device.trip_limit(bench.now_s)
+    here_m = bench.device.position_m(bench.now_s)
+    assert bench.send('', after_s=0.499).endswith('ALARM:1\r\n')
+    assert bench.send('?$X\n~!\x85', after_s=0.001) == '[MSG:Reset to continue]\r\n'
+    assert bench.send('?$X\n', after_s=20.0) == ''
+    assert bench.device.position_m(bench.now_s) == here_m
+    assert bench.send('\x18').endswith("[MSG:'$H'|'$X' to unlock]\r\n")
+    assert bench.send('?').startswith('<Alarm|')
+    assert bench.send('G0X-1\n') == 'error:9\r\n'
+
+
+events = st.sampled_from(
+    [
+        'restart',
+        'trip_limit',
+        'G1X-150F900\n',
+        '$J=G91X-9F900\n',
+        '$H\n',
+        '!',
+        '~',
+        '\x18',
+        'G4P1\n',
+    ]
+)
+
+
+@given(st.lists(st.tuples(events, st.floats(0.0, 2.0)), max_size=12))
+def test_no_order_of_events_leaves_it_dead_or_off_the_rail(happenings):
+    bench = Bench(homed=False)
+    for event, after_s in happenings:
+        if event in ('restart', 'trip_limit'):
+            getattr(bench.device, event)(bench.now_s)
+        else:
+            bench.send(event)
+        bench.now_s += after_s
+        assert 0.0 <= bench.device.position_m(bench.now_s) <= 0.2
+    bench.send('', after_s=30.0)
+    bench.send(b'\x18', after_s=2.0)
+    bench.send(b'\x18', after_s=2.0)
+    assert bench.send('$H\n', after_s=30.0).endswith('ok\r\n')
+    assert bench.mpos() == -199.0

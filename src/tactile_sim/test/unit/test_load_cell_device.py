@@ -93,3 +93,59 @@ def test_the_drivers_decoder_reads_every_line():
     decoder.feed(device.poll(1.0), 0)
     assert decoder.readings == 59  # the first line after the start is not trusted
     assert decoder.rejected_lines == 0
+
+
+class Bench:
+    """A load cell under 3 N, and its clock."""
+
+    def __init__(self):
+        self.device = LoadCellDevice(CELL, np.random.default_rng(1))
+        self.steps = 0
+
+    def wait(self, seconds):
+        lines = b''
+        for _ in range(round(seconds * 1000)):
+            self.device.record(self.steps * 1e-3, 3.0, 0.0)
+            lines += self.device.poll(self.steps * 1e-3)
+            self.steps += 1
+        return lines
+
+
+def test_power_loss_restarts_its_clock_after_a_banner():
+    bench = Bench()
+    assert bench.wait(1.0)
+    bench.device.enter_menu()
+    bench.device.restart()
+    assert bench.wait(0.45) == b''
+    text, _, lines = bench.wait(0.5).partition(b'Readings:\r\n')
+    assert text.startswith(b'\r\nSerial Load Cell Converter version 1.2\r\n')
+    assert [line.split(b',')[0] for line in lines.split(b'\r\n')[:3]] == [b'0', b'16', b'33']
+
+
+def test_in_the_menu_it_sends_no_lines_and_its_clock_goes_on():
+    bench = Bench()
+    last = bench.wait(0.1).split(b'\r\n')[-2]
+    assert bench.device.receive(b'y', 0.0) == b''
+    assert bench.device.receive(b'x', 0.0).endswith(b'x) Exit\r\n>')
+    assert bench.wait(1.0) == b''
+    assert bench.device.receive(b'?', 0.0).endswith(b'>')
+    assert bench.device.receive(b'x', 0.0) == b'Exiting\r\n'
+    first = bench.wait(0.1).split(b'\r\n')[0]
+    assert int(first.split(b',')[0]) - int(last.split(b',')[0]) in range(1000, 1034)
+    bench.device.leave_menu()
+    assert b'Exiting' not in bench.wait(0.1)
+
+
+def test_faults_of_the_reading_do_not_change_what_comes_after():
+    sound, faulty = Bench(), Bench()
+    sound.wait(0.5), faulty.wait(0.5)
+    faulty.device.is_stuck = True
+    stuck = read_newtons([line.split(b',') for line in faulty.wait(0.5).split(b'\r\n')[:-1]])
+    assert np.ptp(stuck) == 0.0
+    faulty.device.is_stuck = False
+    faulty.device.is_saturated = True
+    high = read_newtons([line.split(b',') for line in faulty.wait(0.5).split(b'\r\n')[:-1]])
+    assert high == pytest.approx(CELL.capacity_n, abs=ROUNDING_N + CELL.resolution_n)
+    faulty.device.is_saturated = False
+    sound.wait(1.0)
+    assert faulty.wait(0.5) == sound.wait(0.5)
