@@ -56,7 +56,7 @@ class DigitalFtClient:
         self._thread = threading.Thread(target=self._run, name='digital-ft', daemon=True)
         self.identity = ''
         self._is_connected = False
-        self._heard_at_ns = 0
+        self._heard_at_ns = self._connected_at_ns = 0
         self._delay_s = FIRST_DELAY_S
         self._reconnects = 0
         self._status_word = 0
@@ -89,6 +89,8 @@ class DigitalFtClient:
             raise TendonSensorError('this client has been opened before; make a new one')
         _logger.warning('the driver of the ATI Digital F/T has not been tried on hardware')
         self._link = self._connect()
+        self._heard_at_ns = self._now_ns()
+        self._is_connected = True
         self._thread.start()
 
     def close(self) -> None:
@@ -126,7 +128,6 @@ class DigitalFtClient:
         try:
             if self._link is None:
                 self._link = self._connect()
-                self._reconnects += 1
             self._read(self._link)
         except LinkError as error:
             self._is_connected = False
@@ -149,8 +150,7 @@ class DigitalFtClient:
             raise
         self.identity = calibration.serial
         self._stream.begin_session(calibration)
-        self._heard_at_ns = self._now_ns()
-        self._is_connected = True
+        self._connected_at_ns = self._now_ns()
         return link
 
     def _disconnect(self) -> None:
@@ -167,7 +167,10 @@ class DigitalFtClient:
         if self._stream.decoder.records > records:
             self._heard_at_ns = received_at_ns
             self._delay_s = FIRST_DELAY_S
-        elif received_at_ns - self._heard_at_ns > _DEAD_S * 1e9:
+            if not self._is_connected:
+                self._is_connected = True
+                self._reconnects += 1
+        elif received_at_ns - max(self._heard_at_ns, self._connected_at_ns) > _DEAD_S * 1e9:
             raise LinkError(
                 f'no records from the Digital F/T at {self._config.port} for {_DEAD_S} s; '
                 'check its power and cable'

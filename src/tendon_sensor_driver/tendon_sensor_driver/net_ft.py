@@ -102,6 +102,8 @@ class NetFtClient:
         if self._thread.ident is not None or self._stop.is_set():
             raise TendonSensorError('this client has been opened before; make a new one')
         self._link = self._connect()
+        self._heard_at_ns = self._now_ns()
+        self._is_connected = True
         self._thread.start()
 
     def close(self) -> None:
@@ -151,7 +153,6 @@ class NetFtClient:
         try:
             if self._link is None:
                 self._link = self._connect()
-                self._reconnects += 1
             if self._read(self._link):
                 self._delay_s = FIRST_DELAY_S
         except LinkError as error:
@@ -193,8 +194,6 @@ class NetFtClient:
         self._seen_rejected = 0
         self._box = box
         self._stream.begin_session(box.internal_rate_hz, round(box.internal_rate_hz / rate_hz))
-        self._heard_at_ns = self._now_ns()
-        self._is_connected = True
         return link
 
     def _disconnect(self) -> None:
@@ -218,6 +217,9 @@ class NetFtClient:
         if self._stream.readings == readings:
             return False
         self._heard_at_ns = batch.received_at_ns
+        if not self._is_connected:
+            self._is_connected = True
+            self._reconnects += 1
         return True
 
     def _deliver(self, blocks: list[Block]) -> None:
