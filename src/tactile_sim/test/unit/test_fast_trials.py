@@ -11,10 +11,15 @@ import pytest
 from tactile_sim import layout as at
 from tactile_sim.catalogue import default_catalogue
 from tactile_sim.errors import DescriptionError
-from tactile_sim.fast_trials import _Schedule, simulate_motion, simulate_trials
+from tactile_sim.fast_trials import (
+    STEPS_PER_SAMPLE,
+    _Schedule,
+    simulate_motion,
+    simulate_trials,
+)
 from tactile_sim.scene import build_scene
 from tactile_sim.timeline import Move, Timeline, plan_timeline
-from tactile_sim.variation import Variation
+from tactile_sim.variation import Variation, draw_variation
 
 CELL = default_catalogue().rig().load_cell
 SHORT = Timeline([Move(0.5, 0.070, 0.015)], [Move(0.1, 0.0054, 0.02)], 1.3)
@@ -64,6 +69,22 @@ def test_a_phase_of_the_sampling_is_a_motion_that_is_later_by_it():
     # Steps of another grid hit kinks elsewhere: alike but for the error of a step.
     assert np.abs(lagging - delayed).max() < 2e-4
     assert np.abs(lagging - prompt).max() > 5e-3
+
+
+def test_drawn_phases_are_cut_to_whole_steps():
+    names = ('R3', 'flexion')
+    trials = simulate_trials('texture', *names, SHORT, 3, 5)
+    variation, _ = draw_variation(default_catalogue(), 'flexion', 'texture', 'R3', 5, 0, 3)
+    scene = build_scene('texture', *names)
+    for phase in variation.phase:
+        assert 0.01 < phase * STEPS_PER_SAMPLE % 1 < 0.99
+    earlier = np.array([math.floor(v * STEPS_PER_SAMPLE) for v in variation.phase])
+    cut = dataclasses.replace(variation, phase=earlier / STEPS_PER_SAMPLE)
+    motion = simulate_motion(scene, SHORT, cut)
+    assert motion.truth['tension_n'].tobytes() == trials.truth['tension_n'].tobytes()
+    later = dataclasses.replace(variation, phase=(earlier + 1) / STEPS_PER_SAMPLE)
+    motion = simulate_motion(scene, SHORT, later)
+    assert motion.truth['tension_n'].tobytes() != trials.truth['tension_n'].tobytes()
 
 
 @pytest.mark.parametrize('steps_per_sample', [4, 10, 25])

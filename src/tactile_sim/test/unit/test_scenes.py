@@ -210,6 +210,16 @@ def test_the_cylinder_rolls_instead_of_sliding():
     assert abs(tension[-1] - tension[begin]) < 0.2 * tension[begin]
 
 
+def test_what_slides_is_pulled_through_two_springs_and_what_rolls_through_the_tip_alone():
+    slides, rolls = (build_scene('slip', label, 'flexion') for label in ('smooth', 'cylinder'))
+    tip_n_m, drive_n_m = slides.finger.tip_shear_stiffness_n_m, slides.drive_stiffness_n_m
+    in_series = tip_n_m * drive_n_m / (tip_n_m + drive_n_m)
+    assert slides.constants.shear_stiffness == pytest.approx(in_series, rel=1e-12)
+    assert rolls.constants.shear_stiffness == pytest.approx(tip_n_m, rel=1e-12)
+    for constants in (slides.constants, rolls.constants):
+        assert constants.shear_stiffness * constants.per_shear_stiffness == pytest.approx(1.0)
+
+
 def test_unknown_scenes_are_refused():
     with pytest.raises(DescriptionError, match="protocol is 'smell'"):
         build_scene('smell', 'F', 'flexion')
