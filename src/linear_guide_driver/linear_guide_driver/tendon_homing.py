@@ -22,7 +22,7 @@ Wind = Callable[[int, Callable[[TendonState], bool]], TendonState]
 def find_taut(
     wind: Wind, read_tension: Callable[[], float | None], taut_tension_n: float
 ) -> TendonState:
-    """Return the state in which the tendon is just taut; it is held there.
+    """Return the first state in which the tendon was taut; it is held a little further in.
 
     Parameters
     ----------
@@ -57,17 +57,19 @@ def _seek(
     is_there: Callable[[float], bool],
     what: str,
 ) -> TendonState:
-    polls = 0
+    there: list[TendonState] = []
 
-    def until(_: TendonState) -> bool:
-        nonlocal polls
+    def until(state: TendonState) -> bool:
         tension_n = read_tension()
-        polls = polls + 1 if tension_n is not None and is_there(tension_n) else 0
-        return polls >= POLLS
+        if tension_n is not None and is_there(tension_n):
+            there.append(state)
+        else:
+            there.clear()
+        return len(there) >= POLLS
 
-    state = wind(direction, until)
-    if polls < POLLS:
+    end = wind(direction, until)
+    if len(there) < POLLS:
         raise MotionFailedError(
-            f'Homing failed at {state.displacement_m:.4f} m: the tendon did not become {what}.'
+            f'Homing failed at {end.displacement_m:.4f} m: the tendon did not become {what}.'
         )
-    return state
+    return there[0]

@@ -1,12 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
+import threading
+
 import pytest
 from background import wait_until
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
 from tactile_msgs.action import HomeGuide, MoveGuide
+from tactile_msgs.msg import StrainBlock
 
 from linear_guide_driver.linear_guide_node import LinearGuideNode
+from tactile_ros.qos import STREAM
 
 
 @pytest.fixture
@@ -125,3 +130,51 @@ def test_configure_fails_cleanly_without_a_port_and_works_afterwards(bench, grbl
     assert not bench.node.bring_up()
     bench.node.set_parameters([type(bench.node.get_parameter('port'))('port', value=grbl.port)])
     assert bench.node.bring_up()
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'topic', 'message', 'text'),
+    [
+        ({'heartbeat_topic': 'heart', 'heartbeat_timeout_s': 0.5}, 'heart', Empty(), 'heart'),
+        (
+            {'strain_timeout_s': 0.5},
+            'tendon_sensor/strain',
+            StrainBlock(tension_n=[1.0]),
+            'valid strain samples',
+        ),
+    ],
+)
+def test_a_move_ends_when_what_it_needs_falls_silent(
+    bench, grbl, parameters, topic, message, text
+):
+    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, **parameters)
+    status, result = bench.result(move(bench, 0.1, 0.05))
+    assert (status, f'Nothing was heard of {text}' in result.message) == ('aborted', True)
+    publisher = bench.peer.create_publisher(type(message), topic, STREAM)
+    end = threading.Event()
+
+    def beat():
+        while not end.wait(0.05):
+            publisher.publish(message)
+
+    thread = threading.Thread(target=beat)
+    thread.start()
+    wait_until(lambda: not bench.node._accepting())
+    home(bench)
+    handle = move(bench, 0.19, 0.01)
+    wait_until(lambda: grbl.is_moving)
+    end.set()
+    thread.join()
+    status, result = bench.result(handle)
+    assert (status, 'the position is kept' in result.message) == ('aborted', True)
+    assert not grbl.is_moving
+
+
+def test_a_controller_that_restarts_at_rest_is_told_at_once(guide, grbl):
+    diagnostics = []
+    guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+    home(guide)
+    wait_until(lambda: diagnostics, 5.0)
+    grbl.lose_power()
+    wait_until(lambda: 'restarted by itself' in diagnostics[-1].status[0].message)
+    assert diagnostics[-1].status[0].message.endswith('home the guide')

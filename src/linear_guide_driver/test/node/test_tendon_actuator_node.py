@@ -6,7 +6,8 @@ import pytest
 from background import wait_until
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
-from tactile_msgs.action import PullTendon
+from std_msgs.msg import Empty
+from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
@@ -50,13 +51,21 @@ def sensor(tendon, servo):
     sensor.close()
 
 
-def pull(bench, displacement_m, speed_m_s=0.02, stop_tension_n=0.0, contact='flexion'):
+def pull(
+    bench,
+    displacement_m,
+    speed_m_s=0.02,
+    stop_tension_n=0.0,
+    contact='flexion',
+    target_tension_n=0.0,
+):
     return bench.send(
         PullTendon,
         '/tendon_actuator/pull',
         displacement_m=displacement_m,
         speed_m_s=speed_m_s,
         stop_tension_n=stop_tension_n,
+        target_tension_n=target_tension_n,
         contact=contact,
     )
 
@@ -197,3 +206,152 @@ def test_configure_fails_cleanly_without_a_port(bench, servo):
     bench.node.take_down()
     bench.node = None
     assert servo.table[64] == 0
+
+
+def test_without_a_sensor_nothing_winds_in_and_a_release_is_allowed(bench, servo):
+    bench.start(TendonActuatorNode, port=servo.port, watchdog_s=1.0)
+    status, result = bench.result(pull(bench, 0.01))
+    assert (status, 'set the parameter unguarded' in result.message) == ('aborted', True)
+    assert bench.result(pull(bench, 0.0))[0] == 'succeeded'
+    assert servo.position == 2048
+
+
+def test_a_sensor_that_dies_stops_a_plain_pull_and_the_tendon_is_held(bench, servo):
+    bench.start(TendonActuatorNode, port=servo.port, watchdog_s=1.0)
+    sensor = Sensor(bench, lambda: 1.0)
+    handle = pull(bench, 0.02, 0.005)
+    wait_until(lambda: servo.position > 2100)
+    sensor.close()
+    status, result = bench.result(handle)
+    assert status == 'aborted'
+    assert result.message == 'No valid strain sample arrived for 0.2 s. The tendon is held there.'
+    wait_until(lambda: servo.get(116) == servo.position)
+    assert bench.result(pull(bench, 0.0))[0] == 'succeeded'
+
+
+def test_a_target_tension_is_reached_kept_and_left_by_the_next_goal(tendon, servo, sensor):
+    status, result = tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))
+    assert status == 'succeeded', result.message
+    assert result.message.endswith('N and is kept.')
+    assert result.tension_n == pytest.approx(5.0, abs=0.31)
+    assert not result.stopped_by_tension
+    # The finger yields by 2 mm: the tendon follows without a new goal.
+    sensor.measure = lambda: (servo.position - 2048) / 65.19 - 2.0
+    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19, 10.0)
+    assert tendon.result(pull(tendon, 0.001))[0] == 'succeeded'
+    assert servo.get(116) == 2048 + 65
+
+
+@pytest.mark.parametrize('way', ['stop', 'silence', 'limit'])
+def test_what_ends_the_keeping_of_a_tension(tendon, servo, sensor, way):
+    assert tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))[0] == 'succeeded'
+    if way == 'stop':
+        assert tendon.call_stop('/tendon_actuator/stop').success
+    elif way == 'silence':
+        sensor.status = StrainBlock.STATUS_DEVICE_ERROR
+        wait_until(lambda: 'tension keeper' not in [t.name for t in threading.enumerate()])
+    if way == 'limit':
+        sensor.measure = lambda: 15.5
+        wait_until(lambda: servo.position == 2048)
+    else:
+        goal = servo.get(116)
+        sensor.measure = lambda: 2.0  # would make it wind in
+        sensor.status = 0
+        wait_until(lambda: tendon.node._guard.tension_n == 2.0)
+        wait_until(lambda: 'tension keeper' not in [t.name for t in threading.enumerate()])
+        assert servo.get(116) == goal
+
+
+def test_a_target_beyond_reach_is_given_up_and_held(tendon, servo, sensor):
+    sensor.measure = lambda: 1.0
+    status, result = tendon.result(pull(tendon, 0.002, 0.04, target_tension_n=5.0))
+    assert status == 'aborted'
+    assert 'was not reached within 0.002 m' in result.message
+    wait_until(lambda: servo.get(116) == servo.position)
+
+
+def home(bench, taut_tension_n=0.0):
+    return bench.send(HomeTendon, '/tendon_actuator/home', taut_tension_n=taut_tension_n)
+
+
+@pytest.mark.parametrize('slack_counts', [65, -65])
+def test_homing_finds_where_the_tendon_is_taut_and_counts_from_there(
+    tendon, servo, sensor, slack_counts
+):
+    # Slack by 1 mm, or taut by as much already; then 1 N a millimetre.
+    sensor.measure = lambda: max(0.0, (servo.position - 2048 - slack_counts) / 65.19)
+    present_n = sensor.measure()
+    wait_until(lambda: tendon.node._guard.tension_n == present_n)
+    status, result = tendon.result(home(tendon))
+    assert status == 'succeeded', result.message
+    found_m = slack_counts / 65.19e3 + 0.0002
+    assert result.shift_m == pytest.approx(found_m, abs=0.0002)
+    assert len(tendon.feedback) > 2
+    assert tendon.result(pull(tendon, 0.005, 0.04))[0] == 'succeeded'
+    zero = 2048 + round(result.shift_m * 65.19e3)
+    assert servo.get(116) == pytest.approx(zero + 326, abs=1)
+
+
+def test_homing_is_refused_or_fails_with_a_sentence(tendon, servo):
+    status, result = tendon.result(home(tendon))
+    assert (status, 'start the sensor' in result.message) == ('aborted', True)
+    sensor = Sensor(tendon, lambda: 0.0)
+    for taut_n, text in ((4.0, 'between 0 and the abduction limit'), (-1.0, 'between 0')):
+        status, result = tendon.result(home(tendon, taut_n))
+        assert (status, text in result.message) == ('aborted', True), result.message
+    handle = home(tendon)
+    wait_until(lambda: servo.position > 2060)
+    sensor.close()
+    status, result = tendon.result(handle)
+    assert (status, 'No valid strain sample' in result.message) == ('aborted', True)
+    wait_until(lambda: servo.get(116) == servo.position)
+
+
+def test_a_lost_heart_beat_ends_the_pull_and_nothing_moves_before_the_next(bench, servo):
+    bench.start(
+        TendonActuatorNode,
+        port=servo.port,
+        watchdog_s=1.0,
+        unguarded=True,
+        heartbeat_topic='heart',
+        heartbeat_timeout_s=0.5,
+    )
+    status, result = bench.result(pull(bench, 0.01))
+    assert (status, 'Nothing was heard of heart' in result.message) == ('aborted', True)
+    heart = bench.peer.create_publisher(Empty, 'heart', 10)
+    end = threading.Event()
+
+    def beat():
+        while not end.wait(0.05):
+            heart.publish(Empty())
+
+    thread = threading.Thread(target=beat)
+    thread.start()
+    wait_until(lambda: not bench.node._accepting())
+    handle = pull(bench, 0.02, 0.002)
+    wait_until(lambda: servo.position > 2060)
+    end.set()
+    thread.join()
+    assert bench.result(handle)[0] == 'aborted'
+    wait_until(lambda: servo.get(116) == servo.position)
+    assert servo.position < 2048 + 1304
+    assert 'Nothing was heard' in bench.result(pull(bench, 0.01))[1].message
+
+
+def test_a_line_that_is_lost_while_holding_is_told_at_once(tendon, servo, sensor):
+    diagnostics = []
+    tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+    assert tendon.result(pull(tendon, 0.005))[0] == 'succeeded'
+    wait_until(lambda: diagnostics)
+    count = len(diagnostics)
+    servo.close()
+    wait_until(lambda: any(d.status[0].level == b'\x02' for d in diagnostics[count:]))
+    assert any('is lost' in d.status[0].message for d in diagnostics[count:])
+
+
+def test_a_hot_servo_is_seen_in_the_diagnostics(tendon, servo, sensor):
+    diagnostics = []
+    tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+    servo.put(146, 1, 71)
+    wait_until(lambda: diagnostics and 'hot' in diagnostics[-1].status[0].message, 5.0)
+    assert 'shuts down at 80 C' in diagnostics[-1].status[0].message

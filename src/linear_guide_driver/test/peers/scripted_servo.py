@@ -47,6 +47,7 @@ class ScriptedServo:
         self.lost_answers = 0  # how many of the next answers are lost
         self.late_s = 0.0  # how late the next answer is
         self.stuck_at = None  # counts beyond which the load does not yield
+        self._part = 0.0  # of a count, turned already
         self._heard_s = self._turned_s = time.monotonic()
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
@@ -102,11 +103,13 @@ class ScriptedServo:
         velocity = 0
         if self.table[64] and self.table[98] != 255:
             left = self.get(116) - self.position
-            step = max(1, round(self.get(112) * VELOCITY_UNIT_COUNTS_S * (now - before)))
+            self._part += self.get(112) * VELOCITY_UNIT_COUNTS_S * (now - before)
+            step, self._part = int(self._part), self._part % 1.0
             step = min(step, abs(left)) * (1 if left > 0 else -1)
             if self.stuck_at is not None and self.position + step > self.stuck_at:
                 step = self.stuck_at - self.position
-            velocity = self.get(112) * (step > 0) - self.get(112) * (step < 0)
+            is_held_up = self.stuck_at is not None and left > 0 and self.position >= self.stuck_at
+            velocity = 0 if is_held_up else self.get(112) * ((left > 0) - (left < 0))
             self.put(132, 4, self.position + step)
         self.put(128, 4, velocity)
 
