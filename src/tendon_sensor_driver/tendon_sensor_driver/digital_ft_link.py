@@ -79,6 +79,8 @@ class DigitalFtLink:
                 write_timeout=1.0,
                 exclusive=True,
             )
+            if not is_pty:
+                _check_parity(self._port)
         except _FAILURES as error:
             raise LinkError(
                 f'cannot open serial port {port}: {error}; check the cable, the parameter '
@@ -232,3 +234,14 @@ class DigitalFtLink:
         finally:
             self._port.timeout = READ_TIMEOUT_S
         return False
+
+
+def _check_parity(port: serial.Serial) -> None:
+    """Make the kernel look at the parity bit: a byte that is wrong is read as 0.
+
+    pyserial sends the bit and turns the check off. It sees what the 7-bit check of a record
+    cannot, the highest bit of a byte.
+    """
+    settings = termios.tcgetattr(port.fileno())
+    settings[0] = (settings[0] | termios.INPCK) & ~termios.IGNPAR
+    termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
