@@ -13,7 +13,7 @@ from tactile_sim import layout as at
 from tactile_sim import solver as solver_module
 from tactile_sim.errors import DescriptionError
 from tactile_sim.scene import build_scene
-from tactile_sim.solver import choose_solver
+from tactile_sim.solver import advance_trials, choose_solver
 from tactile_sim.steps import BDF2, EULER
 
 STEP_S = 1 / 600
@@ -117,6 +117,29 @@ def test_single_precision_is_close_or_says_that_it_failed():
     for trial, step in enumerate(tight.failed):
         known = slice(None) if step < 0 else slice(0, step)
         assert error[trial, known].max() < 0.02
+
+
+@pytest.mark.parametrize('solver', ['compiled', 'numpy'])
+def test_a_trial_that_failed_before_is_left_alone(solver):
+    scene, tendon, guide, _, variation = make_trial('texture', 'R3', 'flexion', 3)
+    inputs = scene.compute_inputs(tendon, guide)
+    state = scene.start_trials(solver, variation, inputs[0])
+    before, failed = state.copy(), np.array([-1, 7, -1])
+    advance_trials(
+        solver,
+        state,
+        scene.parameters,
+        np.zeros(30, dtype=np.int64),
+        inputs[0],
+        inputs[1:31],
+        scene.compute_coefficients((STEP_S,)),
+        (),
+        failed,
+    )
+    assert failed.tolist() == [-1, 7, -1]
+    kept = [row for row in range(at.TRIAL_ROWS) if row != at.FRESH]
+    assert np.array_equal(state[kept, 1], before[kept, 1])
+    assert (state[at.MODES, [0, 2]] != before[at.MODES, [0, 2]]).all()
 
 
 @pytest.mark.parametrize('solver', ['compiled', 'numpy'])
