@@ -22,6 +22,8 @@ TOPICS = {
     'extractor': ('features', 'run_extractor'),
     'lines': ('decoding', 'run_lines'),
     'status': ('decoding', 'run_status'),
+    'protocols': ('sensors', 'run_decoding'),
+    'sensors': ('sensors', 'run_node'),
     'inference': ('inference', 'run_inference'),
     'simulator': ('simulator', 'run_simulator'),
     'paths': ('simulator_paths', 'run_paths'),
@@ -52,6 +54,8 @@ EPILOG = """topics:
   extractor    sample blocks and events to windows
   lines        load-cell lines to readings
   status       Grbl status reports to positions
+  protocols    each sensor's bytes to numbers
+  sensors      the sensor node at 60 Hz to five times 7 kHz: cost, loss, latency
   inference    one window through a model file, four classifiers
   simulator    simulated texture trials: speed and error by scheme and step
   paths        readings, the NumPy solver, stiffness trials, the live rig
