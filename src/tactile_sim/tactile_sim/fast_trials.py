@@ -23,7 +23,7 @@ from tactile_sim.variation import Variation, draw_variation
 
 FloatArray = NDArray[np.float64]
 
-STEPS_PER_SAMPLE = 10
+STEPS_PER_SAMPLE = 12
 """Of the sensor, while anything moves. docs/benchmarks.md has the error of other choices."""
 
 _RESTING_STEPS_PER_SAMPLE = 2
@@ -132,7 +132,7 @@ def simulate_motion(
 ) -> SimulatedMotion:
     """The physics of `simulate_trials` for given variations.
 
-    While the axes rest, steps are ``steps_per_sample / 5`` a sample, at least 1.
+    While the axes rest there are a sixth as many steps, at least 1 a sample.
 
     Raises
     ------
@@ -193,14 +193,21 @@ class _Schedule:
         rest = [axis.positions_at(np.zeros(1) - 1.0) for axis in axes]
         self.start = scene.compute_inputs(rest[1], rest[0], rest[2])[0]
 
-    def locate_samples(self, phase: float) -> FloatArray:
-        """Place of each sample, counted in steps from the start; the first is at rest."""
+    def locate_samples(self, phase: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """Place of each sample, shape (trials, samples), as steps from the start and a share.
+
+        The sensor of a trial lags the motion by ``phase`` periods; its first sample is at rest.
+        """
         periods = len(self._before) - 1
-        place = np.maximum(np.arange(periods + 1) - phase, 0.0)
-        steps = np.interp(place, np.arange(periods + 1), self._before)
+        time = np.maximum(np.arange(periods + 1) - phase[:, np.newaxis], 0.0)
+        period = np.minimum(time.astype(np.intp), periods - 1)
+        steps = np.diff(self._before)[period]
+        within = (time - period) * steps
         # Meant to be whole where it is so but for rounding.
-        whole = np.rint(steps)
-        return np.where(np.abs(steps - whole) < 1e-9, whole, steps)
+        whole = np.rint(within)
+        within = np.where(np.abs(within - whole) < 1e-9, whole, within)
+        low = within.astype(np.intp)
+        return self._before[period] + low, within - low
 
 
 def _run_batch(
@@ -226,17 +233,19 @@ def _run_batch(
         failed,
         scheme,
     )
-    sampled = np.empty((len(rows), count, len(schedule.sample_times_s)))
-    for phase in np.unique(variation.phase):
-        trials = np.flatnonzero(variation.phase == phase)
-        place = schedule.locate_samples(float(phase))
-        block, column = trials // out.shape[-1], trials % out.shape[-1]
-        low = place.astype(np.intp)
-        values = out[block, low[:, np.newaxis], :, column]
-        between = np.flatnonzero(place > low)
-        after = out[block, low[between, np.newaxis] + 1, :, column]
-        part = (place - low)[between, np.newaxis, np.newaxis]
-        values[between] += part * (after - values[between])
-        sampled[:, trials] = values.transpose(2, 1, 0)
+    low, share = schedule.locate_samples(variation.phase)
+    trial = np.arange(count)[:, np.newaxis]
+    # Where the first row of each sample stands in the solver's blocks.
+    place = ((trial // out.shape[3] * out.shape[1] + low) * out.shape[2]) * out.shape[3]
+    place += trial % out.shape[3]
+    between = np.flatnonzero(share)
+    share, flat = share.ravel()[between], out.ravel()
+    sampled = np.empty((len(rows), *place.shape))
+    for row, values in enumerate(sampled):
+        here = place + row * out.shape[3]
+        np.take(flat, here, out=values)
+        before = values.ravel()[between]
+        after = flat[here.ravel()[between] + out.shape[2] * out.shape[3]]
+        values.ravel()[between] = before + share * (after - before)
     times_s = np.concatenate([schedule.times_s, [np.nan]])
     return sampled, times_s[failed]
