@@ -17,6 +17,8 @@ AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 LOW_PASSES_HZ = (0, 5, 8, 18, 35, 73, 152, 326, 838, 1500, 2000, 2500, 3000)
 """What a Net F/T filters with; 0 is off. `docs/sensors.md` names the source."""
 
+_MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on the one before
+
 
 def _option(default: Any, description: str, **metadata: Any) -> Any:
     return field(default=default, metadata={'description': description, **metadata})
@@ -129,7 +131,7 @@ class TendonSensorConfig:
             choices = option.metadata.get('choices', (value,))
             if value not in choices:
                 raise ValueError(
-                    f'{option.name} is "{value}"; it must be one of {", ".join(choices)}'
+                    f'{option.name} is "{value}"; it must be one of {", ".join(map(str, choices))}'
                 )
         if self.sensor == 'net_ft':
             if not self.host:
@@ -140,6 +142,13 @@ class TendonSensorConfig:
             raise ValueError(
                 f'time_column and value_column are both {self.value_column}; '
                 'set time_column to -1 if the device sends no time'
+            )
+        has_clock = self.sensor == 'line' and self.time_column >= 0
+        if has_clock and self.tick_s * self.rate_hz > _MOST_TICKS:
+            raise ValueError(
+                f'a device time in steps of {self.tick_s:g} s cannot tell samples at '
+                f'{self.rate_hz:g} Hz apart; let the device send finer ones, such as micros(), '
+                'or set time_column to -1'
             )
         if self.scale == 0:
             raise ValueError('scale is 0; every tension would be 0 N, give another factor')

@@ -27,11 +27,26 @@ def test_defaults_fit_the_usual_line_at_60_hz():
         ({'time_column': 1}, 'time_column'),
         ({'port': ''}, 'port'),
         ({'time_unit_s': 0.0}, 'time_unit_s'),
+        ({'rate_hz': 1000.0}, 'cannot tell samples at 1000 Hz apart'),
+        ({'time_unit_s': 1.0, 'time_decimals': 1}, 'micros'),
+        ({'sensor': 'laser'}, 'sensor'),
+        ({'sensor': 'net_ft', 'host': ''}, 'host'),
+        ({'sensor': 'digital_ft', 'port': ''}, 'port'),
+        ({'axis': 'fw'}, 'axis'),
+        ({'low_pass_hz': 17}, 'low_pass_hz'),
+        ({'tare_samples': 1}, 'tare_samples'),
     ],
 )
 def test_a_wrong_value_is_refused_by_name(wrong, named):
     with pytest.raises(ValueError, match=named):
         TendonSensorConfig(**wrong)
+
+
+def test_what_a_sensor_does_not_have_is_not_looked_at():
+    TendonSensorConfig(sensor='net_ft', port='', rate_hz=7000.0, value_column=0)
+    TendonSensorConfig(host='')
+    TendonSensorConfig(rate_hz=1000.0, time_unit_s=1e-6)
+    TendonSensorConfig(rate_hz=1000.0, time_column=-1)
 
 
 def test_every_field_is_described():
