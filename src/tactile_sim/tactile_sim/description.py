@@ -51,7 +51,7 @@ class Finger:
     tip_shear_stiffness_n_m: float = _between(1.0, 1e8)
     contact_bend_deg: float = _above(0.0, 150.0)
     tendon_stiffness_n_m: float = _between(1.0, 1e7)
-    tendon_friction: float = _between(0.0, 1.0)
+    tendon_friction: float = _between(0.0, 0.15)  # the capstan series holds to a wrap of 0.3
     tendon_presliding_m: float = _between(1e-7, 1e-3)
     bend_stop_deg: float = _above(0.0, 150.0)
     stop_stiffness_nm_rad: float = _between(1e-3, 1e4)
