@@ -166,7 +166,7 @@ GUIDE_FAULTS = {  # options, and a word of the reason
 def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, kind):
     options, reason = GUIDE_FAULTS[kind]
     start_m = rig.truth()['guide_position_m']
-    motion = Motion(lambda: guide.move_to(0.19, 0.03))
+    motion = Motion(lambda: guide.move_to(0.08, 0.03))
     wait_for(lambda: rig.truth()['guide_position_m'] > start_m + 0.005, 'it does not move')
     rig.fault('guide', kind, **options)
     error = motion.join()
@@ -174,7 +174,7 @@ def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, kind):
     assert reason in str(error)
     assert guide.trouble
     with pytest.raises(LinearGuideDriverError):
-        guide.move_to(0.1, 0.03)
+        guide.move_to(0.05, 0.03)
     rig.fault('guide', 'none')
     # It rests, and nothing moves it again until it is told to.
     wait_for(lambda: is_at_rest(rig), 'it moves on')

@@ -73,6 +73,7 @@ def test_drop_counts_what_can_be_lost_and_ends():
     line = FaultyLine(Parrot(), 1)
     begin(line, 'drop', 0.0, count=2)
     assert b''.join(line.poll(ms / 1000) for ms in range(4)) == b'2,ok\r\n3,ok\r\n'
+    assert not line._running
     guide = GuideLine(GrblDevice(RIG.guide), 1)
     guide.poll(0.0)
     begin(guide, 'drop', 0.0, device='guide')
