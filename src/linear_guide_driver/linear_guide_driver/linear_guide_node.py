@@ -17,7 +17,7 @@ from tactile_msgs.msg import StrainBlock
 from linear_guide_driver.conversions import joint_state_to_msg
 from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
 from linear_guide_driver.guide_client import LinearGuideClient
-from linear_guide_driver.heartbeat import Heartbeat
+from linear_guide_driver.needs import Needs
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.throttle import Throttle
 from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
@@ -27,24 +27,25 @@ from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
 
 FEEDBACK_PERIOD_S = 0.1
-WATCH_PERIOD_S = 0.02
+HEARTBEAT_PERIOD_S = 0.04
 NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
 
 
 class LinearGuideNode(TactileNode):
     """Drives the linear guide.
 
-    Actions ``~/move`` and ``~/home``, service ``~/stop``, topic ``~/joint_states``
-    (only while the position is known), health on ``/diagnostics``.
+    Actions ``~/move`` and ``~/home``, service ``~/stop``, topics ``~/joint_states``
+    (only while the position is known) and ``~/heartbeat`` (while active and on the
+    line), health on ``/diagnostics``. Ends motion when a topic that it needs is silent.
     """
 
     def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
         super().__init__(node_name, LinearGuideConfig, **node_options)
         self._client: LinearGuideClient | None = None
         self._runners: list[GoalRunner] = []
-        self._needed: list[Heartbeat] = []  # what must be heard of while the guide moves
-        self._heard: list[Any] = []  # the subscriptions to it
-        self._watch_timer: Any = None
+        self._needs: Needs | None = None
+        self._heartbeat: Any = None
+        self._heartbeat_timer: Any = None
         self._joint_states: Any = None
         self._stop_service: Any = None
         self._diagnostics: Diagnostics | None = None
@@ -59,7 +60,19 @@ class LinearGuideNode(TactileNode):
             GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self._accepting),
             GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self._accepting),
         ]
-        self._listen(config)
+        self._needs = Needs(self, self._on_loss)
+        for topic in config.heartbeat_topics:
+            self._needs.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
+        if config.strain_timeout_s:
+            self._needs.add(
+                StrainBlock,
+                'tendon_sensor/strain',
+                config.strain_timeout_s,
+                STREAM,
+                lambda block: bool(block.tension_n) and not block.status & NO_MEASUREMENT,
+            )
+        self._heartbeat = self.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
+        self._heartbeat_timer = self.create_timer(HEARTBEAT_PERIOD_S, self._beat)
         self._stop_service = self.create_service(Trigger, '~/stop', self._on_stop)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
 
@@ -77,12 +90,13 @@ class LinearGuideNode(TactileNode):
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
-        if self._watch_timer is not None:
-            self.destroy_timer(self._watch_timer)
-            self._watch_timer = None
-        for subscription in self._heard:
-            self.destroy_subscription(subscription)
-        self._heard, self._needed = [], []
+        if self._needs is not None:
+            self._needs.close()
+            self._needs = None
+        if self._heartbeat_timer is not None:
+            self.destroy_timer(self._heartbeat_timer)
+            self.destroy_publisher(self._heartbeat)
+            self._heartbeat = self._heartbeat_timer = None
         if self._stop_service is not None:
             self.destroy_service(self._stop_service)
             self._stop_service = None
@@ -97,8 +111,7 @@ class LinearGuideNode(TactileNode):
             return 'The linear guide is not active; activate its node first.'
         if any(runner.is_busy for runner in self._runners):
             return 'The guide is busy with another motion; stop it first.'
-        now_ns = time.monotonic_ns()
-        return ' '.join(filter(None, (n.describe_silence(now_ns) for n in self._needed)))
+        return '' if self._needs is None else self._needs.describe_silence()
 
     def _move(self, goal: Goal) -> MoveGuide.Result:
         assert self._client is not None
@@ -152,41 +165,6 @@ class LinearGuideNode(TactileNode):
             return {}
         return {'position_m': state.position_m}
 
-    # -- what must be heard of -----------------------------------------------------------
-
-    def _listen(self, config: LinearGuideConfig) -> None:
-        if config.heartbeat_topic:
-            beats = Heartbeat(config.heartbeat_topic, config.heartbeat_timeout_s)
-            self._needed.append(beats)
-            self._heard.append(
-                self.create_subscription(
-                    Empty,
-                    config.heartbeat_topic,
-                    lambda _: beats.beat(time.monotonic_ns()),
-                    qos_profile_sensor_data,
-                )
-            )
-        if config.strain_timeout_s:
-            samples = Heartbeat('valid strain samples', config.strain_timeout_s)
-            self._needed.append(samples)
-
-            def on_strain(block: StrainBlock) -> None:
-                if block.tension_n and not block.status & NO_MEASUREMENT:
-                    samples.beat(time.monotonic_ns())
-
-            self._heard.append(
-                self.create_subscription(StrainBlock, 'tendon_sensor/strain', on_strain, STREAM)
-            )
-        if self._needed:
-            self._watch_timer = self.create_timer(WATCH_PERIOD_S, self._watch_needed)
-
-    def _watch_needed(self) -> None:
-        now_ns = time.monotonic_ns()
-        for needed in self._needed:
-            loss = needed.take_loss(now_ns)
-            if loss and self._end_motion():
-                self.get_logger().error(f'{loss} The guide brakes.')
-
     # -- the rest ----------------------------------------------------------------------------
 
     def _end_motion(self) -> bool:
@@ -217,6 +195,14 @@ class LinearGuideNode(TactileNode):
                     state.received_at_ns,
                 )
             )
+
+    def _on_loss(self, sentence: str) -> None:
+        if self._end_motion():
+            self.get_logger().error(f'{sentence} The guide brakes.')
+
+    def _beat(self) -> None:
+        if self.is_active and self._client is not None and not self._client.is_lost:
+            self._heartbeat.publish(Empty())
 
     def _on_trouble(self, reason: str) -> None:
         self.get_logger().error(f'{reason}; the position is unknown')

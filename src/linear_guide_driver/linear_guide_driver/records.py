@@ -57,13 +57,13 @@ class LinearGuideConfig:
         unit='Hz',
         range=(1.0, 20.0),
     )
-    heartbeat_topic: str = _parameter(
-        '',
-        'std_msgs/Empty that the commanding program sends again and again; every motion ends '
-        'when it falls silent; empty: none is needed',
+    heartbeat_topics: tuple[str, ...] = _parameter(
+        (),
+        'topics of std_msgs/Empty on which others say that they are alive, such as the '
+        'heartbeat of the other driver; motion ends when one falls silent',
     )
     heartbeat_timeout_s: float = _parameter(
-        0.2, 'silence of heartbeat_topic that ends motion', unit='s', range=(0.02, 10.0)
+        0.2, 'silence of a heartbeat topic that ends motion', unit='s', range=(0.02, 10.0)
     )
     strain_timeout_s: float = _parameter(
         0.0,
@@ -148,13 +148,13 @@ class TendonActuatorConfig:
     poll_rate_hz: float = _parameter(
         60.0, 'rate of state reads and joint states', unit='Hz', range=(5.0, 200.0)
     )
-    heartbeat_topic: str = _parameter(
-        '',
-        'std_msgs/Empty that the commanding program sends again and again; every motion ends '
-        'when it falls silent; empty: none is needed',
+    heartbeat_topics: tuple[str, ...] = _parameter(
+        (),
+        'topics of std_msgs/Empty on which others say that they are alive, such as the '
+        'heartbeat of the other driver; motion ends when one falls silent',
     )
     heartbeat_timeout_s: float = _parameter(
-        0.2, 'silence of heartbeat_topic that ends motion', unit='s', range=(0.02, 10.0)
+        0.2, 'silence of a heartbeat topic that ends motion', unit='s', range=(0.02, 10.0)
     )
     joint_name: str = _parameter('tendon_joint', 'name of the joint in joint states')
     frame_id: str = _parameter('tendon_link', 'frame of the joint states')

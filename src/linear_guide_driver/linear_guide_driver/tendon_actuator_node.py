@@ -20,7 +20,7 @@ from linear_guide_driver.errors import (
     MotionRefusedError,
     MotionStoppedError,
 )
-from linear_guide_driver.heartbeat import Heartbeat
+from linear_guide_driver.needs import Needs
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.tendon_client import TendonActuatorClient
 from linear_guide_driver.tension_guard import TensionGuard, Verdict
@@ -32,7 +32,7 @@ from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
 
 FEEDBACK_PERIOD_S = 0.1
-WATCH_PERIOD_S = 0.02
+HEARTBEAT_PERIOD_S = 0.04
 WARM_C = 10.0
 FULL_CURRENT = 0.95
 NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
@@ -41,9 +41,10 @@ NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
 class TendonActuatorNode(TactileNode):
     """Drives the tendon actuator.
 
-    Actions ``~/pull`` and ``~/home``, service ``~/stop``, topic ``~/joint_states``,
-    health on ``/diagnostics``; listens to ``tendon_sensor/strain`` and releases the
-    tendon when the tension exceeds the limit of the contact, also between goals.
+    Actions ``~/pull`` and ``~/home``, service ``~/stop``, topics ``~/joint_states`` and
+    ``~/heartbeat`` (while active and sound), health on ``/diagnostics``. Listens to
+    ``tendon_sensor/strain`` and releases the tendon when the tension exceeds the limit of
+    the contact, also between goals; holds it when a topic that it needs falls silent.
     """
 
     def __init__(self, node_name: str = 'tendon_actuator', **node_options: Any) -> None:
@@ -51,8 +52,8 @@ class TendonActuatorNode(TactileNode):
         self._client: TendonActuatorClient | None = None
         self._guard: TensionGuard | None = None
         self._runners: list[GoalRunner] = []
-        self._heartbeat: Heartbeat | None = None
-        self._heartbeats: Any = None
+        self._needs: Needs | None = None
+        self._heartbeat: Any = None
         self._heartbeat_timer: Any = None
         self._is_homed = False
         self._joint_states: Any = None
@@ -79,12 +80,11 @@ class TendonActuatorNode(TactileNode):
         self._strain = self.create_subscription(
             StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM
         )
-        if config.heartbeat_topic:
-            self._heartbeat = Heartbeat(config.heartbeat_topic, config.heartbeat_timeout_s)
-            self._heartbeats = self.create_subscription(
-                Empty, config.heartbeat_topic, self._on_heartbeat, qos_profile_sensor_data
-            )
-            self._heartbeat_timer = self.create_timer(WATCH_PERIOD_S, self._check_heartbeat)
+        self._needs = Needs(self, self._on_loss)
+        for topic in config.heartbeat_topics:
+            self._needs.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
+        self._heartbeat = self.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
+        self._heartbeat_timer = self.create_timer(HEARTBEAT_PERIOD_S, self._beat)
         self._runners = [
             GoalRunner(self, PullTendon, '~/pull', self._pull, accepting=self._accepting),
             GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self._accepting),
@@ -105,10 +105,13 @@ class TendonActuatorNode(TactileNode):
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
+        if self._needs is not None:
+            self._needs.close()
+            self._needs = None
         if self._heartbeat_timer is not None:
             self.destroy_timer(self._heartbeat_timer)
-            self.destroy_subscription(self._heartbeats)
-            self._heartbeat = self._heartbeats = self._heartbeat_timer = None
+            self.destroy_publisher(self._heartbeat)
+            self._heartbeat = self._heartbeat_timer = None
         if self._stop_service is not None:
             self.destroy_service(self._stop_service)
             self._stop_service = None
@@ -126,9 +129,7 @@ class TendonActuatorNode(TactileNode):
             return 'The actuator is not active; activate its node first.'
         if any(runner.is_busy for runner in self._runners):
             return 'The tendon is busy with another motion; stop it first.'
-        if self._heartbeat is not None:
-            return self._heartbeat.describe_silence(time.monotonic_ns())
-        return ''
+        return '' if self._needs is None else self._needs.describe_silence()
 
     def _pull(self, goal: Goal) -> PullTendon.Result:
         client, guard, request = self._client, self._guard, goal.request
@@ -296,15 +297,13 @@ class TendonActuatorNode(TactileNode):
         response.message = problem or 'The tendon is held where it is.'
         return response
 
-    def _on_heartbeat(self, _: Empty) -> None:
-        if self._heartbeat is not None:
-            self._heartbeat.beat(time.monotonic_ns())
+    def _on_loss(self, sentence: str) -> None:
+        self.get_logger().error(f'{sentence} The tendon is held where it is.')
+        self._end_motion()
 
-    def _check_heartbeat(self) -> None:
-        loss = self._heartbeat.take_loss(time.monotonic_ns()) if self._heartbeat else ''
-        if loss:
-            self.get_logger().error(f'{loss} The tendon is held where it is.')
-            self._end_motion()
+    def _beat(self) -> None:
+        if self.is_active and self._client is not None and not self._client.trouble:
+            self._heartbeat.publish(Empty())
 
     def _on_trouble(self, reason: str) -> None:
         self.get_logger().error(reason)

@@ -135,12 +135,12 @@ def test_configure_fails_cleanly_without_a_port_and_works_afterwards(bench, grbl
 @pytest.mark.parametrize(
     ('parameters', 'topic', 'message', 'text'),
     [
-        ({'heartbeat_topic': 'heart', 'heartbeat_timeout_s': 0.5}, 'heart', Empty(), 'heart'),
+        ({'heartbeat_topics': ['heart'], 'heartbeat_timeout_s': 0.5}, 'heart', Empty(), 'heart'),
         (
             {'strain_timeout_s': 0.5},
             'tendon_sensor/strain',
             StrainBlock(tension_n=[1.0]),
-            'valid strain samples',
+            'tendon_sensor/strain',
         ),
     ],
 )

@@ -5,6 +5,7 @@ import threading
 import pytest
 from background import wait_until
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from tactile_msgs.action import HomeTendon, PullTendon
@@ -313,7 +314,7 @@ def test_a_lost_heart_beat_ends_the_pull_and_nothing_moves_before_the_next(bench
         port=servo.port,
         watchdog_s=1.0,
         unguarded=True,
-        heartbeat_topic='heart',
+        heartbeat_topics=['heart'],
         heartbeat_timeout_s=0.5,
     )
     status, result = bench.result(pull(bench, 0.01))
@@ -339,7 +340,11 @@ def test_a_lost_heart_beat_ends_the_pull_and_nothing_moves_before_the_next(bench
 
 
 def test_a_line_that_is_lost_while_holding_is_told_at_once(tendon, servo, sensor):
-    diagnostics = []
+    diagnostics, beats = [], []
+    tendon.peer.create_subscription(
+        Empty, '/tendon_actuator/heartbeat', beats.append, qos_profile_sensor_data
+    )
+    wait_until(lambda: beats)
     tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
     assert tendon.result(pull(tendon, 0.005))[0] == 'succeeded'
     wait_until(lambda: diagnostics)
@@ -347,6 +352,12 @@ def test_a_line_that_is_lost_while_holding_is_told_at_once(tendon, servo, sensor
     servo.close()
     wait_until(lambda: any(d.status[0].level == b'\x02' for d in diagnostics[count:]))
     assert any('is lost' in d.status[0].message for d in diagnostics[count:])
+    wait_until(lambda: tendon.node._client.trouble)
+    tendon.call_stop('/tendon_actuator/stop')  # what was sent before has arrived by now
+    beats.clear()
+    for _ in range(3):
+        tendon.call_stop('/tendon_actuator/stop')
+    assert beats == []
 
 
 def test_a_hot_servo_is_seen_in_the_diagnostics(tendon, servo, sensor):
