@@ -16,7 +16,7 @@ from tendon_sensor_driver.errors import LinkError, TendonSensorError
 from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
 
 FIRST_DELAY_S = 0.25
-LONGEST_DELAY_S = 1.0
+LONGEST_DELAY_S = 0.5
 _JOIN_TIMEOUT_S = 5.0
 _DEAD_S = 0.6
 
@@ -29,7 +29,7 @@ class DigitalFtClient:
     Not tried on hardware. Opening it stops a stream that is left over, reads status and
     calibration from the device, makes that calibration's gains the active ones and starts
     the stream; after every loss of the link the same is done again, first after 0.25 s, then
-    after twice as long each time up to 1 s. When the stream marks an error, it is stopped to
+    every 0.5 s. When the stream marks an error, it is stopped to
     read the status word, at most once until the mark goes away.
 
     Parameters

@@ -13,12 +13,12 @@ from tendon_sensor_driver.ati_counter import CounterRestartError, SampleCounter
 from tendon_sensor_driver.ati_stream import CountedStream
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
 from tendon_sensor_driver.net_ft_links import LinkCounts, NetFtLink, open_link
-from tendon_sensor_driver.net_ft_protocol import compute_rate_hz, describe_status
+from tendon_sensor_driver.net_ft_protocol import MOST_RECORDS, compute_rate_hz, describe_status
 from tendon_sensor_driver.net_ft_web import BoxConfiguration, BoxWeb
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 
 FIRST_DELAY_S = 0.25
-LONGEST_DELAY_S = 1.0
+LONGEST_DELAY_S = 0.5
 _JOIN_TIMEOUT_S = 5.0
 
 _logger = logging.getLogger(__name__)
@@ -27,9 +27,9 @@ _logger = logging.getLogger(__name__)
 class NetFtClient:
     """Reads one Net F/T and hands out blocks of tension and wrench until it is closed.
 
-    Opening it sets rate, filter and buffer in the box through its web server, reads back
-    what the box made of them, and starts the stream; after every loss of the link the same
-    is done again, first after 0.25 s, then after twice as long each time up to 1 s.
+    Opening it reads the box's configuration from its web server, sets rate, filter and
+    buffer where they differ, reads back what the box made of them, and starts the stream;
+    after every loss of the link the same is done again, first after 0.25 s, then every 0.5 s.
 
     One thread reads, decodes and calls ``on_block``; while that does not return, the kernel
     keeps what arrives, and what does not fit there is counted as lost.
@@ -167,27 +167,7 @@ class NetFtClient:
 
     def _connect(self) -> NetFtLink:
         config = self._config
-        self._web.write_settings(config.rate_hz, config.low_pass_hz, config.samples_per_block)
-        box = self._web.read_configuration()
-        if not box.is_rdt_enabled:
-            raise LinkError('the Net F/T keeps RDT disabled; enable it on its communications page')
-        if box.low_pass_hz not in (config.low_pass_hz, -1):
-            raise LinkError(
-                f'the Net F/T was asked for a low pass of {config.low_pass_hz} Hz and has '
-                f'{box.low_pass_hz} Hz; set another "low_pass_hz"'
-            )
-        if config.rate_hz > box.internal_rate_hz:
-            raise LinkError(
-                f'the Net F/T samples at {box.internal_rate_hz:g} Hz and cannot send '
-                f'{config.rate_hz:g} Hz; set a lower "rate_hz"'
-            )
-        rate_hz = compute_rate_hz(box.rdt_rate_hz or config.rate_hz, box.internal_rate_hz)
-        wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
-        if abs(rate_hz - wanted_hz) > 0.05 * wanted_hz:
-            raise LinkError(
-                f'the Net F/T was asked for {config.rate_hz:g} Hz and sends {rate_hz:.2f} Hz; '
-                'set another "rate_hz"'
-            )
+        box, rate_hz = self._set_up(self._web.read_configuration())
         link = open_link(
             config.host, config.rdt_port, box, rate_hz, config.samples_per_block, self._now_ns
         )
@@ -195,6 +175,43 @@ class NetFtClient:
         self._box = box
         self._stream.begin_session(box.internal_rate_hz, round(box.internal_rate_hz / rate_hz))
         return link
+
+    def _set_up(self, box: BoxConfiguration) -> tuple[BoxConfiguration, float]:
+        """Give the box the settings that it lacks; return what it then says, and its rate."""
+        config = self._config
+        if config.rate_hz > box.internal_rate_hz:
+            raise LinkError(
+                f'the Net F/T samples at {box.internal_rate_hz:g} Hz and cannot send '
+                f'{config.rate_hz:g} Hz; set a lower "rate_hz"'
+            )
+        wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
+        # They lie in its flash memory: what is right already is not written again.
+        if not self._is_set_up(box, wanted_hz):
+            self._web.write_settings(config.rate_hz, config.low_pass_hz, config.samples_per_block)
+            box = self._web.read_configuration()
+        if not box.is_rdt_enabled:
+            raise LinkError('the Net F/T keeps RDT disabled; enable it on its communications page')
+        if box.low_pass_hz not in (config.low_pass_hz, -1):
+            raise LinkError(
+                f'the Net F/T was asked for a low pass of {config.low_pass_hz} Hz and has '
+                f'{box.low_pass_hz} Hz; set another "low_pass_hz"'
+            )
+        rate_hz = compute_rate_hz(box.rdt_rate_hz or config.rate_hz, box.internal_rate_hz)
+        if abs(rate_hz - wanted_hz) > 0.05 * wanted_hz:
+            raise LinkError(
+                f'the Net F/T was asked for {config.rate_hz:g} Hz and sends {rate_hz:.2f} Hz; '
+                'set another "rate_hz"'
+            )
+        return box, rate_hz
+
+    def _is_set_up(self, box: BoxConfiguration, wanted_hz: float) -> bool:
+        return (
+            box.is_rdt_enabled
+            and box.rdt_rate_hz > 0
+            and compute_rate_hz(box.rdt_rate_hz, box.internal_rate_hz) == wanted_hz
+            and box.low_pass_hz == self._config.low_pass_hz
+            and box.records_per_datagram == min(self._config.samples_per_block, MOST_RECORDS)
+        )
 
     def _disconnect(self) -> None:
         link, self._link = self._link, None

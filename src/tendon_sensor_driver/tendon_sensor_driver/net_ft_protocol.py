@@ -142,6 +142,8 @@ def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.u
     is_axia : bool
         Whether the words are those of an Ethernet Axia, whose bits differ.
     """
+    if not words.any():
+        return np.zeros(len(words), dtype=np.uint32)
     saturated = np.uint32(_AXIA_SATURATED if is_axia else SATURATED)
     harmless = saturated | np.uint32(CONDITION_LATCHED | ERROR_SUMMARY)
     is_saturated = (words & saturated) != 0

@@ -273,3 +273,35 @@ def test_a_rate_above_that_of_the_box_is_refused():
         with pytest.raises(LinkError, match='cannot send 8000 Hz'):
             client.open()
         client.close()
+
+
+@BOTH
+def test_settings_that_are_right_are_not_written_again(way):
+    box = NetFtBox(ramp)
+    written = []
+    answer = box.answer
+    box.answer = lambda path: (written.append(path) if '.cgi' in path else None) or answer(path)
+    with NetFtDevice(box) as device:
+        for expected in (2, 2):  # two pages the first time, none the second
+            recorder = Recorder()
+            with NetFtClient(configure(device, way), recorder, time.time_ns):
+                wait(lambda recorder=recorder: recorder.samples() > 10)
+            assert len(written) == expected
+
+
+@pytest.mark.parametrize(
+    ('setting', 'reason'),
+    [
+        ('comrdte', 'RDT disabled'),
+        ('comrdtrate', r'asked for 2000 Hz and sends 1000\.00 Hz'),
+        ('setuserfilter', 'low pass of 18 Hz and has 0 Hz'),
+        ('cgi', 'the setting was refused'),
+    ],
+)
+def test_a_setting_that_the_box_does_not_take_is_told(setting, reason):
+    box = NetFtBox(ramp)
+    box.settings['comrdte'] = 0
+    answer = box.answer
+    box.answer = lambda path: answer(path.replace(setting, 'other'))
+    with NetFtDevice(box) as device, pytest.raises(LinkError, match=reason):
+        NetFtClient(configure(device, FAST), print, time.time_ns).open()
