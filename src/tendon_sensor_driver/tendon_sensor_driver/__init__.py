@@ -13,19 +13,26 @@ from tendon_sensor_driver.records import (
     StrainStatus,
     TendonSensorConfig,
 )
+from tendon_sensor_driver.sensors import SensorClient, make_sensor
 from tendon_sensor_driver.stream import StrainStream
+from tendon_sensor_driver.tare import Bias, Tare, TareError
 
 __all__ = [
+    'Bias',
     'Block',
     'Calibration',
     'Health',
     'LineDecoder',
     'LinkError',
     'Reading',
+    'SensorClient',
     'StrainStatus',
     'StrainStream',
+    'Tare',
+    'TareError',
     'TendonSensorClient',
     'TendonSensorConfig',
     'TendonSensorError',
     'encode_reading',
+    'make_sensor',
 ]

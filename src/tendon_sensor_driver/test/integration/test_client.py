@@ -261,3 +261,31 @@ def test_the_consumer_may_close_the_client(sensor, make_client, wait_for):
     sensor.write(b'\n' + encode_reading(0, 0.5))
     wait_for(done.is_set)
     assert not client.health().is_connected
+
+
+def test_bursts_duplicates_and_late_lines_are_counted(sensor, make_client, blocks, wait_for):
+    client = make_client()
+    sensor.write(b'\n' + b''.join(encode_reading(i * 17, i / 10) for i in range(5)))
+    wait_for(lambda: len(blocks) == 5)
+    assert client.health().bursts == 1
+    for ticks in (68, 51, 85):
+        sensor.write_reading(ticks, 0.9)
+    wait_for(lambda: len(blocks) == 6)
+    health = client.health()
+    assert (health.duplicates, health.late_samples, health.lost_samples) == (1, 1, 0)
+    assert [block.sequence for block in blocks] == list(range(6))
+
+
+def test_nothing_is_sent_to_a_board_that_has_spoken(sensor, make_client, blocks, wait_for):
+    make_client(silence_s=0.02)
+    sensor.write(b'\n' + encode_reading(0, 0.5))
+    wait_for(lambda: blocks)
+    sensor.read()  # while it had said nothing it may have been asked
+    time.sleep(0.2)
+    assert sensor.read() == b''
+
+
+def test_a_quiet_board_hears_nothing_when_told_so(sensor, make_client):
+    make_client(silence_s=0.02, leave_menu=False)
+    time.sleep(0.2)
+    assert sensor.read() == b''
