@@ -24,6 +24,7 @@ TOPICS = {
     'status': ('decoding', 'run_status'),
     'protocols': ('sensors', 'run_decoding'),
     'sensors': ('sensors', 'run_node'),
+    'net_ft': ('net_ft', 'run_net_ft'),
     'inference': ('inference', 'run_inference'),
     'simulator': ('simulator', 'run_simulator'),
     'paths': ('simulator_paths', 'run_paths'),
@@ -56,6 +57,7 @@ EPILOG = """topics:
   status       Grbl status reports to positions
   protocols    each sensor's bytes to numbers
   sensors      the sensor node at 60 Hz to five times 7 kHz: cost, loss, latency
+  net_ft       a Net F/T from datagrams to blocks: pynetft against whole arrays
   inference    one window through a model file, four classifiers
   simulator    simulated texture trials: speed and error by scheme and step
   paths        readings, the NumPy solver, stiffness trials, the live rig
