@@ -1,0 +1,223 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments and help of the commands on recordings; the work is in `tactile_bringup.commands`.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tactile_bringup.cli_options import (
+    Classifier,
+    Contact,
+    JsonOption,
+    Protocol,
+    Scaling,
+    SeedOption,
+    SimulatedProtocol,
+    refusals,
+)
+
+
+def simulate(
+    protocol: Annotated[SimulatedProtocol, typer.Argument(help='Which kind of trial.')],
+    output: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
+    contact: Annotated[
+        list[Contact] | None,
+        typer.Option(help='How the finger touches; give it twice for both. Default: both.'),
+    ] = None,
+    trials: Annotated[
+        int,
+        typer.Option(min=1, max=100_000, help='Trials on each plate or object in each session.'),
+    ] = 60,
+    sessions: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=1000,
+            help='How often the rig is set up anew: trials of one session share its mounting '
+            'and temperature.',
+        ),
+    ] = 1,
+    seed: SeedOption = 1,
+    description: Annotated[
+        Path | None,
+        typer.Option(
+            help='Folder with your own finger, rig, plates or objects: YAML files laid over '
+            'those of the package.'
+        ),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option(help='How many processes simulate; -1: one for each core.')
+    ] = -1,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help='Draw one of the trials into this PNG file.'),
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Make bags of **simulated** trials, without waiting in real time.
+
+    One bag for each kind of contact, with plates or objects times sessions times trials in
+    it. The bags hold the same messages as live recordings, marked as simulated. The same
+    seed gives the same bytes, whatever the number of processes.
+
+    Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
+    the bag up to that time, end as aborted, and give no features. **slip** trials, in which
+    the object is pulled sideways, are only simulated: no rig can run them, and there are no
+    slip features yet. Their bag says when each object truly began to slip.
+    """
+    with refusals():
+        from tactile_bringup.commands.simulate import SimulateRequest, run_simulate
+
+        complete = run_simulate(
+            SimulateRequest(
+                protocol=protocol.value,
+                contacts=tuple(dict.fromkeys(c.value for c in contact or list(Contact))),
+                trials_per_label=trials,
+                sessions=sessions,
+                seed=seed,
+                folder=output,
+                description=description,
+                jobs=jobs,
+                plot=plot,
+            ),
+            as_json=json_output,
+        )
+    raise typer.Exit(0 if complete else 3)
+
+
+def train(
+    bags: Annotated[list[Path], typer.Argument(help='Bags with labelled trials.')],
+    output: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder to write the model files into.')
+    ],
+    classifier: Annotated[
+        Classifier, typer.Option(help='Which of the four goes into the model file.')
+    ] = Classifier.knn,
+    scaling: Annotated[
+        Scaling | None,
+        typer.Option(
+            help='Scaling in the model file. Default: none for texture, whose features share '
+            'one unit; standard for stiffness, whose features do not.'
+        ),
+    ] = None,
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
+    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
+    seed: SeedOption = 0,
+    json_output: JsonOption = False,
+) -> None:
+    """Fit the four classifiers, cross-validate them, write a model file.
+
+    Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
+    classifiers with and without scaling. One ONNX file is written for each task and
+    kind of contact that the bags hold.
+    """
+    with refusals():
+        from tactile_bringup.commands.train import run_train
+
+        run_train(
+            bags,
+            output,
+            classifier=classifier.value,
+            scaling=scaling.value if scaling else None,
+            cross_validation={'folds': folds, 'repetitions': repetitions, 'random_state': seed},
+            as_json=json_output,
+        )
+
+
+def evaluate(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help='One labelled-trials archive (.npz), or bags with labelled trials.'),
+    ],
+    task: Annotated[
+        Protocol | None,
+        typer.Option(help='Which features to compute. Needed for an archive.'),
+    ] = None,
+    channel: Annotated[
+        str | None,
+        typer.Option(help='Channel of the archive, or "mean" for the mean of all; default: 0.'),
+    ] = None,
+    where: Annotated[
+        str | None,
+        typer.Option(
+            help='Only trials of which a column of the archive is true, as in --where balanced, '
+            'or has a value, as in --where direction=1.'
+        ),
+    ] = None,
+    static_phase: Annotated[
+        str | None,
+        typer.Option(
+            help='Part of each trial that counts, in seconds, as in --static-phase 1:5. '
+            'Default: all of it.'
+        ),
+    ] = None,
+    group: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Hold out each group of trials that agree in this column, instead of random '
+            'folds; may be given several times.'
+        ),
+    ] = None,
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
+    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
+    features: Annotated[
+        str | None,
+        typer.Option(
+            help='Only these features, separated by commas, as in --features slope,correlation.'
+        ),
+    ] = None,
+    seed: SeedOption = 0,
+    json_output: JsonOption = False,
+) -> None:
+    """Cross-validate the four classifiers on recordings.
+
+    On your own trials, real or simulated: the same features as the live node, every
+    classifier with and without scaling, and the split stated beside each number.
+    """
+    with refusals():
+        from tactile_bringup.commands.evaluate import EvaluateRequest, run_evaluate
+
+        run_evaluate(
+            EvaluateRequest(
+                recordings=tuple(recordings),
+                task=task.value if task else None,
+                channel=channel,
+                where=where,
+                static_phase=static_phase,
+                groups=tuple(group or ()),
+                folds=folds,
+                repetitions=repetitions,
+                features=features,
+                seed=seed,
+            ),
+            as_json=json_output,
+        )
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help='The recording.')],
+    models: Annotated[
+        Path | None,
+        typer.Option(help='Folder with the model files. Default: where the recording found them.'),
+    ] = None,
+    nodes: Annotated[
+        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
+    ] = True,
+    json_output: JsonOption = False,
+) -> None:
+    """Run a recording through features and classification again, and compare.
+
+    Prints *equal*, or the first difference from what was recorded; exits with 1 when
+    there is one.
+    """
+    with refusals():
+        from tactile_bringup.commands.replay import run_replay
+
+        equal = run_replay(bag, models, through_nodes=nodes, as_json=json_output)
+    raise typer.Exit(0 if equal else 1)

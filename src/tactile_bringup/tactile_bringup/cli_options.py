@@ -1,0 +1,91 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Options that several commands share, and how a refusal is printed.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+JsonOption = Annotated[
+    bool, typer.Option('--json', help='Print the result as JSON on standard output.')
+]
+SeedOption = Annotated[
+    int,
+    typer.Option(
+        min=0, max=2**32 - 1, help='Seed of everything random: the same seed, the same numbers.'
+    ),
+]
+GuideOption = Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')]
+TendonOption = Annotated[str, typer.Option(help='Serial port of the Dynamixel.')]
+SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
+SimulatedOption = Annotated[
+    bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
+]
+ModelsOption = Annotated[
+    Path | None, typer.Option(help='Folder with model files, as `tactile train` writes them.')
+]
+ParamsOption = Annotated[
+    Path | None, typer.Option(help='YAML file with ROS parameters for the nodes.')
+]
+
+
+class Protocol(str, Enum):
+    """The two kinds of trial."""
+
+    texture = 'texture'
+    stiffness = 'stiffness'
+
+
+class SimulatedProtocol(str, Enum):
+    """What the simulator can do."""
+
+    texture = 'texture'
+    stiffness = 'stiffness'
+    slip = 'slip'
+
+
+class Contact(str, Enum):
+    """How the finger touches."""
+
+    flexion = 'flexion'
+    abduction = 'abduction'
+
+
+class Classifier(str, Enum):
+    """The paper's four."""
+
+    knn = 'knn'
+    svm_linear = 'svm_linear'
+    svm_rbf = 'svm_rbf'
+    tree = 'tree'
+
+
+class Scaling(str, Enum):
+    """What is done to the features before the classifier sees them."""
+
+    standard = 'standard'
+    none = 'none'
+
+
+@contextmanager
+def refusals() -> Iterator[None]:
+    """Turn the errors that we raise on purpose into one sentence and exit code 2."""
+    from tactile_bringup.errors import BringupError
+    from tactile_bringup.trial_protocols import ProtocolError
+    from tactile_classifier.errors import ClassifierError
+    from tactile_features.errors import FeatureError
+    from tactile_sim.errors import TactileSimError
+
+    try:
+        yield
+    except (BringupError, ProtocolError, ClassifierError, FeatureError, TactileSimError) as error:
+        typer.echo(f'tactile: {error}', err=True)
+        raise typer.Exit(2) from error
