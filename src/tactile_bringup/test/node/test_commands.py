@@ -3,6 +3,7 @@
 """The tactile command as a user meets it: a process with arguments, output and an exit code."""
 
 import ast
+import inspect
 import json
 import shutil
 import signal
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_bringup import cli
+from tactile_bringup import cli_data, cli_options, cli_rig
 from tactile_bringup.bags import STRAIN
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_bringup.cli import main; main()'
@@ -42,7 +43,8 @@ def archive(tmp_path):
 
 
 @pytest.mark.parametrize(
-    'command', ['', 'demo', 'simulate', 'train', 'evaluate', 'trials', 'replay', 'rig']
+    'command',
+    ['', 'demo', 'simulate', 'train', 'evaluate', 'trials', 'replay', 'rig', 'devices', 'check'],
 )
 def test_help_reads_like_a_manual(command):
     done = tactile(*([command] if command else []), '--help')
@@ -50,12 +52,16 @@ def test_help_reads_like_a_manual(command):
     assert len(done.stdout.splitlines()) > 10
 
 
-def test_options_are_declared_as_typer_0_9_reads_them():
+@pytest.mark.parametrize('module', [cli_options, cli_data, cli_rig])
+def test_options_are_declared_as_typer_0_9_reads_them(module):
     """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
-    tree = ast.parse(Path(cli.__file__).read_text())
+    tree = ast.parse(Path(module.__file__).read_text())
     operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
     assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == []
-    assert not any(isinstance(t, str) for t in cli.demo.__annotations__.values())
+    functions = [f for f in vars(module).values() if inspect.isfunction(f)]
+    assert functions
+    for function in functions:
+        assert not any(isinstance(t, str) for t in function.__annotations__.values())
 
 
 def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
