@@ -21,6 +21,7 @@ STEP_NS = SECOND_NS
 
 _HORIZON = 30  # least differences that are kept
 _LEAST_SAMPLES = 30  # for one least difference, so that it is likely to be a short delay
+_MOST_SECONDS = 3  # however few samples come
 _FORGET_S = 8.0  # weight of the past, against a drift that changes
 _FEWEST = 5  # least differences that tell a slope
 _RECENT = 10  # least differences that tell the scatter
@@ -32,10 +33,11 @@ _CHANGE_NS = 500_000  # a drift that changes by 10 ppm, bursts that beat with th
 class LowerLine:
     """A line that no difference lies below, refitted once a second.
 
-    Differences are kept as the least one of each second, or of each thirty samples of a
-    slow device. The line goes along the lower convex hull of the last thirty of them, by
-    the edge under their mean time, which is weighted towards the present. Where the last
-    five lie more than 50 ms above the line, a clock was set and what is older is forgotten.
+    Differences are kept as the least one of each second, or of thirty samples or three
+    seconds of a slow device. The line goes along the lower convex hull of the last thirty of
+    them, by the edge under their mean time, which is weighted towards the present. Where the
+    last five lie more than 50 ms above the line, a clock was set and what is older is
+    forgotten.
 
     Attributes
     ----------
@@ -70,7 +72,8 @@ class LowerLine:
 
     def add(self, device_ns: int, difference_ns: int) -> None:
         """Take the difference of a sample that is newer than those before [ns]."""
-        if device_ns // SECOND_NS > self._second and self._samples >= _LEAST_SAMPLES:
+        seconds = device_ns // SECOND_NS - self._second
+        if seconds >= (1 if self._samples >= _LEAST_SAMPLES else _MOST_SECONDS):
             self._points.append(self._least)
             self._fit()
             self._begin_least(device_ns, difference_ns)

@@ -278,6 +278,22 @@ def test_a_host_clock_set_forward_is_followed():
     assert abs(stamps[-1] - (EPOCH_NS + set_forward_ns + 40_000 * MS_NS)) < 20 * MS_NS
 
 
+@pytest.mark.parametrize('step_ms', [-500, -100, 100, 500])
+def test_a_small_correction_of_the_host_clock_is_followed(step_ms):
+    model, clock = Model(), DeviceClock(0.001)
+    run(model, 20, clock=clock)
+    last_ns, errors_ns = None, []
+    for i in range(20 * 60, 45 * 60):
+        elapsed_ns = i * SECOND_NS // 60
+        true_ns = model.true_stamp(elapsed_ns) + step_ms * MS_NS
+        instant = clock.place(model.ticks(elapsed_ns), true_ns)
+        assert last_ns is None or instant.stamp_ns > last_ns
+        last_ns = instant.stamp_ns
+        errors_ns.append(abs(instant.stamp_ns - true_ns))
+    assert not clock.restarts
+    assert max(errors_ns[18 * 60 :]) <= 1.1 * MS_NS
+
+
 def test_a_host_clock_set_back_never_takes_the_stamps_back():
     clock = DeviceClock(0.001)
     *_, (_, _, before) = run(Model(), 20, clock=clock)
