@@ -7,7 +7,7 @@ that are strings: so ``Optional[X]``, and no ``from __future__ import annotation
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -27,7 +27,7 @@ def simulate(
     protocol: Annotated[SimulatedProtocol, typer.Argument(help='Which kind of trial.')],
     output: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
     contact: Annotated[
-        list[Contact] | None,
+        Optional[list[Contact]],
         typer.Option(help='How the finger touches; give it twice for both. Default: both.'),
     ] = None,
     trials: Annotated[
@@ -45,7 +45,7 @@ def simulate(
     ] = 1,
     seed: SeedOption = 1,
     description: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             help='Folder with your own finger, rig, plates or objects: YAML files laid over '
             'those of the package.'
@@ -55,7 +55,7 @@ def simulate(
         int, typer.Option(help='How many processes simulate; -1: one for each core.')
     ] = -1,
     plot: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(help='Draw one of the trials into this PNG file.'),
     ] = None,
     json_output: JsonOption = False,
@@ -100,7 +100,7 @@ def train(
         Classifier, typer.Option(help='Which of the four goes into the model file.')
     ] = Classifier.knn,
     scaling: Annotated[
-        Scaling | None,
+        Optional[Scaling],
         typer.Option(
             help='Scaling in the model file. Default: none for texture, whose features share '
             'one unit; standard for stiffness, whose features do not.'
@@ -136,29 +136,29 @@ def evaluate(
         typer.Argument(help='One labelled-trials archive (.npz), or bags with labelled trials.'),
     ],
     task: Annotated[
-        Protocol | None,
+        Optional[Protocol],
         typer.Option(help='Which features to compute. Needed for an archive.'),
     ] = None,
     channel: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(help='Channel of the archive, or "mean" for the mean of all; default: 0.'),
     ] = None,
     where: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Only trials of which a column of the archive is true, as in --where balanced, '
             'or has a value, as in --where direction=1.'
         ),
     ] = None,
     static_phase: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Part of each trial that counts, in seconds, as in --static-phase 1:5. '
             'Default: all of it.'
         ),
     ] = None,
     group: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(
             help='Hold out each group of trials that agree in this column, instead of random '
             'folds; may be given several times.'
@@ -167,7 +167,7 @@ def evaluate(
     folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
     repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
     features: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Only these features, separated by commas, as in --features slope,correlation.'
         ),
@@ -203,7 +203,7 @@ def evaluate(
 def replay(
     bag: Annotated[Path, typer.Argument(help='The recording.')],
     models: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(help='Folder with the model files. Default: where the recording found them.'),
     ] = None,
     nodes: Annotated[

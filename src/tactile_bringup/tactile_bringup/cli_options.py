@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -30,10 +30,10 @@ SimulatedOption = Annotated[
     bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
 ]
 ModelsOption = Annotated[
-    Path | None, typer.Option(help='Folder with model files, as `tactile train` writes them.')
+    Optional[Path], typer.Option(help='Folder with model files, as `tactile train` writes them.')
 ]
 ParamsOption = Annotated[
-    Path | None, typer.Option(help='YAML file with ROS parameters for the nodes.')
+    Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
 ]
 
 

@@ -7,7 +7,7 @@ that are strings: so ``Optional[X]``, and no ``from __future__ import annotation
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -28,7 +28,7 @@ from tactile_bringup.cli_options import (
 
 def demo(
     output: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             '--output', '-o', help='Folder for the results; must not exist. Default: a new one.'
         ),
@@ -113,7 +113,7 @@ def rig(
     params: ParamsOption = None,
     namespace: Annotated[str, typer.Option(help='Namespace of all nodes.')] = '',
     record: Annotated[
-        Path | None, typer.Option(help='Record into this bag; must not exist yet.')
+        Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
     ] = None,
     seed: SeedOption = 1,
 ) -> None:
@@ -139,14 +139,14 @@ def rig(
 
 def devices(
     port: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(
             help='Ask this serial port only; may be given several times. Needed for ports that '
             'the computer does not list, such as those of `tactile_sim_rig --links`.'
         ),
     ] = None,
     net_ft: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(
             '--net-ft',
             metavar='HOST',

@@ -58,7 +58,10 @@ def test_options_are_declared_as_typer_0_9_reads_them(module):
     tree = ast.parse(Path(module.__file__).read_text())
     operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
     assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == []
-    functions = [f for f in vars(module).values() if inspect.isfunction(f)]
+    functions = [
+        f for f in vars(module).values() if getattr(f, '__module__', '') == module.__name__
+    ]
+    functions = [f for f in functions if inspect.isfunction(f)]
     assert functions
     for function in functions:
         assert not any(isinstance(t, str) for t in function.__annotations__.values())
