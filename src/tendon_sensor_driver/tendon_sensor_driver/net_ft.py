@@ -216,8 +216,8 @@ class NetFtClient:
     def _disconnect(self) -> None:
         link, self._link = self._link, None
         if link is not None:
-            self._before = self._before.plus(link.counts)
             link.close()
+            self._before = self._before.plus(link.counts)
 
     def _read(self, link: NetFtLink) -> bool:
         """Hand on what has arrived; whether that was anything new."""

@@ -250,6 +250,7 @@ class PynetftLink:
 
     def close(self) -> None:
         self._client.stop()
+        self._counted_s = 0.0
 
 
 class ArrayLink:
