@@ -36,6 +36,7 @@ CLASSIFICATION = 'tactile_msgs/msg/Classification'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+TARE = 'tactile_msgs/msg/Tare'
 
 FACTS_KEY = 'tactile'
 """Key of the bag's custom data that holds the facts about the recording, as JSON."""
@@ -78,6 +79,7 @@ def recorded_topics(classifiers: tuple[str, ...]) -> tuple[RecordedTopic, ...]:
         FEATURES_TOPIC,
         *(classification_topic(name) for name in classifiers),
         RecordedTopic('tendon_sensor/wrench', WRENCH),
+        RecordedTopic('tendon_sensor/tare_state', TARE, latched=True),
         RecordedTopic('linear_guide/joint_states', JOINT_STATE),
         RecordedTopic('tendon_actuator/joint_states', JOINT_STATE),
     )
