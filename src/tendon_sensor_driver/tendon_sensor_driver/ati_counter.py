@@ -135,7 +135,8 @@ class SampleCounter:
         if self._newest is None:
             return False
         ticks, received_at_ns = self._newest
-        elapsed_s = (batch.received_at_ns - received_at_ns) / 1e9
+        # The host's clock may be set back, the counter not.
+        elapsed_s = max(0.0, (batch.received_at_ns - received_at_ns) / 1e9)
         jump_s = int(_subtract(batch.ticks, ticks).max()) / self._tick_rate_hz
         least_s = elapsed_s - _AGREEMENT_S if is_new_session else -_AGREEMENT_S / 4
         if least_s < jump_s < elapsed_s + _AGREEMENT_S:

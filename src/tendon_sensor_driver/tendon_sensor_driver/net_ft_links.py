@@ -38,7 +38,7 @@ _LONGEST_WAIT_S = 0.25
 _DEAD_S = 0.6
 _PERIODS = 6  # without a record, after which one is missing
 _LONGEST_GATHER_S = 0.02
-_MOST_BYTES = 4096 * RECORD_BYTES  # in one batch
+_MOST_DATAGRAMS = 4096  # in one batch
 _BUFFER_BYTES = 4 << 20
 _PYNETFT_QUEUE = 4096
 _COUNT_S = 0.1
@@ -322,12 +322,9 @@ class ArrayLink:
 
     def _take_waiting(self) -> list[bytes]:
         datagrams: list[bytes] = []
-        taken = 0
-        receive = self._socket.recv
         with contextlib.suppress(BlockingIOError):
-            while taken < _MOST_BYTES:
-                datagrams.append(receive(65536))
-                taken += RECORD_BYTES
+            while len(datagrams) < _MOST_DATAGRAMS:
+                datagrams.append(self._socket.recv(65536))
         return datagrams
 
     def _decode(self, datagrams: list[bytes], received_at_ns: int) -> Batch:

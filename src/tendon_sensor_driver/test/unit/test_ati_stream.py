@@ -141,6 +141,18 @@ def test_a_counter_that_falls_back_within_a_session_is_an_error():
     assert stream.counter.restarts == 1
 
 
+@pytest.mark.parametrize('step_s', [-3600.0, 3600.0])
+def test_a_step_of_the_clock_of_the_host_is_no_restart(step_s):
+    stream = start(samples_per_block=1)
+    blocks = stream.add(batch_of(7 * np.arange(1, 6)))
+    for i in range(6, 20):
+        blocks += stream.add(batch_of([7 * i], delay_s=step_s))
+    assert stream.counter.restarts == 0
+    assert blocks[-1].sequence == 18
+    stamps_ns = [block.stamp_ns for block in blocks]
+    assert stamps_ns == sorted(set(stamps_ns))
+
+
 def test_a_gap_over_a_new_session_is_counted_by_the_counter():
     stream = start(samples_per_block=1)
     stream.add(batch_of(7 * np.arange(1, 6)))
