@@ -34,6 +34,7 @@ TOPICS = {
     'twin': ('simulator_twin', 'run_twin'),
     'twin-speed': ('simulator_twin', 'run_twin_speed'),
     'messages': ('message_path', 'run_messages'),
+    'rest': ('rest', 'run_rest'),
 }
 
 DESCRIPTION = """Measure the speed and the error of the numerical kernels, the decoders, the
@@ -67,6 +68,7 @@ EPILOG = """topics:
   twin         against the same scene in MuJoCo: how far apart (needs mujoco)
   twin-speed   and at which speeds
   messages     latency from publish to the features node
+  rest         from a killed process or a cut cable to rest, on the simulated rig
 
 exit status:
   0 when every error is within its bound, 1 otherwise, 2 for a wrong argument.
