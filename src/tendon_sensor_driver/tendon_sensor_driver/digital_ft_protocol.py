@@ -141,8 +141,11 @@ class StreamDecoder:
     """Finds the records in the stream, however it is cut or damaged.
 
     A record has no header and a check of 7 bits, which one in 128 wrong places passes too. So
-    a record counts only when the two after it are right as well: what is out of step slips
-    through once in two million places. The price is a delay of two records.
+    a record counts only when the two after it are right as well, and after every damage the
+    first two right ones are passed over: they may be half of it. What is out of step slips
+    through once in two million places; the price is a delay of two records. A record that is
+    damaged without a byte too many or too few passes once in 128 times: there is no more in
+    the format, and the parity of the line has to see it.
 
     Attributes
     ----------
@@ -154,10 +157,14 @@ class StreamDecoder:
         self.bytes = self.records = self.dropped_bytes = 0
         self._pending = b''
         self._dropped = 0  # before what is pending
+        self._passed_over = _CONFIRMATIONS  # right records since the last damage
 
     def reset(self) -> None:
-        """Forget what is pending: what comes next does not continue it."""
-        self._drop(len(self._pending))
+        """Forget what is pending: a stream that begins anew comes next."""
+        self.dropped_bytes += len(self._pending)
+        self._pending = b''
+        self._dropped = 0
+        self._passed_over = _CONFIRMATIONS
 
     def feed(self, data: bytes) -> list[StreamPart]:
         """Take bytes; return the records that they complete."""
@@ -175,17 +182,24 @@ class StreamDecoder:
             wrong = np.flatnonzero(~steps)
             run = int(wrong[0]) if len(wrong) else len(steps)
             count = max(0, run - _CONFIRMATIONS)
+            over = min(count, _CONFIRMATIONS - self._passed_over)
+            self._passed_over += over
+            start = self._skip(start, start + over * RECORD_BYTES)
+            count -= over
             if count:
                 parts.append(self._take(array[start : start + count * RECORD_BYTES]))
                 start += count * RECORD_BYTES
             if not len(wrong):
                 break
-            found = _find_start(is_right, start + 1)
-            self._dropped += found - start
-            self.dropped_bytes += found - start
-            start = found
+            start = self._skip(start, _find_start(is_right, start + 1))
+            self._passed_over = 0
         self._pending = self._pending[start:]
         return parts
+
+    def _skip(self, start: int, end: int) -> int:
+        self._dropped += end - start
+        self.dropped_bytes += end - start
+        return end
 
     def _take(self, array: NDArray[np.uint8]) -> StreamPart:
         records = array.reshape(-1, RECORD_BYTES)
@@ -194,11 +208,6 @@ class StreamDecoder:
         self._dropped = 0
         self.records += len(records)
         return StreamPart(words[:, _GAUGE_ORDER], records[:, 12] >= 0x80, lost)
-
-    def _drop(self, count: int) -> None:
-        self._dropped += count
-        self.dropped_bytes += count
-        self._pending = self._pending[count:]
 
 
 def _check_all(array: NDArray[np.uint8]) -> NDArray[np.bool_]:
