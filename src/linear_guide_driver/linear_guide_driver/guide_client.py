@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NoReturn
 
 from linear_guide_driver import grbl_protocol as grbl
@@ -24,7 +24,7 @@ from linear_guide_driver.errors import (
 )
 from linear_guide_driver.grbl_connection import GrblConnection
 from linear_guide_driver.grbl_settings import GuideSettings
-from linear_guide_driver.guide_path import compute_piece_s, cut_move
+from linear_guide_driver.guide_path import compute_piece_s, encode_pieces
 from linear_guide_driver.motion_gate import MotionGate
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 
@@ -43,10 +43,6 @@ LATE_S = 0.15
 NOT_HOMED = 'the guide has not been homed since the driver connected'
 
 _logger = logging.getLogger(__name__)
-
-
-def _never() -> bool:
-    return False
 
 
 class LinearGuideClient:
@@ -145,7 +141,7 @@ class LinearGuideClient:
     def home(
         self,
         on_elapsed: Callable[[float], None] = lambda _: None,
-        should_stop: Callable[[], bool] = _never,
+        should_stop: Callable[[], bool] = lambda: False,
     ) -> GuideState:
         """Find the reference switch; return the state at rest.
 
@@ -207,7 +203,7 @@ class LinearGuideClient:
         position_m: float,
         speed_m_s: float,
         on_state: Callable[[GuideState], None] = lambda _: None,
-        should_stop: Callable[[], bool] = _never,
+        should_stop: Callable[[], bool] = lambda: False,
     ) -> GuideState:
         """Move; return the state at rest.
 
@@ -246,7 +242,12 @@ class LinearGuideClient:
                 connection.reset_override()
                 connection.command(grbl.encode_modes(), REPLY_TIMEOUT_S, is_stopped)
                 connection.stream(
-                    self._encode(connection.planner_blocks, start_m, position_m, speed_m_s),
+                    encode_pieces(
+                        self._to_mpos_mm(start_m),
+                        self._to_mpos_mm(position_m),
+                        speed_m_s * 1e3,
+                        compute_piece_s(self._config.run_on_s, connection.planner_blocks),
+                    ),
                     expected_s + SLACK_S,
                     is_stopped,
                     lambda: self._watch(on_state),
@@ -314,24 +315,15 @@ class LinearGuideClient:
             self._trouble = NOT_HOMED
             connection.start_polling()
             connection.wait_report(REPLY_TIMEOUT_S)
+            return connection, settings
         except LinearGuideDriverError:
             connection.close()
             raise
-        return connection, settings
-
-    def _encode(
-        self, planner_blocks: int, start_m: float, end_m: float, speed_m_s: float
-    ) -> Iterator[bytes]:
-        piece_s = compute_piece_s(self._config.run_on_s, planner_blocks)
-        start_mm, end_mm = ((m - self._config.travel_m) * 1e3 for m in (start_m, end_m))
-        for mpos_mm in cut_move(start_mm, end_mm, piece_s * speed_m_s * 1e3):
-            yield grbl.encode_move(mpos_mm, speed_m_s * 60e3)
-        yield grbl.encode_dwell()
 
     def _require_connection(self) -> tuple[GrblConnection, GuideSettings]:
-        if self._connection is None or self._settings is None:
-            raise MotionRefusedError('The guide is not connected; connect it first.')
-        return self._connection, self._settings
+        if self._connection is not None and self._settings is not None:
+            return self._connection, self._settings
+        raise MotionRefusedError('The guide is not connected; connect it first.')
 
     def _check_move(self, position_m: float, speed_m_s: float) -> float:
         config, state = self._config, self.state
@@ -392,9 +384,11 @@ class LinearGuideClient:
             _logger.exception('the consumer of the guide states failed')
 
     def _to_position_m(self, report: grbl.StatusReport) -> float | None:
-        if report.mpos_mm is None:
-            return None
-        return report.mpos_mm[0] / 1e3 + self._config.travel_m
+        mpos_mm = report.mpos_mm
+        return None if mpos_mm is None else mpos_mm[0] / 1e3 + self._config.travel_m
+
+    def _to_mpos_mm(self, position_m: float) -> float:
+        return (position_m - self._config.travel_m) * 1e3
 
     def _to_state(self, report: grbl.StatusReport, received_at_ns: int) -> GuideState:
         return GuideState(

@@ -50,3 +50,22 @@ def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]
     for number in range(1, pieces):
         yield start_mm + (end_mm - start_mm) * number / pieces
     yield end_mm
+
+
+def encode_pieces(
+    start_mm: float, end_mm: float, speed_mm_s: float, piece_s: float
+) -> Iterator[bytes]:
+    """Yield the lines of a move, a dwell at its end.
+
+    Parameters
+    ----------
+    start_mm, end_mm : float
+        Machine positions [mm].
+    speed_mm_s : float
+        [mm/s]
+    piece_s : float
+        How long a piece lasts [s].
+    """
+    for mpos_mm in cut_move(start_mm, end_mm, piece_s * speed_mm_s):
+        yield grbl.encode_move(mpos_mm, speed_mm_s * 60)
+    yield grbl.encode_dwell()

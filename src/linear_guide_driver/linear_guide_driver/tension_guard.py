@@ -171,8 +171,8 @@ class TensionGuard:
         now_ns : int
             Monotonic time of arrival [ns].
         """
-        if not tension_n:
-            return False
+        if not tension_n or not all(map(math.isfinite, tension_n)):
+            return False  # no measurement: as good as silence
         highest_n, lowest_n, last_n = max(tension_n), min(tension_n), tension_n[-1]
         with self._lock:
             self._tension_n = math.inf if is_saturated else last_n

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linear_guide_driver.guide_path import compute_piece_s, cut_move
+from linear_guide_driver.guide_path import compute_piece_s, cut_move, encode_pieces
 
 
 def test_a_full_planner_and_receive_buffer_hold_what_was_asked_for():
@@ -14,6 +14,14 @@ def test_a_full_planner_and_receive_buffer_hold_what_was_asked_for():
     assert compute_piece_s(0.25, 15) == pytest.approx(0.25 / 19)
     assert compute_piece_s(0.25, 35) == pytest.approx(0.25 / 39)
     assert compute_piece_s(0.25, 500) == 0.005
+
+
+def test_the_lines_of_a_move_end_with_a_dwell():
+    assert list(encode_pieces(-10.0, -9.0, 50.0, 0.01)) == [
+        b'G53 G1 X-9.500 F3000.000\n',
+        b'G53 G1 X-9.000 F3000.000\n',
+        b'G4 P0.010\n',
+    ]
 
 
 def test_a_move_is_cut_by_hand():

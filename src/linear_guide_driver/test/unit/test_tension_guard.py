@@ -149,3 +149,10 @@ def test_over_the_limit_only_a_release_is_allowed_and_it_is_not_interrupted(guar
     assert guard.check(0) is Verdict.CONTINUE
     guard.end()
     assert guard.add_samples([4.0], False, 0)
+
+
+def test_what_is_no_number_is_no_sample(strict):
+    strict.add_samples([0.1], False, 0)
+    assert not strict.add_samples([float('nan'), 20.0], False, 1000 * MS)
+    assert strict.tension_n == 0.1
+    assert not strict.is_alive(1000 * MS)
