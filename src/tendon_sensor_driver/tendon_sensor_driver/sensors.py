@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from tendon_sensor_driver.client import TendonSensorClient
+from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 
 OnBlock = Callable[[Block], None]
@@ -51,10 +52,21 @@ def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) ->
         ``on_block(block)``; called on a thread of the client.
     now_ns : callable
         The present ROS time [ns].
+
+    Raises
+    ------
+    TendonSensorError
+        When a Net F/T is wanted and pynetft is not installed.
     """
     if config.sensor == 'net_ft':
-        from tendon_sensor_driver.net_ft import NetFtClient
-
+        try:
+            from tendon_sensor_driver.net_ft import NetFtClient
+        except ModuleNotFoundError as error:
+            if error.name != 'pynetft':
+                raise
+            raise TendonSensorError(
+                'a Net F/T needs pynetft, which is not installed: pip install pynetft'
+            ) from error
         return NetFtClient(config, on_block, now_ns)
     if config.sensor == 'digital_ft':
         from tendon_sensor_driver.digital_ft import DigitalFtClient
