@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 import tactile_sim
 from tactile_features import compute_regression
 from tactile_sim import layout as at
+from tactile_sim.curve import compute_curve
 from tactile_sim.fast_trials import simulate_motion
-from tactile_sim.mechanics import compute_curve
 from tactile_sim.scene import Scene, build_scene
 from tactile_sim.solver import choose_solver
 from tactile_sim.timeline import Move, Timeline

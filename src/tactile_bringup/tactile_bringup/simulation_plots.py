@@ -29,9 +29,9 @@ from tactile_bringup.simulated_trials import (
 from tactile_features.records import FeatureConfig
 from tactile_features.spectrum import compute_spectrum
 from tactile_sim.catalogue import Catalogue
+from tactile_sim.curve import compute_curve
 from tactile_sim.description import Finger, HeldObject
 from tactile_sim.fast_trials import simulate_motion
-from tactile_sim.mechanics import compute_curve
 from tactile_sim.scene import build_scene
 from tactile_sim.surface import compute_plate_profile
 from tactile_sim.variation import Variation

@@ -22,9 +22,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.80665
 
@@ -109,11 +106,13 @@ def compute_sine_cosine(angle: Any) -> Any:
     """Sine and cosine of a slope angle [rad]; see `_MIDDLE_RAD` for the range."""
     d = angle - _MIDDLE_RAD
     y = d * d
+    y2 = y * y
+    y4 = y2 * y2  # Estrin's scheme: shorter chains of operations than Horner's
     sine = d * (
-        1 + y * (_S3 + y * (_S5 + y * (_S7 + y * (_S9 + y * (_S11 + y * (_S13 + y * _S15))))))
+        ((1 + _S3 * y) + y2 * (_S5 + _S7 * y)) + y4 * ((_S9 + _S11 * y) + y2 * (_S13 + _S15 * y))
     )
-    cosine = 1 + y * (
-        -0.5 + y * (_C4 + y * (_C6 + y * (_C8 + y * (_C10 + y * (_C12 + y * (_C14 + y * _C16))))))
+    cosine = ((1 - 0.5 * y) + y2 * (_C4 + _C6 * y)) + y4 * (
+        ((_C8 + _C10 * y) + y2 * (_C12 + _C14 * y)) + y4 * _C16
     )
     return sine * _COS_MIDDLE + cosine * _SIN_MIDDLE, cosine * _COS_MIDDLE - sine * _SIN_MIDDLE
 
@@ -376,26 +375,3 @@ def shorten(change: Any) -> Any:
 def larger(a: Any, b: Any) -> Any:
     """The larger of two, element by element; the second where they are equal."""
     return select(a > b, a, b)
-
-
-def compute_curve(length_m: float, modes_rad: FloatArray, points: int = 65) -> FloatArray:
-    """The finger's centre line.
-
-    Parameters
-    ----------
-    modes_rad : ndarray of float, shape (3,)
-        q0, q1, q2 [rad].
-
-    Returns
-    -------
-    ndarray of float, shape (points, 2)
-        Reach and drop from the base to the tip [m].
-    """
-    fine = np.linspace(0.0, 1.0, 8 * (points - 1) + 1)
-    q0, q1, q2 = modes_rad
-    middle = (fine[1:] + fine[:-1]) / 2
-    slope = q0 * middle + q1 * (middle**2 - middle)
-    slope += q2 * (2 * middle**3 - 3 * middle**2 + middle)
-    steps = np.stack([np.cos(slope), np.sin(slope)], axis=1) * length_m / len(middle)
-    curve = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    return np.asarray(curve[::8], dtype=np.float64)

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from tactile_sim.curve import compute_curve
 from tactile_sim.mechanics import (
     GRAVITY_M_S2,
     MAX_CHANGE_RAD,
@@ -14,7 +15,6 @@ from tactile_sim.mechanics import (
     NODE_XI,
     Constants,
     compute_balance,
-    compute_curve,
     compute_line,
     compute_object_contact,
     compute_rigid_contact,
