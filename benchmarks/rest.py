@@ -33,7 +33,7 @@ NODES = {
 }
 PARAMETERS = {
     'guide': {
-        'strain_timeout_s': 0.2,
+        'strain_timeout_s': 0.15,
         'heartbeat_topics': '[heartbeat, tendon_actuator/heartbeat]',
     },
     'tendon': {'heartbeat_topics': '[heartbeat, linear_guide/heartbeat]'},

@@ -22,12 +22,12 @@ from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.throttle import Throttle
 from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
 
 FEEDBACK_PERIOD_S = 0.1
-HEARTBEAT_PERIOD_S = 0.04
 NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
 
 
@@ -44,8 +44,7 @@ class LinearGuideNode(TactileNode):
         self._client: LinearGuideClient | None = None
         self._runners: list[GoalRunner] = []
         self._needs: Needs | None = None
-        self._heartbeat: Any = None
-        self._heartbeat_timer: Any = None
+        self._heartbeat: HeartbeatPublisher | None = None
         self._joint_states: Any = None
         self._stop_service: Any = None
         self._diagnostics: Diagnostics | None = None
@@ -71,8 +70,7 @@ class LinearGuideNode(TactileNode):
                 STREAM,
                 lambda block: bool(block.tension_n) and not block.status & NO_MEASUREMENT,
             )
-        self._heartbeat = self.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
-        self._heartbeat_timer = self.create_timer(HEARTBEAT_PERIOD_S, self._beat)
+        self._heartbeat = HeartbeatPublisher(self, self._is_well)
         self._stop_service = self.create_service(Trigger, '~/stop', self._on_stop)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
 
@@ -93,10 +91,9 @@ class LinearGuideNode(TactileNode):
         if self._needs is not None:
             self._needs.close()
             self._needs = None
-        if self._heartbeat_timer is not None:
-            self.destroy_timer(self._heartbeat_timer)
-            self.destroy_publisher(self._heartbeat)
-            self._heartbeat = self._heartbeat_timer = None
+        if self._heartbeat is not None:
+            self._heartbeat.close()
+            self._heartbeat = None
         if self._stop_service is not None:
             self.destroy_service(self._stop_service)
             self._stop_service = None
@@ -200,9 +197,8 @@ class LinearGuideNode(TactileNode):
         if self._end_motion():
             self.get_logger().error(f'{sentence} The guide brakes.')
 
-    def _beat(self) -> None:
-        if self.is_active and self._client is not None and not self._client.is_lost:
-            self._heartbeat.publish(Empty())
+    def _is_well(self) -> bool:
+        return self.is_active and self._client is not None and not self._client.is_lost
 
     def _on_trouble(self, reason: str) -> None:
         self.get_logger().error(f'{reason}; the position is unknown')

@@ -27,12 +27,12 @@ from linear_guide_driver.tension_guard import TensionGuard, Verdict
 from linear_guide_driver.throttle import Throttle
 from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
 
 FEEDBACK_PERIOD_S = 0.1
-HEARTBEAT_PERIOD_S = 0.04
 WARM_C = 10.0
 FULL_CURRENT = 0.95
 NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
@@ -53,8 +53,7 @@ class TendonActuatorNode(TactileNode):
         self._guard: TensionGuard | None = None
         self._runners: list[GoalRunner] = []
         self._needs: Needs | None = None
-        self._heartbeat: Any = None
-        self._heartbeat_timer: Any = None
+        self._heartbeat: HeartbeatPublisher | None = None
         self._is_homed = False
         self._joint_states: Any = None
         self._strain: Any = None
@@ -83,8 +82,7 @@ class TendonActuatorNode(TactileNode):
         self._needs = Needs(self, self._on_loss)
         for topic in config.heartbeat_topics:
             self._needs.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
-        self._heartbeat = self.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
-        self._heartbeat_timer = self.create_timer(HEARTBEAT_PERIOD_S, self._beat)
+        self._heartbeat = HeartbeatPublisher(self, self._is_well)
         self._runners = [
             GoalRunner(self, PullTendon, '~/pull', self._pull, accepting=self._accepting),
             GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self._accepting),
@@ -108,10 +106,9 @@ class TendonActuatorNode(TactileNode):
         if self._needs is not None:
             self._needs.close()
             self._needs = None
-        if self._heartbeat_timer is not None:
-            self.destroy_timer(self._heartbeat_timer)
-            self.destroy_publisher(self._heartbeat)
-            self._heartbeat = self._heartbeat_timer = None
+        if self._heartbeat is not None:
+            self._heartbeat.close()
+            self._heartbeat = None
         if self._stop_service is not None:
             self.destroy_service(self._stop_service)
             self._stop_service = None
@@ -301,9 +298,8 @@ class TendonActuatorNode(TactileNode):
         self.get_logger().error(f'{sentence} The tendon is held where it is.')
         self._end_motion()
 
-    def _beat(self) -> None:
-        if self.is_active and self._client is not None and not self._client.trouble:
-            self._heartbeat.publish(Empty())
+    def _is_well(self) -> bool:
+        return self.is_active and self._client is not None and not self._client.trouble
 
     def _on_trouble(self, reason: str) -> None:
         self.get_logger().error(reason)

@@ -29,6 +29,9 @@ RIG_NODES = (
 )
 """Names of the nodes of the whole rig, but for its classifiers."""
 
+STRAIN_TIMEOUT_S = 0.15
+"""Nine samples at 60 Hz; with it an approach at 50 mm/s, too, ends within 0.3 s."""
+
 
 @dataclass(frozen=True)
 class NodeDescription:
@@ -100,17 +103,36 @@ def rig_graph(
     parameters: Mapping[str, Mapping[str, Any]],
     *,
     simulated: bool,
+    watched: bool = False,
 ) -> list[NodeDescription]:
-    """Return the nodes of the whole palpation rig: sensing, motion, trial runner."""
+    """Return the nodes of the whole palpation rig: sensing, motion, trial runner.
+
+    Parameters
+    ----------
+    watched : bool
+        Motion ends when one of the other nodes falls silent: for nodes in processes of their
+        own, which can die alone.
+    """
+    guide_needs: dict[str, Any] = {}
+    tendon_needs: dict[str, Any] = {}
+    if watched:
+        guide_needs = {
+            'strain_timeout_s': STRAIN_TIMEOUT_S,
+            'heartbeat_topics': ('trial_runner/heartbeat', 'tendon_actuator/heartbeat'),
+        }
+        tendon_needs = {'heartbeat_topics': ('trial_runner/heartbeat', 'linear_guide/heartbeat')}
     motion = [
         NodeDescription(
-            'linear_guide_driver', 'linear_guide_node', 'linear_guide', {'port': ports.guide}
+            'linear_guide_driver',
+            'linear_guide_node',
+            'linear_guide',
+            {'port': ports.guide, **guide_needs},
         ),
         NodeDescription(
             'linear_guide_driver',
             'tendon_actuator_node',
             'tendon_actuator',
-            {'port': ports.tendon},
+            {'port': ports.tendon, **tendon_needs},
         ),
         NodeDescription(
             'tactile_bringup', 'trial_runner_node', 'trial_runner', {'simulated': simulated}

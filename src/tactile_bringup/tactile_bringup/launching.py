@@ -105,7 +105,9 @@ def _rig_actions(context: LaunchContext, protocol: str) -> list[Node]:
             others_allowed=True,
         ).get('tactile_features', {})
     ports = Ports(value('guide_port'), value('tendon_port'), value('sensor_port'))
-    graph = rig_graph(ports, models, {'tactile_features': of_features}, simulated=simulated)
+    graph = rig_graph(
+        ports, models, {'tactile_features': of_features}, simulated=simulated, watched=True
+    )
     if value('record'):
         graph.append(
             recorder_node(

@@ -26,6 +26,7 @@ from tactile_bringup.trial_protocols import (
     trial_steps,
 )
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
@@ -40,7 +41,7 @@ RELEASE_PAUSE_S = 0.3
 
 
 class TrialRunnerNode(TactileNode):
-    """Runs trials: action ``~/run_trial``, events on ``~/events``.
+    """Runs trials: action ``~/run_trial``, events on ``~/events``, ``~/heartbeat``.
 
     When a trial ends early, for whatever reason, guide and tendon are stopped
     and the tendon is released; nothing moves again without a new goal. A trial ends
@@ -56,6 +57,7 @@ class TrialRunnerNode(TactileNode):
         self._tendon: ActionClient | None = None
         self._stops: list[Any] = []
         self._tendon_states: Any = None
+        self._heartbeat: HeartbeatPublisher | None = None
         self._contact = _Contact()
         self._request: TrialRequest | None = None
         self._count = 0
@@ -78,6 +80,7 @@ class TrialRunnerNode(TactileNode):
             self._run_trial,
             accepting=lambda: '' if self.is_active else 'the trial runner is not active',
         )
+        self._heartbeat = HeartbeatPublisher(self, lambda: self.is_active)
 
     def stop(self) -> None:
         if self._runner is not None and self._runner.is_busy:
@@ -96,6 +99,9 @@ class TrialRunnerNode(TactileNode):
         if self._tendon_states is not None:
             self.destroy_subscription(self._tendon_states)
             self._tendon_states = None
+        if self._heartbeat is not None:
+            self._heartbeat.close()
+            self._heartbeat = None
         for client in (self._guide, self._tendon):
             if client is not None:
                 client.destroy()

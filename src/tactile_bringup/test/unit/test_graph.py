@@ -79,3 +79,24 @@ def test_recording_notes_the_windows_and_passes_over_parameters_of_every_node(tm
     parameters = {'texture_samples': 90, 'use_sim_time': True}
     node = recorder_node(tmp_path / 'recording', None, (), parameters, simulated=True)
     assert json.loads(node.parameters['facts'])['feature_config']['texture_samples'] == 90
+
+
+def test_nodes_that_can_die_alone_watch_each_other():
+    alone = {node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True)}
+    assert 'heartbeat_topics' not in alone['linear_guide'].parameters
+    watched = {
+        node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True, watched=True)
+    }
+    assert set(watched['linear_guide'].parameters['heartbeat_topics']) == {
+        'trial_runner/heartbeat',
+        'tendon_actuator/heartbeat',
+    }
+    assert set(watched['tendon_actuator'].parameters['heartbeat_topics']) == {
+        'trial_runner/heartbeat',
+        'linear_guide/heartbeat',
+    }
+    assert watched['linear_guide'].parameters['strain_timeout_s'] > 0
+    given = rig_graph(
+        PORTS, {}, {'linear_guide': {'strain_timeout_s': 0.5}}, simulated=True, watched=True
+    )
+    assert {n.name: n for n in given}['linear_guide'].parameters['strain_timeout_s'] == 0.5
