@@ -84,9 +84,7 @@ def test_recording_notes_the_windows_and_passes_over_parameters_of_every_node(tm
 def test_nodes_that_can_die_alone_watch_each_other():
     alone = {node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True)}
     assert 'heartbeat_topics' not in alone['linear_guide'].parameters
-    watched = {
-        node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True, watched=True)
-    }
+    watched = {node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True, watched=True)}
     assert set(watched['linear_guide'].parameters['heartbeat_topics']) == {
         'trial_runner/heartbeat',
         'tendon_actuator/heartbeat',
