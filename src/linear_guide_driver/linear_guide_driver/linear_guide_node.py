@@ -50,7 +50,7 @@ class LinearGuideNode(TactileNode):
         self._diagnostics: Diagnostics | None = None
 
     def set_up(self, config: LinearGuideConfig) -> None:
-        self._joint_states = self.create_lifecycle_publisher(JointState, '~/joint_states', STREAM)
+        self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
         self._client = LinearGuideClient(
             config, self._on_state, self._now_ns, on_trouble=self._on_trouble
         )

@@ -62,7 +62,7 @@ class TendonActuatorNode(TactileNode):
         self._release_is_due = False
 
     def set_up(self, config: TendonActuatorConfig) -> None:
-        self._joint_states = self.create_lifecycle_publisher(JointState, '~/joint_states', STREAM)
+        self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
         self._guard = TensionGuard(
             {'flexion': config.flexion_limit_n, 'abduction': config.abduction_limit_n},
             config.guard_timeout_s,

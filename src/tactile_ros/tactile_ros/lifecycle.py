@@ -4,11 +4,14 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_ros.parameters import declare_config, read_config
+from tactile_ros.qos import STREAM
 
 
 class TactileNode(LifecycleNode):
@@ -45,6 +48,18 @@ class TactileNode(LifecycleNode):
         self.is_active = False
 
     # -- for subclasses ----------------------------------------------------------
+
+    def create_stream_publisher(self, message_type: type, topic: str) -> Any:
+        """Make a lifecycle publisher of samples, whose quality of service can be overridden.
+
+        By parameters, as ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
+        """
+        return self.create_lifecycle_publisher(
+            message_type,
+            topic,
+            copy.copy(STREAM),  # rclpy writes the overrides into it
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
 
     def set_up(self, config: Any) -> None: ...
 

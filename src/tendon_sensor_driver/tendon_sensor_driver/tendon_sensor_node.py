@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections import deque
 from dataclasses import fields
 from typing import Any
@@ -12,14 +11,12 @@ from typing import Any
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 from tactile_msgs.msg import StrainBlock, Tare
 
 from tactile_ros import diagnostics
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
-from tactile_ros.qos import STREAM
 from tendon_sensor_driver import tare
 from tendon_sensor_driver.conversions import (
     LEVEL_OK,
@@ -97,12 +94,7 @@ class TendonSensorNode(TactileNode):
             destroy(entity)
 
     def _add_stream(self, kind: type, topic: str) -> Any:
-        publisher = self.create_lifecycle_publisher(
-            kind,
-            topic,
-            copy.copy(STREAM),  # rclpy writes the overrides into it
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        publisher = self.create_stream_publisher(kind, topic)
         return self._add(publisher, self.destroy_lifecycle_publisher)
 
     def _add(self, entity: Any, destroy: Any) -> Any:
