@@ -110,7 +110,9 @@ def plot_spectra(
         rows, 2, figsize=(9, 1.5 * rows + 0.8), sharex=True, sharey=True, layout='constrained'
     )
     for axes, (label, amplitude_n) in zip(np.ravel(grid), spectra, strict=False):
-        axes.plot(frequency_hz, 1e3 * amplitude_n, color='#1f4e79', lw=1)
+        # Logarithmic: the trend of creep is many times as high as the grooves' peaks. The first
+        # amplitude is that of the mean, which has been taken off.
+        axes.semilogy(frequency_hz[1:], 1e3 * amplitude_n[1:], color='#1f4e79', lw=1)
         axes.text(0.98, 0.9, label, transform=axes.transAxes, ha='right', va='top', weight='bold')
         axes.grid(alpha=0.3)
     for axes in np.ravel(grid)[len(spectra) :]:

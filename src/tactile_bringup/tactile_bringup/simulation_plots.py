@@ -346,7 +346,10 @@ def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
     config = FeatureConfig()
     amplitude_n = compute_spectrum(_texture_window(picture)[1])
     frequency_hz = np.arange(len(amplitude_n)) * config.rate_hz / config.texture_samples
-    axes.plot(frequency_hz, MM * amplitude_n, color='#1f4e79', lw=1.2)
+    # As in `plots.plot_spectra`; a signal without any change would have nothing to draw.
+    axes.semilogy(
+        frequency_hz[1:], np.maximum(MM * amplitude_n[1:], 1e-3), color='#1f4e79', lw=1.2
+    )
     plate = picture.catalogue.plate(picture.label)
     if plate.groove not in ('none', 'profile'):
         speed_m_s = picture.planned.timeline.guide_moves[-1].speed_m_s
@@ -362,7 +365,6 @@ def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
         axes.legend(frameon=False)
     axes.set(xlabel='frequency [Hz]', ylabel='amplitude [mN]')
     axes.set_xlim(0.0, frequency_hz[-1])
-    axes.set_ylim(bottom=0.0)
     axes.set_title(
         f'amplitude spectrum of this window of {config.texture_samples} samples', fontsize=10
     )
