@@ -36,6 +36,11 @@ class SimulateRequest:
 def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
     """Write one bag for each kind of contact; return whether every trial was computed."""
     output = Output(as_json)
+    if request.plot is not None and not request.plot.parent.is_dir():
+        raise BringupError(
+            f'cannot write {request.plot}: there is no folder {request.plot.parent}; make it, '
+            'or name another file'
+        )
     if request.jobs == 0:
         raise BringupError('--jobs is 0; it must be a number of processes, or -1 for all cores')
     catalogue = Catalogue(request.description)

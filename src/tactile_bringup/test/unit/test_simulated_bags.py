@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import threading
+from pathlib import Path
 
 import joblib
 import numpy as np
@@ -238,7 +239,11 @@ def test_exit_code_tells_scripts_about_aborted_trials(monkeypatch, tmp_path, com
 
 @pytest.mark.parametrize(
     ('changes', 'sentence'),
-    [({'jobs': 0}, '--jobs is 0'), ({'folder': 'taken'}, 'taken.*exists already')],
+    [
+        ({'plot': Path('/no/such/folder/trial.png')}, 'there is no folder /no/such/folder'),
+        ({'jobs': 0}, '--jobs is 0'),
+        ({'folder': 'taken'}, 'taken.*exists already'),
+    ],
 )
 def test_the_command_refuses_with_a_sentence(simulator, tmp_path, changes, sentence):
     (tmp_path / 'taken' / 'slip_flexion').mkdir(parents=True)
