@@ -36,9 +36,6 @@ from tactile_sim.row_operations import (
 )
 from tactile_sim.steps import MAX_HALVINGS, split_inputs
 
-BLOCK = 16
-"""Trials that advance together."""
-
 _OPTIONS: Any = {'error_model': 'numpy', 'boundscheck': False, 'fastmath': False}
 
 

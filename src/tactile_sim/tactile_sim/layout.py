@@ -52,11 +52,10 @@ OPEN = 50  # 1 while the trial's step has not converged
 NEW_TENSION = 51
 NEW_TIP = 52
 NEW_TENDON = 53
-NEW_RUB = 54  # friction [N]
-SQUEEZED_BASE = 55  # what the tip's rate of change is counted from [m]
-ACTIVE = 56  # 1 while the trial takes part in the step
-SOLVED = 57  # 1 once it has solved it
-LINE = 58
+SQUEEZED_BASE = 54  # what the tip's rate of change is counted from [m]
+ACTIVE = 55  # 1 while the trial takes part in the step
+SOLVED = 56  # 1 once it has solved it
+LINE = 57
 ROWS = LINE + 19
 
 # Columns of the coefficients of a step: 1 / its length, then three numbers

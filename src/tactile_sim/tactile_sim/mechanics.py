@@ -72,7 +72,11 @@ MAX_CHANGE_RAD = 0.2
 
 
 class Constants(NamedTuple):
-    """What all trials of a scene share, in SI units; see `Finger` for the names."""
+    """What all trials of a scene share, in SI units; see `Finger` for the names.
+
+    Reciprocals (``per_``) stand beside what they belong to: a division costs as much as
+    several products.
+    """
 
     length: float
     arm: float

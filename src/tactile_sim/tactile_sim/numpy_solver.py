@@ -49,36 +49,52 @@ def advance(
     z = np.zeros((at.ROWS, state.shape[1]), dtype=state.dtype)
     z[: at.TRIAL_ROWS] = state
     before = start
-    part_inputs = np.empty(at.INPUTS)
     with np.errstate(all='ignore'):
         for s, length in enumerate(lengths):
             if s == 0 or length != lengths[s - 1]:
                 z[at.FRESH] = 1.0
-            kept = z[: at.STATE_ROWS].copy()
-            pending = np.flatnonzero(failed < 0)
-            for level in range(MAX_HALVINGS + 1):
-                work = z if len(pending) == z.shape[1] else z[:, pending]
-                work[at.ACTIVE] = 1.0
-                if level > 0:
-                    work[: at.STATE_ROWS] = kept[:, pending]
-                    work[at.FRESH] = 1.0
-                row = coefficients[length, level].tolist()
-                for part in range(1 << level):
-                    split_inputs(before, inputs[s], (part + 1.0) / (1 << level), part_inputs)
-                    _solve(work, row, part_inputs.tolist(), scene, control)
-                    work[at.ACTIVE] = work[at.SOLVED]
-                if level > 0:
-                    work[at.FRESH] = 1.0
-                solved = work[at.SOLVED] > 0.0
-                kept[:, pending[solved]] = work[: at.STATE_ROWS, solved]
-                pending = pending[~solved]
-                if len(pending) == 0:
-                    break
-            z[: at.STATE_ROWS] = kept
+            z[at.ACTIVE] = failed < 0
+            row = coefficients[length, 0].tolist()
+            _solve(z, row, inputs[s].tolist(), scene, control)
+            # A trial without balance stands where it was, and tries again in parts.
+            pending = np.flatnonzero(z[at.ACTIVE] > z[at.SOLVED])
+            level = 1
+            while len(pending) and level <= MAX_HALVINGS:
+                pending = _solve_in_parts(
+                    z, pending, level, coefficients[length], before, inputs[s], scene, control
+                )
+                level += 1
             failed[pending] = s
             before = inputs[s]
             out[s] = z[rows]
     state[: at.STATE_ROWS] = z[: at.STATE_ROWS]
+
+
+def _solve_in_parts(
+    z: Any,
+    pending: Any,
+    level: int,
+    coefficients: Any,
+    before: Any,
+    after: Any,
+    scene: Any,
+    control: Any,
+) -> Any:
+    """Advance some trials in 2^level parts of a step; return those that still find no balance."""
+    row = coefficients[level].tolist()
+    work = z[:, pending]
+    work[at.ACTIVE] = 1.0
+    work[at.FRESH] = 1.0
+    inputs = np.empty(at.INPUTS)
+    parts = 1 << level
+    for part in range(parts):
+        split_inputs(before, after, (part + 1.0) / parts, inputs)
+        _solve(work, row, inputs.tolist(), scene, control)
+        work[at.ACTIVE] = work[at.SOLVED]
+    work[at.FRESH] = 1.0
+    solved = work[at.SOLVED] > 0.0
+    z[: at.STATE_ROWS, pending[solved]] = work[: at.STATE_ROWS, solved]
+    return pending[~solved]
 
 
 def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:

@@ -55,7 +55,7 @@ def begin_object(z: Any, t: Any, coefficients: Any, springs: Any) -> None:
     """Stiffness of the object over the step, and the force that its branches take from it."""
     factor, pressed = z[at.OBJECT_FACTOR, t], z[at.PRESSED, t]
     material, rest = springs[0], 0.0 * pressed
-    for b in range(3):
+    for b in range(at.MAX_BRANCHES):
         k, column = springs[1 + b], at.BRANCH_COLUMN + 3 * b
         keep, early, late = (
             coefficients[column],
@@ -159,7 +159,7 @@ def improve(
     )
     factor, late = z[at.FINGER_FACTOR, t], coefficients[at.CREEP_COLUMN + 2]
     friction = z[at.FRICTION, t] * (1.0 - constants.friction_loss * z[at.WEAKENED, t])
-    residual, s0, s1, s2, tension, rub, tip, tendon = compute_balance(
+    residual, s0, s1, s2, tension, _, tip, tendon = compute_balance(
         line,
         (z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t]),
         (z[at.INCLINE, t], z[at.BEND, t]),
@@ -180,7 +180,6 @@ def improve(
         constants,
     )
     z[at.NEW_TENSION, t], z[at.NEW_TIP, t], z[at.NEW_TENDON, t] = tension, tip, tendon
-    z[at.NEW_RUB, t] = rub
     # Comparisons with NaN are false: a trial that has lost its numbers stays open.
     go = select(residual <= tolerance, 0.0, z[at.ACTIVE, t])
     z[at.OPEN, t] = go
@@ -237,7 +236,7 @@ def end_object(z: Any, t: Any, coefficients: Any) -> None:
     """Relax the object's branches; after `end_step`."""
     done = z[at.SOLVED, t] > 0.0
     old, new = z[at.PRESSED, t], z[at.NEW_PRESSED, t]
-    for b in range(3):
+    for b in range(at.MAX_BRANCHES):
         column = at.BRANCH_COLUMN + 3 * b
         relaxed = (
             coefficients[column] * z[at.BRANCHES + b, t]

@@ -36,7 +36,7 @@ class Scheme:
     Attributes
     ----------
     name
-        How users call it.
+        In tables.
     order
         Of convergence, where nothing sticks, slips or touches down within a step.
     """
@@ -53,8 +53,6 @@ class Scheme:
 EULER = Scheme('euler', 1)
 BDF2 = Scheme('bdf2', 2)
 """Gear, "Numerical initial value problems in ordinary differential equations", 1971."""
-
-SCHEMES = {scheme.name: scheme for scheme in (EULER, BDF2)}
 
 
 def compute_coefficients(
@@ -98,5 +96,6 @@ def split_inputs(before: Any, after: Any, share: float, out: Any) -> None:
     before, after, out : ndarray of float, shape (INPUTS,)
     """
     for i in range(PRESENT_INPUT):
-        out[i] = before[i] + share * (after[i] - before[i])
+        # Counted from the end, so that a whole step has exactly its inputs.
+        out[i] = after[i] - (1.0 - share) * (after[i] - before[i])
     out[PRESENT_INPUT] = after[PRESENT_INPUT]  # present or not is no motion
