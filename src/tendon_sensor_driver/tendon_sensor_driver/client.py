@@ -4,27 +4,22 @@
 
 from __future__ import annotations
 
-import logging
 import queue
 import threading
 from collections.abc import Callable
-from types import TracebackType
 from typing import NamedTuple
 
-from tendon_sensor_driver.errors import LinkError, TendonSensorError
+from tendon_sensor_driver.client_base import FIRST_DELAY_S, JOIN_TIMEOUT_S, BlockClient
+from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.line_protocol import LineDecoder
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 from tendon_sensor_driver.stream import StrainStream
 from tendon_sensor_driver.transport import SerialTransport, find_serial_number
 
-FIRST_DELAY_S = 0.25
 LONGEST_DELAY_S = 1.0
 _BURST_READINGS = 3
 _MENU_PROMPT = b'>'
 _QUEUED_CHUNKS = 1000
-_JOIN_TIMEOUT_S = 5.0
-
-_logger = logging.getLogger(__name__)
 
 
 class _Chunk(NamedTuple):
@@ -36,7 +31,7 @@ class _Chunk(NamedTuple):
     is_cut: bool  # bytes before these were dropped
 
 
-class TendonSensorClient:
+class TendonSensorClient(BlockClient):
     """Reads one sensor and hands out blocks of tension until it is closed.
 
     One thread reads the port and notes when bytes arrive; a second one decodes them and
@@ -71,36 +66,16 @@ class TendonSensorClient:
         on_block: Callable[[Block], None],
         now_ns: Callable[[], int],
     ) -> None:
-        self._config = config
-        self._on_block = on_block
-        self._now_ns = now_ns
+        super().__init__(config, on_block, now_ns)
         self._decoder = LineDecoder(config)
         self._stream = StrainStream(config)
         self._chunks: queue.Queue[_Chunk | None] = queue.Queue(_QUEUED_CHUNKS)
         self._transport: SerialTransport | None = None
-        self._stop = threading.Event()
         self._reader = threading.Thread(target=self._read, name='sensor-reader', daemon=True)
         self._worker = threading.Thread(target=self._work, name='sensor-worker', daemon=True)
-        self._delay_s = FIRST_DELAY_S
-        self._is_connected = False
-        self._heard_at_ns = 0
-        self._reconnects = 0
         self._overruns = 0
         self._bursts = 0
         self._identity = ''
-        self._last_error = ''
-
-    def __enter__(self) -> TendonSensorClient:
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     @property
     def identity(self) -> str:
@@ -117,8 +92,7 @@ class TendonSensorClient:
         TendonSensorError
             When this client has been opened before.
         """
-        if self._reader.ident is not None or self._stop.is_set():
-            raise TendonSensorError('this client has been opened before; make a new one')
+        self._check_is_new(self._reader)
         self._transport = SerialTransport(self._config.port, self._config.baud)
         self._identity = find_serial_number(self._config.port)
         self._heard_at_ns = self._now_ns()
@@ -135,14 +109,14 @@ class TendonSensorClient:
         if transport is None:
             return
         transport.cancel()
-        self._reader.join(_JOIN_TIMEOUT_S)
+        self._reader.join(JOIN_TIMEOUT_S)
         try:
-            self._chunks.put(None, timeout=_JOIN_TIMEOUT_S)
+            self._chunks.put(None, timeout=JOIN_TIMEOUT_S)
         except queue.Full:
             self._last_error = 'the consumer of the blocks does not return'
             return
         if self._worker is not threading.current_thread():
-            self._worker.join(_JOIN_TIMEOUT_S)
+            self._worker.join(JOIN_TIMEOUT_S)
 
     def health(self) -> Health:
         """Return the state of the link now."""
@@ -249,14 +223,3 @@ class TendonSensorClient:
                 transport.write(b'\r')
         except LinkError as error:
             self._last_error = str(error)
-
-    def _deliver(self, blocks: list[Block]) -> None:
-        try:
-            for block in blocks:
-                self._on_block(block)
-        except Exception as error:
-            # The stream outlives a fault of its consumer, which is told once.
-            text = f'the consumer of the blocks failed: {error}'
-            if text != self._last_error:
-                self._last_error = text
-                _logger.exception('the consumer of the blocks failed')

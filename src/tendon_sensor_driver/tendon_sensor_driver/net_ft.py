@@ -4,32 +4,24 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable
-from types import TracebackType
 
 from tendon_sensor_driver.ati_counter import CounterRestartError, SampleCounter
 from tendon_sensor_driver.ati_stream import CountedStream
-from tendon_sensor_driver.errors import LinkError, TendonSensorError
+from tendon_sensor_driver.client_base import LinkClient
+from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.net_ft_links import LinkCounts, NetFtLink, open_link
 from tendon_sensor_driver.net_ft_protocol import MOST_RECORDS, compute_rate_hz, describe_status
 from tendon_sensor_driver.net_ft_web import BoxConfiguration, BoxWeb
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 
-FIRST_DELAY_S = 0.25
-LONGEST_DELAY_S = 0.5
-_JOIN_TIMEOUT_S = 5.0
 
-_logger = logging.getLogger(__name__)
-
-
-class NetFtClient:
+class NetFtClient(LinkClient[NetFtLink]):
     """Reads one Net F/T and hands out blocks of tension and wrench until it is closed.
 
     Opening it reads the box's configuration from its web server, sets rate, filter and
     buffer where they differ, reads back what the box made of them, and starts the stream;
-    after every loss of the link the same is done again, first after 0.25 s, then every 0.5 s.
+    after every loss of the link the same is done again.
 
     One thread reads, decodes and calls ``on_block``; while that does not return, the kernel
     keeps what arrives, and what does not fit there is counted as lost.
@@ -49,34 +41,12 @@ class NetFtClient:
         on_block: Callable[[Block], None],
         now_ns: Callable[[], int],
     ) -> None:
-        self._config = config
-        self._on_block = on_block
-        self._now_ns = now_ns
+        super().__init__(config, on_block, now_ns)
         self._web = BoxWeb(config.host, config.http_port)
         self._stream = CountedStream(config)
         self._box: BoxConfiguration | None = None
-        self._link: NetFtLink | None = None
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='net-ft', daemon=True)
-        self._is_connected = False
-        self._heard_at_ns = 0
-        self._delay_s = FIRST_DELAY_S
-        self._reconnects = 0
         self._before = LinkCounts()  # of the links before this one
         self._seen_rejected = 0
-        self._last_error = ''
-
-    def __enter__(self) -> NetFtClient:
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     @property
     def identity(self) -> str:
@@ -88,29 +58,6 @@ class NetFtClient:
     def counter(self) -> SampleCounter:
         """What was dropped, and what was put in order."""
         return self._stream.counter
-
-    def open(self) -> None:
-        """Set up the box and start to read.
-
-        Raises
-        ------
-        LinkError
-            When the box does not answer, or does not take its settings.
-        TendonSensorError
-            When this client has been opened before.
-        """
-        if self._thread.ident is not None or self._stop.is_set():
-            raise TendonSensorError('this client has been opened before; make a new one')
-        self._link = self._connect()
-        self._heard_at_ns = self._now_ns()
-        self._is_connected = True
-        self._thread.start()
-
-    def close(self) -> None:
-        """Hand out what has arrived and stop the stream. Harmless when called twice."""
-        self._stop.set()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(_JOIN_TIMEOUT_S)
 
     def health(self) -> Health:
         """Return the state of the link now."""
@@ -141,29 +88,6 @@ class NetFtClient:
         )
 
     # -- the client's thread -----------------------------------------------------------
-
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            self._step()
-        self._deliver(self._stream.flush())
-        self._is_connected = False
-        self._disconnect()
-
-    def _step(self) -> None:
-        try:
-            if self._link is None:
-                self._link = self._connect()
-            if self._read(self._link):
-                self._delay_s = FIRST_DELAY_S
-        except LinkError as error:
-            self._is_connected = False
-            self._last_error = str(error)
-            self._deliver(self._stream.flush())
-            self._disconnect()
-            # A box that was restarted is there already.
-            if not isinstance(error, CounterRestartError):
-                self._stop.wait(self._delay_s)
-                self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
 
     def _connect(self) -> NetFtLink:
         config = self._config
@@ -213,14 +137,17 @@ class NetFtClient:
             and box.records_per_datagram == min(self._config.samples_per_block, MOST_RECORDS)
         )
 
-    def _disconnect(self) -> None:
-        link, self._link = self._link, None
-        if link is not None:
-            link.close()
-            self._before = self._before.plus(link.counts)
+    def _flush(self) -> list[Block]:
+        return self._stream.flush()
 
-    def _read(self, link: NetFtLink) -> bool:
-        """Hand on what has arrived; whether that was anything new."""
+    def _note_loss(self, link: NetFtLink) -> None:
+        self._before = self._before.plus(link.counts)
+
+    def _wants_pause(self, error: LinkError) -> bool:
+        # A box that was restarted is there already.
+        return not isinstance(error, CounterRestartError)
+
+    def _read(self, link: NetFtLink) -> None:
         batch = link.read()
         rejected = link.counts.rejected
         if rejected != self._seen_rejected:
@@ -228,24 +155,8 @@ class NetFtClient:
             self._stream.note_dropped_bytes()
         if batch is None:
             self._deliver(self._stream.flush())
-            return False
+            return
         readings = self._stream.readings
         self._deliver(self._stream.add(batch))
-        if self._stream.readings == readings:
-            return False
-        self._heard_at_ns = batch.received_at_ns
-        if not self._is_connected:
-            self._is_connected = True
-            self._reconnects += 1
-        return True
-
-    def _deliver(self, blocks: list[Block]) -> None:
-        try:
-            for block in blocks:
-                self._on_block(block)
-        except Exception as error:
-            # The stream outlives a fault of its consumer, which is told once.
-            text = f'the consumer of the blocks failed: {error}'
-            if text != self._last_error:
-                self._last_error = text
-                _logger.exception('the consumer of the blocks failed')
+        if self._stream.readings != readings:
+            self._note_samples(batch.received_at_ns)

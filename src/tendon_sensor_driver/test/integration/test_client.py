@@ -179,6 +179,7 @@ def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, b
 
 
 def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, wait_for, monkeypatch):
+    monkeypatch.setattr('tendon_sensor_driver.client_base.FIRST_DELAY_S', 30.0)
     monkeypatch.setattr('tendon_sensor_driver.client.FIRST_DELAY_S', 30.0)
     client = make_client()
     sensor.unplug()

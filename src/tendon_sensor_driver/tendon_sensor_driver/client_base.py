@@ -1,0 +1,192 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What all sensor clients share, and what those share that read over one link on one thread."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from types import TracebackType
+from typing import Generic, Protocol, TypeVar
+
+from tendon_sensor_driver.errors import LinkError, TendonSensorError
+from tendon_sensor_driver.records import Block, TendonSensorConfig
+
+_Self = TypeVar('_Self', bound='BlockClient')
+
+FIRST_DELAY_S = 0.25
+LONGEST_DELAY_S = 0.5
+JOIN_TIMEOUT_S = 5.0
+
+_logger = logging.getLogger(__name__)
+
+
+class BlockClient(ABC):
+    """A client that is opened once, hands out blocks, and is closed.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    on_block : callable
+        ``on_block(block)``; called on a thread of the client.
+    now_ns : callable
+        The present ROS time [ns].
+    """
+
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        on_block: Callable[[Block], None],
+        now_ns: Callable[[], int],
+    ) -> None:
+        self._config = config
+        self._on_block = on_block
+        self._now_ns = now_ns
+        self._stop = threading.Event()
+        self._is_connected = False
+        self._heard_at_ns = 0
+        self._delay_s = FIRST_DELAY_S
+        self._reconnects = 0
+        self._last_error = ''
+
+    def __enter__(self: _Self) -> _Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open the link and start to read."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Hand out what has arrived and close the link. Harmless when called twice."""
+
+    def _check_is_new(self, thread: threading.Thread) -> None:
+        if thread.ident is not None or self._stop.is_set():
+            raise TendonSensorError('this client has been opened before; make a new one')
+
+    def _deliver(self, blocks: list[Block]) -> None:
+        try:
+            for block in blocks:
+                self._on_block(block)
+        except Exception as error:
+            # The stream outlives a fault of its consumer, which is told once.
+            text = f'the consumer of the blocks failed: {error}'
+            if text != self._last_error:
+                self._last_error = text
+                _logger.exception('the consumer of the blocks failed')
+
+
+class _Link(Protocol):
+    def close(self) -> None: ...
+
+
+LinkType = TypeVar('LinkType', bound=_Link)
+
+
+class LinkClient(BlockClient, Generic[LinkType]):
+    """Reads over a link on one thread, and makes the link anew after every loss.
+
+    The first attempt comes after 0.25 s, further ones every 0.5 s.
+    """
+
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        on_block: Callable[[Block], None],
+        now_ns: Callable[[], int],
+    ) -> None:
+        super().__init__(config, on_block, now_ns)
+        self._link: LinkType | None = None
+        name = type(self).__name__
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def open(self) -> None:
+        """Set the sensor up and start to read.
+
+        Raises
+        ------
+        LinkError
+            When it does not answer, or does not take its settings.
+        TendonSensorError
+            When this client has been opened before.
+        """
+        self._check_is_new(self._thread)
+        self._link = self._connect()
+        self._heard_at_ns = self._now_ns()
+        self._is_connected = True
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hand out what has arrived and stop the stream. Harmless when called twice."""
+        self._stop.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(JOIN_TIMEOUT_S)
+
+    # -- for subclasses ------------------------------------------------------------------
+
+    @abstractmethod
+    def _connect(self) -> LinkType:
+        """Set the sensor up and start its stream; LinkError when that fails."""
+
+    @abstractmethod
+    def _read(self, link: LinkType) -> None:
+        """Deliver what has arrived; LinkError when the link is lost."""
+
+    @abstractmethod
+    def _flush(self) -> list[Block]:
+        """Return the unfinished block, if there is one."""
+
+    def _note_loss(self, link: LinkType) -> None:
+        """Take over what counts from a link that has been closed."""
+
+    def _wants_pause(self, error: LinkError) -> bool:
+        """Tell whether to wait before the next attempt."""
+        return True
+
+    def _note_samples(self, received_at_ns: int) -> None:
+        """Note that new samples have come: the link is well."""
+        self._heard_at_ns = received_at_ns
+        self._delay_s = FIRST_DELAY_S
+        if not self._is_connected:
+            self._is_connected = True
+            self._reconnects += 1
+
+    # -- the thread ----------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self._step()
+        self._deliver(self._flush())
+        self._is_connected = False
+        self._disconnect()
+
+    def _step(self) -> None:
+        try:
+            if self._link is None:
+                self._link = self._connect()
+            self._read(self._link)
+        except LinkError as error:
+            self._is_connected = False
+            self._last_error = str(error)
+            self._deliver(self._flush())
+            self._disconnect()
+            if self._wants_pause(error):
+                self._stop.wait(self._delay_s)
+                self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
+
+    def _disconnect(self) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+            self._note_loss(link)
