@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from faulty_rig import DEADLINE_S, wait_for
 
 from linear_guide_driver import (
     LinearGuideClient,
@@ -15,34 +16,9 @@ from linear_guide_driver import (
     TendonActuatorClient,
     TendonActuatorConfig,
 )
-from tactile_sim import SimulatedRig
 from tactile_sim.faults import KINDS
 from tendon_sensor_driver.records import StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
-
-DEADLINE_S = 30.0
-
-
-@pytest.fixture(scope='module')
-def rig():
-    with SimulatedRig(seed=4) as rig:
-        yield rig
-
-
-@pytest.fixture(autouse=True)
-def _sound_again(rig):
-    yield
-    for device in KINDS:
-        rig.fault(device, 'none')
-
-
-def wait_for(condition, what):
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not (result := condition()):
-        assert time.monotonic() < deadline_s, what() if callable(what) else what
-        time.sleep(0.01)
-    return result
-
 
 # -- sensor --------------------------------------------------------------------------------
 

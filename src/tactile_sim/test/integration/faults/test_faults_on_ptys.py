@@ -1,102 +1,22 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Each fault of the simulated rig, as bytes on real ptys."""
+"""Each fault of the sensor and the guide, and of any line, as bytes on real ptys."""
 
 import os
-import re
 import time
 from itertools import pairwise
 
-import dynamixel_sdk
 import pytest
 import serial
+from faulty_rig import (
+    DEADLINE_S,
+    LINE,
+    Ear,
+    advance_rig,
+    wait_for,
+)
 
-from tactile_sim import RigError, SimulatedRig
-
-DEADLINE_S = 20.0
-LINE = re.compile(rb'(\d+),(-?\d+\.\d{5}),kg,\r\n')
-
-
-@pytest.fixture(scope='module')
-def rig():
-    with SimulatedRig(seed=3) as rig:
-        yield rig
-
-
-@pytest.fixture(autouse=True)
-def _sound_again(rig):
-    yield
-    for device in ('sensor', 'guide', 'tendon'):
-        rig.fault(device, 'none')
-
-
-def wait_for(condition, what):
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not (result := condition()):
-        assert time.monotonic() < deadline_s, what
-        time.sleep(0.005)
-    return result
-
-
-class Ear:
-    """Everything that comes over a port."""
-
-    def __init__(self, path):
-        self.port = serial.Serial(path, 115200, timeout=0.0, exclusive=True)
-        self.data = b''
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.port.close()
-
-    def listen(self):
-        self.data += self.port.read(100_000)
-        return self.data
-
-    def wait_for(self, condition, what):
-        wait_for(lambda: condition(self.listen()), f'{what}: {self.data[-200:]!r}')
-        taken, self.data = self.data, b''
-        return taken
-
-    def wait_for_lines(self, count):
-        """Bytes from the next whole line on, with so many lines in them."""
-        self.data = b''
-        said = self.wait_for(lambda data: data.count(b'\n') > count, f'{count} lines')
-        return said[said.index(b'\n') + 1 :]
-
-
-def advance_rig(rig, seconds):
-    """Let some of the rig's time pass."""
-    until_s = rig.truth()['time_s'] + seconds
-    wait_for(lambda: rig.truth()['time_s'] >= until_s, 'the rig stands still')
-
-
-@pytest.fixture
-def sensor(rig):
-    with Ear(rig.ports.sensor) as ear:
-        ear.wait_for_lines(1)
-        yield ear
-
-
-@pytest.fixture
-def guide(rig):
-    with Ear(rig.ports.guide) as ear:
-        rig.fault('guide', 'restart')  # forgets what the test before has left
-        ear.wait_for(lambda data: b'to unlock]\r\n' in data, 'a banner')
-        yield ear
-
-
-@pytest.fixture
-def servo(rig):
-    port, packets = dynamixel_sdk.PortHandler(rig.ports.tendon), dynamixel_sdk.PacketHandler(2.0)
-    assert port.openPort()
-    rig.fault('tendon', 'restart')
-    wait_for(lambda: packets.ping(port, 1)[1] == 0, 'no answer to a ping')
-    yield port, packets
-    port.closePort()
-
+from tactile_sim import RigError
 
 # -- refusals ------------------------------------------------------------------------------
 
@@ -324,95 +244,3 @@ def test_a_restarted_guide_has_lost_its_place(rig, guide):
     said = guide.wait_for(lambda data: b'>\r\n' in data, 'no status')
     assert said.startswith(b'<Alarm|MPos:0.000,')
     assert rig.truth()['guide_position_m'] == here_m
-
-
-# -- the tendon ----------------------------------------------------------------------------
-
-TORQUE, HARDWARE_ERROR, TEMPERATURE, WATCHDOG, PROFILE = 64, 70, 146, 98, 112
-ALERT = 0x80
-
-
-def test_overheating_switches_off_until_cool_and_rebooted(rig, servo):
-    port, packets = servo
-    assert packets.write1ByteTxRx(port, 1, TORQUE, 1) == (0, 0)
-    rig.fault('tendon', 'overheat', temperature_c=91)
-    wait_for(lambda: packets.ping(port, 1)[2] == ALERT, 'no alert')
-    assert packets.read1ByteTxRx(port, 1, HARDWARE_ERROR)[0] == 0x04
-    assert packets.read1ByteTxRx(port, 1, TEMPERATURE)[0] == 91
-    assert packets.read1ByteTxRx(port, 1, TORQUE)[0] == 0
-    packets.reboot(port, 1)
-    wait_for(lambda: packets.ping(port, 1)[1:] == (0, ALERT), 'no alert after a hot reboot')
-    rig.fault('tendon', 'none')
-    assert packets.read1ByteTxRx(port, 1, TEMPERATURE)[0] == 30
-    assert packets.read1ByteTxRx(port, 1, HARDWARE_ERROR)[0] == 0x04
-    packets.reboot(port, 1)
-    wait_for(lambda: packets.ping(port, 1)[1:] == (0, 0), 'still an alert')
-
-
-def test_overload_is_latched(rig, servo):
-    port, packets = servo
-    rig.fault('tendon', 'overload')
-    assert packets.read1ByteTxRx(port, 1, HARDWARE_ERROR) == (0x20, 0, ALERT)
-    assert packets.write1ByteTxRx(port, 1, TORQUE, 1)[1] == ALERT | 1
-
-
-def test_a_restarted_servo_is_silent_and_forgets(rig, servo):
-    port, packets = servo
-    for register, value in ((WATCHDOG, 10), (TORQUE, 1)):
-        assert packets.write1ByteTxRx(port, 1, register, value) == (0, 0)
-    assert packets.write4ByteTxRx(port, 1, PROFILE, 30) == (0, 0)
-    rig.fault('tendon', 'restart')
-    assert packets.ping(port, 1)[1] == dynamixel_sdk.COMM_RX_TIMEOUT
-    wait_for(lambda: packets.ping(port, 1)[1] == 0, 'no life')
-    for register in (TORQUE, WATCHDOG):
-        assert packets.read1ByteTxRx(port, 1, register)[0] == 0
-    assert packets.read4ByteTxRx(port, 1, PROFILE)[0] == 0
-
-
-def test_a_muted_servo_hears_and_a_deaf_one_does_not(rig, servo):
-    port, packets = servo
-    for kind, heard in (('mute', 1), ('deaf', 0)):
-        assert packets.write1ByteTxRx(port, 1, 65, 0) == (0, 0)
-        rig.fault('tendon', kind)
-        assert packets.write1ByteTxRx(port, 1, 65, 1)[0] == dynamixel_sdk.COMM_RX_TIMEOUT
-        rig.fault('tendon', 'none')
-        wait_for(lambda: packets.ping(port, 1)[1] == 0, 'no answer')
-        assert packets.read1ByteTxRx(port, 1, 65)[0] == heard
-
-
-def test_drop_loses_one_packet(rig, servo):
-    port, packets = servo
-    rig.fault('tendon', 'drop', count=1)
-    assert packets.ping(port, 1)[1] == dynamixel_sdk.COMM_RX_TIMEOUT
-    wait_for(lambda: packets.ping(port, 1)[1] == 0, 'no answer')
-
-
-def test_corrupt_split_and_noisy_packets_are_no_answers(rig, servo):
-    port, packets = servo
-    for kind in ('corrupt', 'split'):
-        rig.fault('tendon', kind, share=1.0)
-        for _ in range(5):
-            assert packets.ping(port, 1)[1] in (
-                dynamixel_sdk.COMM_RX_TIMEOUT,
-                dynamixel_sdk.COMM_RX_CORRUPT,
-            )
-        rig.fault('tendon', 'none')
-    wait_for(lambda: packets.ping(port, 1)[1] == 0, 'no answer')
-    rig.fault('tendon', 'noise')
-    advance_rig(rig, 0.2)
-    port.ser.reset_input_buffer()
-    advance_rig(rig, 0.2)
-    assert port.ser.read(port.ser.in_waiting).count(b'\xff') > 10
-    rig.fault('tendon', 'none')
-    rig.fault('tendon', 'garbage', share=1.0)
-    port.ser.reset_input_buffer()
-    port.ser.write(bytes.fromhex('fffffd0001030001194e'))
-    said = b''
-
-    def is_answered():
-        nonlocal said
-        said += port.ser.read(port.ser.in_waiting)
-        return len(said) > 14
-
-    wait_for(is_answered, 'no answer')
-    assert said.index(b'\xff\xff\xfd\x00') > 0

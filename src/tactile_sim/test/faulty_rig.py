@@ -1,0 +1,54 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated rig to break, and ears on its ports."""
+
+import re
+import time
+
+import serial
+
+DEADLINE_S = 30.0
+LINE = re.compile(rb'(\d+),(-?\d+\.\d{5}),kg,\r\n')
+
+
+def wait_for(condition, what):
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not (result := condition()):
+        assert time.monotonic() < deadline_s, what() if callable(what) else what
+        time.sleep(0.005)
+    return result
+
+
+class Ear:
+    """Everything that comes over a port."""
+
+    def __init__(self, path):
+        self.port = serial.Serial(path, 115200, timeout=0.0, exclusive=True)
+        self.data = b''
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.port.close()
+
+    def listen(self):
+        self.data += self.port.read(100_000)
+        return self.data
+
+    def wait_for(self, condition, what):
+        wait_for(lambda: condition(self.listen()), f'{what}: {self.data[-200:]!r}')
+        taken, self.data = self.data, b''
+        return taken
+
+    def wait_for_lines(self, count):
+        """Bytes from the next whole line on, with so many lines in them."""
+        self.data = b''
+        said = self.wait_for(lambda data: data.count(b'\n') > count, f'{count} lines')
+        return said[said.index(b'\n') + 1 :]
+
+
+def advance_rig(rig, seconds):
+    """Let some of the rig's time pass."""
+    until_s = rig.truth()['time_s'] + seconds
+    wait_for(lambda: rig.truth()['time_s'] >= until_s, 'the rig stands still')
