@@ -125,5 +125,5 @@ def _as_table(report: CheckReport) -> Table:
         if problem.remedy:
             table.add_row('remedy', escape(problem.remedy))
     if not report.problems:
-        table.add_row('[green]fit', '')
+        table.add_row('[green]fit for trials', 'yes')
     return table

@@ -61,7 +61,7 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
 
 def _summarise(live: list[LiveTrial], request: TrialsRequest, output: Output) -> None:
     simulated = ', SIMULATED' if request.ports.simulated else ''
-    output.say(f'{request.bag}: {len(live)} trials{simulated}')
+    output.say(f'{request.bag}: {len(live)} trial{"s" if len(live) != 1 else ""}{simulated}')
     output.result(
         {
             'simulated': request.ports.simulated,
