@@ -338,6 +338,9 @@ class _TrialRecorder:
             phase=phase,
             message=message,
             glide_speed_m_s=glide_speed_m_s(self._config, self._plan.request),
+            pull_speed_m_s=self._config.pull_speed_m_s,
+            pull_displacement_m=self._config.displacement_m(self._plan.contact),
+            detected=False,
             simulated=True,
         )
         return bytes(known_messages().serialize_cdr(event, EVENT))

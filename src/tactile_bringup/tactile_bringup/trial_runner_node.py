@@ -195,6 +195,8 @@ class TrialRunnerNode(TactileNode):
             phase=phase,
             message=message,
             glide_speed_m_s=glide_speed_m_s(self.config, request),
+            pull_speed_m_s=self.config.pull_speed_m_s,
+            pull_displacement_m=self.config.displacement_m(request.contact),
             simulated=self.config.simulated,
         )
         event.header.stamp = self.get_clock().now().to_msg()

@@ -34,6 +34,10 @@ def classification_to_msg(result: ClassificationResult) -> Any:
         score_kind=result.score_kind,
         novelty=result.novelty,
         novelty_threshold=result.novelty_threshold,
+        false_alarm_rate=result.false_alarm_rate,
+        running=result.running,
+        decided=result.decided,
+        error_rate=result.error_rate,
         window_start=to_time(result.window_start_ns),
         window_end=to_time(result.window_end_ns),
     )
@@ -62,4 +66,8 @@ def classification_from_msg(message: Any) -> ClassificationResult:
         window_start_ns=to_ns(message.window_start),
         window_end_ns=to_ns(message.window_end),
         frame_id=message.header.frame_id,
+        false_alarm_rate=float(message.false_alarm_rate),
+        running=bool(message.running),
+        decided=bool(message.decided),
+        error_rate=float(message.error_rate),
     )

@@ -64,6 +64,12 @@ class ClassificationResult:
         ``votes``, ``margin`` or ``probability``.
     novelty, novelty_threshold : float
         Negative: the model has none.
+    false_alarm_rate : float
+        Share of windows of known labels that the threshold turns away [1]; negative: none.
+    running, decided : bool
+        An answer on the first part of a window, and whether the stopping rule holds.
+    error_rate : float
+        Share of wrong answers that the stopping rule allows [1]; negative: no rule.
     window_start_ns, window_end_ns : int
         Times of the window's first and last sample (ROS time) [ns].
     """
@@ -84,6 +90,10 @@ class ClassificationResult:
     window_start_ns: int
     window_end_ns: int
     frame_id: str
+    false_alarm_rate: float = -1.0
+    running: bool = False
+    decided: bool = True
+    error_rate: float = -1.0
 
 
 def _parameter(default: Any, description: str, **metadata: Any) -> Any:

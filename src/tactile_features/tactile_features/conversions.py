@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
+from tactile_features.records import FeatureWindow, Measure, Outcome, StrainBlock, TrialEvent
 
 
 def strain_block_from_msg(msg: Any) -> StrainBlock:
@@ -40,6 +40,9 @@ def event_from_msg(msg: Any) -> TrialEvent:
         message=str(msg.message),
         glide_speed_m_s=float(msg.glide_speed_m_s),
         simulated=bool(msg.simulated),
+        pull_speed_m_s=float(msg.pull_speed_m_s),
+        pull_displacement_m=float(msg.pull_displacement_m),
+        detected=bool(msg.detected),
     )
 
 
@@ -62,6 +65,18 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
         interpolated_count=int(msg.interpolated_count),
         status=int(msg.status),
         frame_id=str(msg.header.frame_id),
+        running=bool(msg.running),
+        speed_m_s=float(msg.speed_m_s),
+        measures=tuple(
+            Measure(
+                name=str(m.name),
+                unit=str(m.unit),
+                value=float(m.value),
+                standard_uncertainty=float(m.standard_uncertainty),
+                reason=str(m.reason),
+            )
+            for m in msg.measures
+        ),
     )
 
 
@@ -69,6 +84,7 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
     """Return the ``tactile_msgs/TactileFeatures`` of a record."""
     from builtin_interfaces.msg import Time
     from std_msgs.msg import Header
+    from tactile_msgs.msg import Measure as MeasureMsg
     from tactile_msgs.msg import TactileFeatures
 
     start = Time(**_split_stamp(window.window_start_ns))
@@ -90,6 +106,19 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
         sample_count=window.sample_count,
         interpolated_count=window.interpolated_count,
         status=window.status,
+        running=window.running,
+        speed_m_s=window.speed_m_s,
+        measures=[
+            MeasureMsg(
+                name=m.name,
+                unit=m.unit,
+                defined=not m.reason,
+                value=m.value,
+                standard_uncertainty=m.standard_uncertainty,
+                reason=m.reason,
+            )
+            for m in window.measures
+        ],
     )
 
 

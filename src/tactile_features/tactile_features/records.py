@@ -102,6 +102,30 @@ class TrialEvent:
     message: str = ''
     glide_speed_m_s: float = 0.0
     simulated: bool = False
+    pull_speed_m_s: float = 0.0
+    pull_displacement_m: float = 0.0
+    detected: bool = False
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A physical quantity estimated from one window, or the reason why there is none.
+
+    Attributes
+    ----------
+    name, unit : str
+        Such as ``groove_pitch`` and ``m``.
+    value, standard_uncertainty : float
+        In ``unit``; both 0 when ``reason`` is not empty.
+    reason : str
+        One sentence when the quantity is not defined; empty otherwise.
+    """
+
+    name: str
+    unit: str
+    value: float = 0.0
+    standard_uncertainty: float = 0.0
+    reason: str = ''
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +146,12 @@ class FeatureWindow:
         sample belongs to the window [ns].
     first_sequence, sample_count, interpolated_count : int
         0 when no sample belongs to the window.
+    running : bool
+        The first part of a window that still fills.
+    speed_m_s : float
+        Sliding speed that the features were computed with; 0: they need none [m/s].
+    measures : tuple of Measure
+        Physical quantities of the same window.
     """
 
     feature_set: str
@@ -140,6 +170,9 @@ class FeatureWindow:
     interpolated_count: int
     status: int
     frame_id: str
+    running: bool = False
+    speed_m_s: float = 0.0
+    measures: tuple[Measure, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FeatureWindow):
