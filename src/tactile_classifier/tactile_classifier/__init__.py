@@ -31,6 +31,9 @@ _HOMES = {
     'ClassificationResult': 'records',
     'ClassifierConfig': 'records',
     'Outcome': 'records',
+    'RankSum': 'significance',
+    'rank_features': 'significance',
+    'rank_sum_p_values': 'significance',
     'train': 'training',
 }
 
