@@ -14,13 +14,14 @@ from contextlib import suppress
 from linear_guide_driver import dynamixel_registers as registers
 from linear_guide_driver.dynamixel_bus import DynamixelBus
 from linear_guide_driver.errors import (
+    DeviceRefusedError,
     LinearGuideDriverError,
     MotionFailedError,
     MotionRefusedError,
     MotionStoppedError,
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
-from linear_guide_driver.servo_monitor import ServoMonitor
+from linear_guide_driver.servo_monitor import ServoMonitor, describe_watchdog
 from linear_guide_driver.tendon_setup import arm_watchdog, set_up_servo
 
 POLL_WAIT_S = 1.0
@@ -162,14 +163,11 @@ class ServoGoals:
             # the goal is written, and is seen here, or after it, and overrides it.
             if should_stop():
                 raise MotionStoppedError('The pull was stopped before it began.')
-            self._make_ready(bus)
             start_m = self._to_displacement_m(bus.read(registers.PRESENT_POSITION))
-            number = self._write_goal(
-                bus,
-                self._to_counts(start_m if displacement_m is None else displacement_m),
-                registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m),
-            )
-            return number, start_m
+            counts = self._to_counts(start_m if displacement_m is None else displacement_m)
+            velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
+            self._command(bus, lambda: self._write_goal(bus, counts, velocity))
+            return self._number, start_m
 
     def watch(
         self, number: int, target: str, should_stop: Callable[[], bool]
@@ -200,7 +198,11 @@ class ServoGoals:
         with bus.lock:
             if number != self._number:
                 return False
-            bus.write(registers.GOAL_POSITION, self._to_counts(displacement_m))
+            try:
+                bus.write(registers.GOAL_POSITION, self._to_counts(displacement_m))
+            except DeviceRefusedError as error:
+                self._require_watchdog_tripped(bus, error)
+                raise DeviceRefusedError(describe_watchdog(self._config)) from error
             return True
 
     def hold(self, number: int) -> None:
@@ -209,7 +211,7 @@ class ServoGoals:
         if bus is not None:
             with bus.lock:
                 if number == self._number:
-                    self._write_hold(bus)
+                    self._command(bus, lambda: self._write_hold(bus))
 
     def hold_here(self) -> None:
         """Hold the tendon where it is, at once; ends a running pull.
@@ -220,8 +222,7 @@ class ServoGoals:
         """
         bus, _ = self._require_sound()
         with bus.lock:
-            self._make_ready(bus)
-            self._write_hold(bus)
+            self._command(bus, lambda: self._write_hold(bus))
 
     def request_release(self) -> None:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
@@ -232,8 +233,9 @@ class ServoGoals:
         """
         bus, _ = self._require_sound()
         with bus.lock:
-            self._make_ready(bus)
-            self._write_goal(bus, self._slack_counts, self._velocity_limit)
+            self._command(
+                bus, lambda: self._write_goal(bus, self._slack_counts, self._velocity_limit)
+            )
 
     def shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in [m]."""
@@ -262,19 +264,36 @@ class ServoGoals:
             )
         return bus, monitor
 
-    def _make_ready(self, bus: DynamixelBus) -> None:
-        """Take a fresh command after a fault: free the goals, with the goal where it stands."""
-        if self._monitor is not None and self._monitor.trouble:
-            bus.write(registers.BUS_WATCHDOG, 0)
-            self._write_hold(bus)
-            arm_watchdog(bus, self._config.watchdog_s)
-            self._monitor.clear()
+    def _command(self, bus: DynamixelBus, write: Callable[[], None]) -> None:
+        """Carry out a fresh command, which may follow a fault: it frees the goals."""
+        monitor = self.monitor
+        if monitor.trouble:
+            self._free_goals(bus, monitor)
+        try:
+            write()
+        except DeviceRefusedError as error:
+            # The watchdog may have acted since the last poll, on a host that was busy.
+            self._require_watchdog_tripped(bus, error)
+            monitor.fail(describe_watchdog(self._config))
+            self._free_goals(bus, monitor)
+            write()
 
-    def _write_goal(self, bus: DynamixelBus, counts: int, velocity: int) -> int:
+    def _free_goals(self, bus: DynamixelBus, monitor: ServoMonitor) -> None:
+        """Unlock the goals that a watchdog has locked, with the goal where the servo stands."""
+        bus.write(registers.BUS_WATCHDOG, 0)
+        self._write_hold(bus)
+        arm_watchdog(bus, self._config.watchdog_s)
+        monitor.clear()
+
+    @staticmethod
+    def _require_watchdog_tripped(bus: DynamixelBus, error: DeviceRefusedError) -> None:
+        if bus.read(registers.BUS_WATCHDOG) != registers.WATCHDOG_TRIPPED:
+            raise error
+
+    def _write_goal(self, bus: DynamixelBus, counts: int, velocity: int) -> None:
         bus.write(registers.PROFILE_VELOCITY, velocity)
         bus.write(registers.GOAL_POSITION, counts)
         self._number += 1
-        return self._number
 
     def _write_hold(self, bus: DynamixelBus) -> None:
         bus.write(registers.GOAL_POSITION, bus.read(registers.PRESENT_POSITION))

@@ -26,6 +26,11 @@ Fewer ended pulls on a busy host, where an answer can be late three times in a r
 _logger = logging.getLogger(__name__)
 
 
+def describe_watchdog(config: TendonActuatorConfig) -> str:
+    """Say that the servo's bus watchdog has acted."""
+    return f"the servo's watchdog has stopped it after {config.watchdog_s} s of silence"
+
+
 class ServoMonitor:
     """The poll thread of one servo.
 
@@ -148,9 +153,7 @@ class ServoMonitor:
                 "the servo's torque went off, so the slack reference is lost", needs_connect=True
             )
         elif servo.watchdog == registers.WATCHDOG_TRIPPED:
-            self.fail(
-                f"the servo's watchdog has stopped it after {self._config.watchdog_s} s of silence"
-            )
+            self.fail(describe_watchdog(self._config))
         with self._changed:
             self.state = state
             self._polls += 1

@@ -277,6 +277,28 @@ def test_a_tripped_watchdog_ends_the_pull_and_needs_a_fresh_command(config, serv
     tendon.close()
 
 
+@pytest.mark.parametrize('register', [112, 116])
+def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(config, servo, register):
+    heard = []
+    tendon = TendonActuatorClient(config, on_trouble=heard.append)
+    tendon.connect()
+    tendon.pull_to(0.01, 0.04)
+    servo.trips_before = register  # later than the last poll
+    tendon.release()
+    assert servo.trips_before is None
+    assert servo.position == 2048
+    assert servo.table[98] == 50
+    assert ['watchdog has stopped it' in reason for reason in heard] == [True]
+    assert tendon.trouble == ''
+    tendon.close()
+
+
+def test_a_goal_that_is_refused_for_another_reason_says_so(tendon, servo, monkeypatch):
+    monkeypatch.setattr(servo, '_write', lambda address, data: 6)
+    with pytest.raises(MotionFailedError, match='beyond a limit register'):
+        tendon.pull_to(0.01, 0.04)
+
+
 def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(config, servo):
     tendon = TendonActuatorClient(dataclasses.replace(config, watchdog_s=0.3))
     tendon.connect()

@@ -46,6 +46,7 @@ class ScriptedServo:
         self.lose = lambda address: False  # whether the packet for this register is lost
         self.lost_answers = 0  # how many of the next answers are lost
         self.late_s = 0.0  # how late the next answer is
+        self.trips_before = None  # register before whose next write the watchdog trips
         self.stuck_at = None  # counts beyond which the load does not yield
         self._part = 0.0  # of a count, turned already
         self._heard_s = self._turned_s = time.monotonic()
@@ -148,6 +149,9 @@ class ScriptedServo:
         value = int.from_bytes(data, 'little', signed=True)
         if address < 64 and self.table[64]:
             return 7
+        if address == self.trips_before:
+            self.trips_before = None
+            self.put(98, 1, 255)
         if address in (102, 112, 116) and self.table[98] == 255:
             return 4
         if address == 102 and value > self.get(38, 2):
