@@ -46,6 +46,7 @@ def create_node(
     overrides = [
         Parameter(key, value=list(value) if isinstance(value, tuple) else value)
         for key, value in description.parameters.items()
+        if value != ()  # ROS cannot tell the type of an empty list, which is the default
     ]
     try:
         node = node_class(

@@ -27,6 +27,7 @@ from tactile_features.records import (
     TrialEvent,
 )
 from tactile_features.regression import compute_regression
+from tactile_features.running_window import RunningWindow, compute_running_spectrum
 from tactile_features.spec import FeatureSpec, array_spec
 from tactile_features.spectrum import compute_spectrum
 from tactile_features.windows import SampleBuffer
@@ -34,6 +35,9 @@ from tactile_features.windows import SampleBuffer
 
 class TrialFeatureExtractor:
     """Cuts one window out of every finished glide and hold phase.
+
+    With ``running_samples`` the first parts of a texture window come as soon as their
+    samples are there, marked as running, and before the window itself.
 
     The windows depend on stamps and sequence numbers alone: in whatever way events
     and blocks interleave, and however samples are grouped into blocks, the same
@@ -49,7 +53,7 @@ class TrialFeatureExtractor:
     block_count, sample_count, event_count : int
         What has come in.
     window_counts : dict of Outcome to int
-        What has come out.
+        What has come out, without the running windows.
     dropped_trial_count : int
         Trials that another trial replaced before they had ended.
     """
@@ -67,6 +71,7 @@ class TrialFeatureExtractor:
         self._buffer = SampleBuffer(self._buffer_ns, capacity, config.max_gap_samples)
         self._event: TrialEvent | None = None
         self._waiting: deque[PhaseWindow] = deque()
+        self._filling: deque[RunningWindow] = deque()
 
     @property
     def late_sample_count(self) -> int:
@@ -85,6 +90,7 @@ class TrialFeatureExtractor:
         windows = []
         if self._buffer.add(block):
             windows = self._give_up('the clock of the samples was set back before they came')
+        windows += self._take_running()
         windows += self._take_complete()
         self._buffer.evict()
         return windows
@@ -100,11 +106,26 @@ class TrialFeatureExtractor:
                     self._waiting.append(PhaseWindow(begun, event, self.config))
             elif begun.phase not in (PHASE_DONE, PHASE_ABORTED):
                 self.dropped_trial_count += 1
-        return self._take_complete()
+        if begun != event and event.phase == PHASE_GLIDE:
+            self._filling.extend(
+                RunningWindow(event, count, self.config) for count in self.config.running_samples
+            )
+        return self._take_running() + self._take_complete()
 
     def finish(self) -> list[FeatureWindow]:
         """Return windows for the finished phases that still wait: no more samples will come."""
         return self._give_up('the stream ended before all samples had come')
+
+    def _take_running(self) -> list[FeatureWindow]:
+        windows: list[FeatureWindow] = []
+        while self._filling:
+            window = self._filling[0].take(self._buffer)
+            if window is not None:
+                windows.append(window)
+            elif not self._is_overdue(self._filling[0]):
+                break
+            self._filling.popleft()
+        return windows
 
     def _take_complete(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
@@ -119,12 +140,17 @@ class TrialFeatureExtractor:
         return windows
 
     def _refuse_overdue(self, waiting: PhaseWindow) -> FeatureWindow | None:
-        if self._event and self._event.stamp_ns - waiting.end.stamp_ns > self._buffer_ns:
+        if self._is_overdue(waiting):
             reason = f'no samples came within {self.config.buffer_s:g} s'
             return waiting.refuse(Outcome.GAP, reason)
         return None
 
+    def _is_overdue(self, waiting: PhaseWindow) -> bool:
+        event = self._event
+        return event is not None and event.stamp_ns - waiting.end.stamp_ns > self._buffer_ns
+
     def _give_up(self, reason: str) -> list[FeatureWindow]:
+        self._filling.clear()
         windows = []
         while self._waiting:
             window = self._waiting.popleft().refuse(Outcome.GAP, reason)
@@ -134,7 +160,7 @@ class TrialFeatureExtractor:
 
 
 def features_from_trials(
-    task: str, x: ArrayLike, rate_hz: float
+    task: str, x: ArrayLike, rate_hz: float, *, first_samples: int | None = None
 ) -> tuple[NDArray[np.float64], FeatureSpec]:
     """Return the features of ready-cut windows, one row a trial.
 
@@ -146,6 +172,8 @@ def features_from_trials(
         Tension [N]; all samples of a row are the window.
     rate_hz : float
         Sample rate [Hz].
+    first_samples : int, optional
+        Of a texture window, take only so many samples: the features of a running window.
 
     Returns
     -------
@@ -156,8 +184,8 @@ def features_from_trials(
     Raises
     ------
     FeatureError
-        When the shape or the rate does not fit, a value is not finite or a feature
-        is undefined; the message names the trial.
+        When the shape, the rate or ``first_samples`` does not fit, a value is not finite
+        or a feature is undefined; the message names the trial.
     """
     tension = np.asarray(x, dtype=np.float64)
     if tension.ndim != 2 or tension.shape[1] < 2:
@@ -168,6 +196,14 @@ def features_from_trials(
     bad = np.flatnonzero(~np.isfinite(tension).all(axis=1))
     if len(bad):
         raise FeatureError(f'the tension of trial {bad[0]} holds values that are not finite')
+    if first_samples is not None and task != PROTOCOL_TEXTURE:
+        raise FeatureError(f'only texture has running windows; the task is {task}')
+    if first_samples is not None:
+        if not 2 <= first_samples <= tension.shape[1]:
+            raise FeatureError(
+                f'first_samples is {first_samples}; the windows have {tension.shape[1]} samples'
+            )
+        return compute_running_spectrum(tension[:, :first_samples], tension.shape[1]), spec
     if task == PROTOCOL_TEXTURE:
         return compute_spectrum(tension), spec
     constant = np.flatnonzero((tension == tension[:, :1]).all(axis=1))

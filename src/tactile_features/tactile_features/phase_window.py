@@ -72,10 +72,12 @@ class PhaseWindow:
             self._spec = texture_spec(config)
             crop_start_s, crop_end_s = config.texture_crop_start_s, config.texture_crop_end_s
             shortest_s = (config.texture_samples - 1) / config.rate_hz * (1 - RATE_TOLERANCE)
+            self._wanted = config.texture_samples
         else:
             self._spec = stiffness_spec(config)
             crop_start_s, crop_end_s = config.stiffness_settle_s, config.stiffness_crop_end_s
             shortest_s = config.stiffness_min_s
+            self._wanted = 2
         self._period_ns = round(1e9 / config.rate_hz)
         self._from_ns = start.stamp_ns + round(crop_start_s * 1e9)
         self._to_ns = end.stamp_ns - round(crop_end_s * 1e9)
@@ -95,13 +97,7 @@ class PhaseWindow:
         cut = self._cut(buffer)
         if cut is None:
             return None
-        if buffer.evicted_ns is not None and buffer.evicted_ns >= self._from_ns:
-            reason = (
-                f'the buffer of {self._config.buffer_s:g} s no longer holds the whole window; '
-                'raise buffer_s'
-            )
-            return self.refuse(Outcome.GAP, reason)
-        return self._assess(cut)
+        return self._refuse_evicted(buffer) or self._assess(cut)
 
     def refuse(
         self, outcome: Outcome, reason: str, samples: Samples = _NO_SAMPLES
@@ -109,13 +105,28 @@ class PhaseWindow:
         """Return the window without features."""
         return self._window(outcome, reason, samples, np.empty(0))
 
-    def _cut(self, buffer: SampleBuffer) -> _Cut | None:
+    def _refuse_evicted(self, buffer: SampleBuffer) -> FeatureWindow | None:
+        if buffer.evicted_ns is None or buffer.evicted_ns < self._from_ns:
+            return None
+        reason = (
+            f'the buffer of {self._config.buffer_s:g} s no longer holds the whole window; '
+            'raise buffer_s'
+        )
+        return self.refuse(Outcome.GAP, reason)
+
+    def _first_samples(self, buffer: SampleBuffer) -> _Cut | None:
         samples = buffer.samples
         begin = buffer.first_at(self._from_ns)
+        end = begin + self._wanted
+        return _Cut(samples[begin:end], None) if end <= len(samples) else None
+
+    def _cut(self, buffer: SampleBuffer) -> _Cut | None:
         if self._is_texture:
-            end = begin + self._config.texture_samples
-            if end <= len(samples) and samples['latest_ns'][end - 1] <= self._to_ns:
-                return _Cut(samples[begin:end], None)
+            cut = self._first_samples(buffer)
+            if cut is not None and cut.samples['latest_ns'][-1] <= self._to_ns:
+                return cut
+        samples = buffer.samples
+        begin = buffer.first_at(self._from_ns)
         if buffer.watermark_ns is None or buffer.watermark_ns <= self._to_ns:
             return None
         end = buffer.first_beyond(self._to_ns)
@@ -126,21 +137,22 @@ class PhaseWindow:
         reason = self._describe_gap(cut)
         if reason:
             return self.refuse(Outcome.GAP, reason, samples)
-        wanted = self._config.texture_samples if self._is_texture else 2
-        if len(samples) < wanted:
-            reason = f'the {self.start.phase} gave {len(samples)} of {wanted} samples'
+        if len(samples) < self._wanted:
+            reason = f'the {self.start.phase} gave {len(samples)} of {self._wanted} samples'
             return self.refuse(Outcome.TOO_SHORT, reason, samples)
         reason = self._describe_fault(samples)
         if reason:
             return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
         try:
-            if self._is_texture:
-                values = compute_spectrum(samples['tension_n'])
-            else:
-                values = compute_regression(samples['stamp_ns'], samples['tension_n'])
+            values = self._compute(samples)
         except FeatureError as error:
             return self.refuse(Outcome.UNDEFINED, str(error), samples)
         return self._window(Outcome.OK, '', samples, values)
+
+    def _compute(self, samples: Samples) -> NDArray[np.float64]:
+        if self._is_texture:
+            return compute_spectrum(samples['tension_n'])
+        return compute_regression(samples['stamp_ns'], samples['tension_n'])
 
     def _describe_gap(self, cut: _Cut) -> str:
         samples, after = cut

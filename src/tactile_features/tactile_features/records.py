@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,10 @@ STATUS_RECONNECTED = 32
 
 SET_TEXTURE_SPECTRUM = 'texture_spectrum'
 SET_STIFFNESS_REGRESSION = 'stiffness_regression'
+
+
+MIN_RUNNING_SAMPLES = 30
+"""Fewest samples of a running window: half a second at 60 Hz."""
 
 
 class Outcome(IntEnum):
@@ -218,6 +223,13 @@ class FeatureConfig:
         unit='s',
         range=(0.0, 60.0),
     )
+    running_samples: tuple[int, ...] = _parameter(
+        (),
+        'after so many samples of a texture window, features of these are published as running; '
+        'rising, 30 or more and fewer than texture_samples',
+        unit='1',
+        element=int,
+    )
     stiffness_settle_s: float = _parameter(
         0.5,
         'dynamic deformation that is left out at the start of the hold',
@@ -253,6 +265,15 @@ class FeatureConfig:
                     raise FeatureError(
                         f'{item.name} is {value}; it must lie between {low} and {high}'
                     )
+        # A parameter file gives a list, which is no constant.
+        object.__setattr__(self, 'running_samples', tuple(self.running_samples))
+        counts = (MIN_RUNNING_SAMPLES - 1, *self.running_samples, self.texture_samples)
+        if self.running_samples and not all(a < b for a, b in pairwise(counts)):
+            raise FeatureError(
+                f'running_samples are {list(self.running_samples)}; they must rise from '
+                f'{MIN_RUNNING_SAMPLES} or more to fewer than texture_samples, which is '
+                f'{self.texture_samples}'
+            )
         texture_s = self.texture_crop_start_s + self.texture_samples / self.rate_hz
         stiffness_s = self.stiffness_settle_s + self.stiffness_min_s
         if max(texture_s, stiffness_s) > self.buffer_s:

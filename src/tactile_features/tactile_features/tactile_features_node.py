@@ -24,6 +24,9 @@ from tactile_ros.qos import EVENTS, RESULTS, STREAM
 class TactileFeaturesNode(TactileNode):
     """Publishes ``~/features`` for the trials seen on the strain and event topics.
 
+    Windows that still fill go to ``~/running_features``, where nobody takes them for
+    finished ones.
+
     It listens as soon as it is configured, so that a trial under way at activation
     is whole, and publishes while it is active.
 
@@ -37,11 +40,15 @@ class TactileFeaturesNode(TactileNode):
         super().__init__(node_name, FeatureConfig, **node_options)
         self.extractor: TrialFeatureExtractor | None = None
         self._publisher: Any = None
+        self._running_publisher: Any = None
         self._subscriptions_made: list[Any] = []
 
     def set_up(self, config: FeatureConfig) -> None:
         extractor = self.extractor = TrialFeatureExtractor(config)
         self._publisher = self.create_lifecycle_publisher(TactileFeatures, '~/features', RESULTS)
+        self._running_publisher = self.create_lifecycle_publisher(
+            TactileFeatures, '~/running_features', RESULTS
+        )
         self._subscriptions_made = [
             self.create_subscription(
                 StrainBlock,
@@ -66,9 +73,10 @@ class TactileFeaturesNode(TactileNode):
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
         self._subscriptions_made = []
-        if self._publisher is not None:
-            self.destroy_lifecycle_publisher(self._publisher)
-            self._publisher = None
+        for publisher in (self._publisher, self._running_publisher):
+            if publisher is not None:
+                self.destroy_lifecycle_publisher(publisher)
+        self._publisher = self._running_publisher = None
 
     def _publish(self, windows: Iterable[FeatureWindow]) -> None:
         for window in windows:
@@ -76,7 +84,8 @@ class TactileFeaturesNode(TactileNode):
                 self.get_logger().warning(
                     f'no features of trial {window.trial_id}: {window.reason}'
                 )
-            self._publisher.publish(feature_window_to_msg(window))
+            publisher = self._running_publisher if window.running else self._publisher
+            publisher.publish(feature_window_to_msg(window))
 
 
 def main() -> int:

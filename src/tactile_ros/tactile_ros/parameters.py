@@ -4,8 +4,9 @@
 
 A Config is a dataclass without any ROS in it. Each field has a default and the
 metadata ``description`` and, where they apply, ``unit``, ``range`` (both ends
-allowed) and ``choices``. The parameter has the field's name, type and default,
-so that YAML, code and documentation cannot disagree.
+allowed), ``choices``, and ``element``: the type within a tuple that is empty by
+default, where it is not str. The parameter has the field's name, type and default, so
+that YAML, code and documentation cannot disagree.
 """
 
 from __future__ import annotations
@@ -56,7 +57,9 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
     for field in dataclasses.fields(config_class):  # type: ignore[arg-type]
         default = list(field.default) if isinstance(field.default, tuple) else field.default
         if default == []:
-            default = Parameter.Type.STRING_ARRAY
+            is_integer = field.metadata.get('element') is int
+            types = Parameter.Type
+            default = types.INTEGER_ARRAY if is_integer else types.STRING_ARRAY
         node.declare_parameter(field.name, default, describe_field(field))
 
     def check_choices(parameters: list[Parameter]) -> SetParametersResult:
