@@ -23,6 +23,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 
+COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
+"""What the requirements of every distribution include."""
+
 
 class SetupError(Exception):
     """Set-up cannot go on; the message says why and what to do."""
@@ -34,8 +37,9 @@ class Workspace:
     def __init__(self, distro: str) -> None:
         self.distro = distro
         self.requirements = ROOT / 'requirements' / f'{distro}.txt'
-        if not self.requirements.is_file():
-            known = ', '.join(sorted(p.stem for p in self.requirements.parent.glob('*.txt')))
+        if not self.requirements.is_file() or self.requirements == COMMON_REQUIREMENTS:
+            files = set(self.requirements.parent.glob('*.txt')) - {COMMON_REQUIREMENTS}
+            known = ', '.join(sorted(path.stem for path in files))
             raise SetupError(f'no distribution "{distro}"; there is {known}.')
         self.base = ROOT / '.tactile' / distro
         self.venv = self.base / 'venv'
@@ -62,7 +66,8 @@ class Workspace:
     def venv_key(self) -> str:
         # A virtual environment knows its own place: a moved clone needs a new one.
         place = f'{sys.version_info[0]}.{sys.version_info[1]} {self.base}'
-        return hashlib.sha256(self.requirements.read_bytes() + place.encode()).hexdigest()
+        wanted = self.requirements.read_bytes() + COMMON_REQUIREMENTS.read_bytes()
+        return hashlib.sha256(wanted + place.encode()).hexdigest()
 
     def build_key(self) -> str:
         """Changes when a build is needed.
