@@ -10,14 +10,22 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from joblib import Parallel, delayed
-from sklearn.model_selection import LeaveOneGroupOut, StratifiedKFold
 
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators import CLASSIFIERS, RANDOM_STATE, SCALINGS, build_estimator
+from tactile_classifier.intervals import Interval, accuracy_interval
+from tactile_classifier.neighbours import predict_neighbours
+from tactile_classifier.plans import Task, run_plans
+from tactile_classifier.splits import (
+    FOLDS,
+    REPETITIONS,
+    Fold,
+    Split,
+    grouped_split,
+    stratified_split,
+)
 
-Fold = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
+Answers = list[npt.NDArray[np.str_]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +44,8 @@ class Score:
         Standard deviation of what ``spread_of`` says [1].
     spread_of : str
         ``repetitions`` (of their mean accuracies) or ``groups`` (held out in turn).
+    interval : Interval
+        Of the mean, over trials, or over groups where they are held out.
     confusion : ndarray of int, shape (labels, labels)
         Counts over all repetitions; row: true label, column: answer.
     """
@@ -48,6 +58,7 @@ class Score:
     mean: float
     spread: float
     spread_of: str
+    interval: Interval
     confusion: npt.NDArray[np.int64]
 
     def to_dict(self) -> dict[str, Any]:
@@ -61,6 +72,7 @@ class Score:
             'mean': self.mean,
             'spread': self.spread,
             'spread_of': self.spread_of,
+            'interval': self.interval.to_dict(),
             'confusion': self.confusion.tolist(),
         }
 
@@ -101,22 +113,111 @@ class Evaluation:
         }
 
 
+class AccuracyPlan:
+    """The cross-validation of a table under one split; a `Plan` of an `Evaluation`.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    split : Split
+    classifiers, scalings : sequence of str
+        All their combinations are evaluated. The scaling is fitted inside each fold.
+
+    Raises
+    ------
+    ValueError
+        When a name is not known.
+    """
+
+    def __init__(
+        self,
+        table: FeatureTable,
+        split: Split,
+        classifiers: Sequence[str] = CLASSIFIERS,
+        scalings: Sequence[str] = SCALINGS,
+    ) -> None:
+        self._table = table
+        self._split = split
+        self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
+        for pair in self._pairs:
+            build_estimator(*pair)  # a wrong name fails here, not in a worker
+
+    def tasks(self) -> list[Task]:
+        """Return one task a classifier, scaling and repetition."""
+        table = self._table
+        return [
+            (predict_folds, (*pair, table.values, table.labels, deal))
+            for pair in self._pairs
+            for deal in self._split.deals
+        ]
+
+    def finish(self, answers: Sequence[Answers]) -> Evaluation:
+        """Return the scores."""
+        table, deals = self._table, len(self._split.deals)
+        classes, counts = np.unique(table.labels, return_counts=True)
+        labels = tuple(str(name) for name in classes)
+        scores = [
+            self._score(*pair, labels, answers[i * deals : (i + 1) * deals])
+            for i, pair in enumerate(self._pairs)
+        ]
+        return Evaluation(
+            self._split.name,
+            labels,
+            len(table),
+            table.spec.feature_set,
+            float(counts.max() / counts.sum()),
+            tuple(scores),
+        )
+
+    def _score(
+        self, classifier: str, scaling: str, labels: tuple[str, ...], answers: Sequence[Answers]
+    ) -> Score:
+        true, split = self._table.labels, self._split
+        accuracies = np.zeros((len(split.deals), len(split.deals[0])))
+        confusion = np.zeros((len(labels), len(labels)), dtype=np.int64)
+        right = np.zeros(len(true), dtype=np.int64)
+        for i, (deal, said) in enumerate(zip(split.deals, answers, strict=True)):
+            for j, ((_, test), answer) in enumerate(zip(deal, said, strict=True)):
+                is_right = answer == true[test]
+                accuracies[i, j] = np.mean(is_right)
+                right[test] += is_right
+                rows, columns = (np.searchsorted(labels, y) for y in (true[test], answer))
+                np.add.at(confusion, (rows, columns), 1)
+        grouped = split.groups is not None
+        parts = accuracies[0] if grouped else accuracies.mean(axis=1)
+        if grouped:
+            interval = accuracy_interval(parts, 'groups')
+        else:
+            interval = accuracy_interval(right / len(split.deals), 'trials')
+        return Score(
+            classifier,
+            scaling,
+            split.name,
+            labels,
+            accuracies,
+            float(accuracies.mean()),
+            float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
+            split.spread_of,
+            interval,
+            confusion,
+        )
+
+
 def evaluate(
     table: FeatureTable,
     classifiers: Sequence[str] = CLASSIFIERS,
     scalings: Sequence[str] = SCALINGS,
     *,
-    folds: int = 6,
-    repetitions: int = 10,
+    folds: int = FOLDS,
+    repetitions: int = REPETITIONS,
     hold_out: Sequence[str] = (),
     random_state: int = RANDOM_STATE,
-    jobs: int = 1,
+    jobs: int | None = 1,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Evaluation:
     """Cross-validate classifiers on a table of features.
 
-    The scaling is fitted inside each fold. The same arguments give the same result,
-    whatever ``jobs``.
+    The same arguments give the same result, whatever ``jobs``.
 
     Parameters
     ----------
@@ -128,8 +229,8 @@ def evaluate(
     hold_out : sequence of str
         Columns. When given, each group of trials that agree in all of them is held
         out once, and ``folds`` and ``repetitions`` do not apply.
-    jobs : int
-        Processes to share the work.
+    jobs : int or None
+        Workers to share the work; -1 is all cores.
     progress : callable
         ``progress(done, total)`` after each part of the work.
 
@@ -138,123 +239,29 @@ def evaluate(
     EvaluationError
         When the trials do not allow the split.
     """
-    classes, counts = np.unique(table.labels, return_counts=True)
-    if len(classes) < 2:
-        raise EvaluationError(f'there is one class only, "{classes[0]}": nothing to tell apart')
     if hold_out:
-        split, deals = _groups(table, hold_out)
+        split = grouped_split(table, hold_out)
     else:
-        split, deals = _deals(table, folds, repetitions, random_state)
-    smallest = min(len(train) for deal in deals for train, _ in deal)
-    if smallest < 3:
-        raise EvaluationError(
-            f'{smallest} trials would be left to train on; three neighbours need three'
-        )
+        split = stratified_split(table, folds, repetitions, random_state)
+    plan = AccuracyPlan(table, split, classifiers, scalings)
+    (evaluation,) = run_plans([plan], jobs, progress)
+    assert isinstance(evaluation, Evaluation)
+    return evaluation
 
-    pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
-    for pair in pairs:
-        build_estimator(*pair)  # a wrong name fails here, not in a worker
-    tasks = [(pair, deal) for pair in pairs for deal in deals]
+
+def predict_folds(
+    classifier: str,
+    scaling: str,
+    values: npt.NDArray[np.float64],
+    labels: npt.NDArray[np.str_],
+    folds: Sequence[Fold],
+) -> Answers:
+    """Return the answers on the test trials of each fold, fitted to its training trials."""
+    if classifier == 'knn':
+        return predict_neighbours(values, labels, folds, scaling)
     answers = []
-    work = (delayed(_predict_deal)(*pair, table, deal) for pair, deal in tasks)
-    for answer in Parallel(n_jobs=jobs, return_as='generator')(work):
-        answers.append(answer)
-        progress(len(answers), len(tasks))
-
-    labels = tuple(str(name) for name in classes)
-    scores = []
-    for i, (classifier, scaling) in enumerate(pairs):
-        predicted = answers[i * len(deals) : (i + 1) * len(deals)]
-        accuracies, confusion = _count(table.labels, classes, deals, predicted)
-        spread_of = 'groups' if hold_out else 'repetitions'
-        parts = accuracies[0] if hold_out else accuracies.mean(axis=1)
-        scores.append(
-            Score(
-                classifier,
-                scaling,
-                split,
-                labels,
-                accuracies,
-                float(accuracies.mean()),
-                float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
-                spread_of,
-                confusion,
-            )
-        )
-    return Evaluation(
-        split,
-        labels,
-        len(table),
-        table.spec.feature_set,
-        float(counts.max() / counts.sum()),
-        tuple(scores),
-    )
-
-
-def _deals(
-    table: FeatureTable, folds: int, repetitions: int, random_state: int
-) -> tuple[str, list[list[Fold]]]:
-    """Return the split's name and, for each repetition, its folds."""
-    if folds < 2 or repetitions < 1:
-        raise EvaluationError('cross-validation takes two folds or more, once or more often')
-    for name, count in zip(*np.unique(table.labels, return_counts=True), strict=True):
-        if count < folds:
-            raise EvaluationError(
-                f'class "{name}" has {count} trials, fewer than the {folds} folds: '
-                'record more of it, leave it out, or use fewer folds'
-            )
-    deals = [
-        list(
-            StratifiedKFold(folds, shuffle=True, random_state=random_state + i).split(
-                table.values, table.labels
-            )
-        )
-        for i in range(repetitions)
-    ]
-    return f'stratified {folds}-fold, {repetitions} times', deals
-
-
-def _groups(table: FeatureTable, hold_out: Sequence[str]) -> tuple[str, list[list[Fold]]]:
-    """Return the split's name and its folds, one for each group held out."""
-    name = ' and '.join(hold_out)
-    groups = np.zeros(len(table), dtype=np.intp)
-    for column in hold_out:
-        codes = np.unique(table.column(column), return_inverse=True)[1]
-        groups = np.unique(groups * (codes.max() + 1) + codes, return_inverse=True)[1]
-    if groups.max() < 1:
-        raise EvaluationError(f'all trials have the same {name}: there is nothing to hold out')
-    for label in np.unique(table.labels):
-        if len(np.unique(groups[table.labels == label])) < 2:
-            raise EvaluationError(
-                f'all trials of class "{label}" have the same {name}: with that held out, '
-                'no model can know the class'
-            )
-    folds = list(LeaveOneGroupOut().split(table.values, table.labels, groups))
-    return f'one {name} held out', [folds]
-
-
-def _predict_deal(
-    classifier: str, scaling: str, table: FeatureTable, deal: list[Fold]
-) -> list[npt.NDArray[Any]]:
-    answers = []
-    for train, test in deal:
+    for train, test in folds:
         estimator = build_estimator(classifier, scaling)
-        estimator.fit(table.values[train], table.labels[train])
-        answers.append(estimator.predict(table.values[test]))
+        estimator.fit(values[train], labels[train])
+        answers.append(estimator.predict(values[test]))
     return answers
-
-
-def _count(
-    true: npt.NDArray[Any],
-    classes: npt.NDArray[Any],
-    deals: list[list[Fold]],
-    predicted: list[list[npt.NDArray[Any]]],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    accuracies = np.zeros((len(deals), len(deals[0])))
-    confusion = np.zeros((len(classes), len(classes)), dtype=np.int64)
-    for i, (deal, answers) in enumerate(zip(deals, predicted, strict=True)):
-        for j, ((_, test), answer) in enumerate(zip(deal, answers, strict=True)):
-            accuracies[i, j] = np.mean(answer == true[test])
-            rows, columns = (np.searchsorted(classes, y) for y in (true[test], answer))
-            np.add.at(confusion, (rows, columns), 1)
-    return accuracies, confusion

@@ -1,0 +1,56 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Work of several kinds as one list, for one pool of workers and one progress bar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar
+
+from joblib import Parallel, delayed
+
+Result = TypeVar('Result', covariant=True)
+Task = tuple[Callable[..., Any], tuple[Any, ...]]
+"""A function and its arguments."""
+
+
+class Plan(Protocol[Result]):
+    """An analysis that knows its parts before it begins."""
+
+    def tasks(self) -> list[Task]:
+        """Return the parts; none depends on another."""
+
+    def finish(self, answers: Sequence[Any]) -> Result:
+        """Make the result of the answers, which are in the order of the tasks."""
+
+
+def run_plans(
+    plans: Sequence[Plan[Any]],
+    jobs: int | None = 1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Any]:
+    """Run the parts of all plans and return the plans' results, in their order.
+
+    Threads are asked for, since most of the time is spent in compiled code, and processes
+    would spend seconds on importing it; `joblib.parallel_config` may say otherwise.
+
+    Parameters
+    ----------
+    plans : sequence of Plan
+    jobs : int or None
+        As joblib takes it: -1 is all cores.
+    progress : callable
+        ``progress(done, total)`` after each part.
+    """
+    parts = [plan.tasks() for plan in plans]
+    total = sum(map(len, parts))
+    work = (delayed(function)(*arguments) for tasks in parts for function, arguments in tasks)
+    answers = []
+    for answer in Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work):
+        answers.append(answer)
+        progress(len(answers), total)
+    results, first = [], 0
+    for plan, tasks in zip(plans, parts, strict=True):
+        results.append(plan.finish(answers[first : first + len(tasks)]))
+        first += len(tasks)
+    return results

@@ -1,0 +1,75 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.splits import grouped_split, stratified_split
+from tactile_features.records import FeatureConfig
+from tactile_features.spec import spec_for
+
+
+def make_table(labels, **columns):
+    values = np.zeros((len(labels), 3))
+    names = {name: np.array(column) for name, column in columns.items()}
+    return FeatureTable(values, np.array(labels), spec_for('stiffness', FeatureConfig()), names)
+
+
+def check_each_trial_is_tested_once_and_never_trained_on(split, trials):
+    for deal in split.deals:
+        tested = np.concatenate([test for _, test in deal])
+        assert sorted(tested) == list(range(trials))
+        for train, test in deal:
+            assert sorted([*train, *test]) == list(range(trials))
+
+
+@given(st.integers(2, 4), st.integers(4, 9), st.integers(2, 4), st.integers(0, 99))
+def test_no_trial_is_trained_on_and_tested(classes, each, folds, seed):
+    labels = np.random.default_rng(seed).permutation(np.repeat(np.arange(classes), each))
+    split = stratified_split(make_table(labels.astype(str)), folds, 2, seed)
+    check_each_trial_is_tested_once_and_never_trained_on(split, len(labels))
+    for train, _ in split.deals[0]:
+        for a, b in split.divide_again(train, np.array(labels.astype(str)), seed):
+            assert sorted([*a, *b]) == sorted(train)
+
+
+@given(st.data(), st.integers(2, 5), st.integers(0, 99))
+def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
+    # Each class in each group at least once, so that any of them can be held out.
+    base = [(label, group) for label in 'ab' for group in range(groups)] * 2
+    pairs = base + data.draw(st.lists(st.sampled_from(base), min_size=4, max_size=30))
+    pairs = [pairs[i] for i in np.random.default_rng(seed).permutation(len(pairs))]
+    labels = np.array([label for label, _ in pairs])
+    group = np.array([g for _, g in pairs])
+    split = grouped_split(make_table(labels, group=group), ['group'])
+    check_each_trial_is_tested_once_and_never_trained_on(split, len(labels))
+    assert len(split.deals[0]) == groups
+    for train, test in split.deals[0]:
+        assert len(set(group[test])) == 1
+        assert not set(group[train]) & set(group[test])
+        if len(set(group[train])) > 1:
+            for a, b in split.divide_again(train, labels, 0):
+                assert not set(group[a]) & set(group[b])
+                assert not {*a, *b} & set(test)
+
+
+def test_one_group_left_is_divided_at_random():
+    labels = np.array(list('aaabbb') * 2)
+    split = grouped_split(make_table(labels, day=np.repeat([0, 1], 6)), ['day'])
+    train, _ = split.deals[0][0]
+    assert len(split.divide_again(train, labels, 0)) == 3
+    with pytest.raises(EvaluationError, match='one trial to train on'):
+        split.divide_again(train[[0, 3]], labels, 0)
+
+
+def test_once_is_the_first_repetition_and_says_so():
+    split = stratified_split(make_table(['a'] * 30 + ['b'] * 30), 3, 10)
+    assert split.once().name == 'stratified 3-fold, once'
+    assert split.once().deals == split.deals[:1]
+    tests = [sorted(test) for test in (split.deals[0][0][1], split.deals[1][0][1])]
+    assert tests[0] != tests[1]
+    held_out = grouped_split(make_table(list('abababab'), day=[0, 0, 0, 0, 1, 1, 1, 1]), ['day'])
+    assert held_out.once() == held_out
