@@ -48,7 +48,7 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         chosen = [p for p in named or packages if (ROOT / 'src' / p / 'test' / 'node').is_dir()]
         outcomes += test_packages(workspace, chosen, 'test/node')
     else:
-        outcomes += test_packages(workspace, named or packages)
+        outcomes += test_packages(workspace, named or packages, 'test')
     return summarise(outcomes)
 
 
@@ -90,9 +90,7 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
     return outcomes
 
 
-def test_packages(
-    workspace: Workspace, packages: list[str], folder: str = 'test'
-) -> list[Outcome]:
+def test_packages(workspace: Workspace, packages: list[str], folder: str) -> list[Outcome]:
     """Run `colcon test` on a folder of each package and read the results that it leaves."""
     results = workspace.base / 'test_results'
     shutil.rmtree(results, ignore_errors=True)
