@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
@@ -21,6 +23,7 @@ __all__ = [
     'SCALING_REASONS',
     'SCORE_KINDS',
     'build_estimator',
+    'compute_raw_scores',
 ]
 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
@@ -38,7 +41,7 @@ SCALING_REASONS = {
 }
 
 SCORE_KINDS = {'knn': VOTES, 'svm_linear': MARGIN, 'svm_rbf': MARGIN, 'tree': VOTES}
-"""What the scores of each classifier are; see Classification.msg."""
+"""What the scores of each classifier are before calibration; see Classification.msg."""
 
 RANDOM_STATE = 0
 
@@ -64,6 +67,17 @@ def build_estimator(classifier: str, scaling: str) -> Pipeline:
     if scaling == 'standard':
         steps.insert(0, ('scale', StandardScaler()))
     return Pipeline(steps)
+
+
+def compute_raw_scores(
+    estimator: Pipeline, values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return one score a label, before calibration, of windows of shape (windows, k)."""
+    if hasattr(estimator, 'predict_proba'):
+        return np.asarray(estimator.predict_proba(values))
+    scores = np.asarray(estimator.decision_function(values))
+    # Of two labels, scikit-learn gives one value, positive for the second.
+    return np.stack([-scores, scores], axis=1) if scores.ndim == 1 else scores
 
 
 def _classifier(name: str) -> Any:

@@ -1,0 +1,198 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Scores and novelties of trials that were held out, and what follows from them.
+
+Trials of one session share a mounting, so a session is held out as a whole wherever
+the table has two or more of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+from sklearn.model_selection import StratifiedKFold
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError
+from tactile_classifier.estimators import RANDOM_STATE, build_estimator, compute_raw_scores
+from tactile_classifier.novelty import NoveltyMeasure
+from tactile_classifier.records import VOTES
+
+MAX_FOLDS = 6
+"""Parts that trials or sessions are dealt into."""
+
+BINS = 10
+"""Bins of the expected calibration error."""
+
+Matrix = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Deal:
+    """How trials are dealt into parts that are held out in turn.
+
+    Attributes
+    ----------
+    split : str
+        In words.
+    fold : ndarray of int, shape (trials,)
+        The part that each trial is held out with.
+    groups : int
+        Sessions; 0 when single trials are dealt.
+    """
+
+    split: str
+    fold: Indices
+    groups: int
+
+
+def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
+    """Return parts of whole groups where each label comes in two parts or more, else of trials.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    columns : sequence of str
+        Trials that agree in all of them are one group. Those that the table does not have
+        do not count.
+
+    Raises
+    ------
+    DatasetError
+        When a label has one trial only.
+    """
+    group = np.zeros(len(table), dtype=np.intp)
+    for column in columns:
+        codes = np.unique(table.columns.get(column, group), return_inverse=True)[1]
+        group = np.unique(group * (codes.max() + 1) + codes, return_inverse=True)[1]
+    groups = int(group.max()) + 1
+    parts = min(MAX_FOLDS, groups)
+    fold = group % parts
+    labels, counts = np.unique(table.labels, return_counts=True)
+    if all(len(np.unique(fold[table.labels == label])) > 1 for label in labels):
+        name = ' and '.join(column.removesuffix('_id') for column in columns)
+        words = f'one {name} held out' if groups == parts else f'{name} held out in {parts} parts'
+        return Deal(words, fold, groups)
+    if counts.min() < 2:
+        raise DatasetError(f'label "{labels[counts.argmin()]}" has one trial only')
+    parts = min(MAX_FOLDS, int(counts.min()))
+    folds = StratifiedKFold(parts, shuffle=True, random_state=RANDOM_STATE)
+    for i, (_, held_out) in enumerate(folds.split(table.values, table.labels)):
+        fold[held_out] = i
+    return Deal(f'stratified {parts}-fold over trials', fold, 0)
+
+
+def hold_out_scores(
+    table: FeatureTable, classifier: str, scaling: str, fold: Indices
+) -> tuple[Matrix, Indices]:
+    """Return raw scores by models that were fitted on the other parts of the trials.
+
+    Returns
+    -------
+    scores : ndarray of shape (trials, labels)
+    true : ndarray of int, shape (trials,)
+        Column of the true label.
+    """
+    classes, true = np.unique(table.labels, return_inverse=True)
+    scores = np.zeros((len(table), len(classes)))
+    for i in np.unique(fold):
+        estimator = build_estimator(classifier, scaling)
+        estimator.fit(table.values[fold != i], table.labels[fold != i])
+        scores[fold == i] = compute_raw_scores(estimator, table.values[fold == i])
+    return scores, true
+
+
+def hold_out_novelty(table: FeatureTable, fold: Indices) -> Matrix:
+    """Return novelties, shape (trials,), by measures fitted on the other parts of the trials."""
+    novelty = np.zeros(len(table))
+    for i in np.unique(fold):
+        inside = fold != i
+        measure = NoveltyMeasure.fit(table.values[inside], table.labels[inside], fold[inside])
+        novelty[fold == i] = measure.compute(table.values[fold == i])
+    return novelty
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """A map from raw scores to probabilities that keeps their order.
+
+    The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017), the answer's own
+    term raised by ``bonus``, so that stated and found accuracy agree on the whole as in
+    Platt's (1999) map. A negative bonus lowers the answer to the second at most.
+
+    Attributes
+    ----------
+    slope : float
+        Positive; in 1 over the unit of the scores.
+    bonus : float
+        In natural logarithms [1].
+    """
+
+    slope: float
+    bonus: float
+
+    @classmethod
+    def fit(cls, scores: Matrix, true: Indices) -> Calibration:
+        """Return the map under which held-out labels are likeliest.
+
+        One imagined miss among the trials, as in Platt's targets, keeps a classifier that made
+        none from claiming certainty.
+
+        Parameters
+        ----------
+        scores : ndarray of shape (trials, labels)
+        true : ndarray of int, shape (trials,)
+        """
+        trials, labels = scores.shape
+        doubt = 1.0 / (trials + 2.0)
+        target = np.full(scores.shape, doubt / (labels - 1))
+        target[np.arange(trials), true] = 1.0 - doubt
+
+        def loss(parameters: Matrix) -> float:
+            return float(-(target * cls._from(parameters)._logarithms(scores)).sum())
+
+        return cls._from(minimize(loss, [0.0, 0.0], method='Nelder-Mead').x)
+
+    @classmethod
+    def _from(cls, parameters: Matrix) -> Calibration:
+        return cls(float(np.exp(np.clip(parameters[0], -7.0, 7.0))), float(parameters[1]))
+
+    def compute(self, scores: Matrix) -> Matrix:
+        """Return the probabilities for scores of shape (windows, labels)."""
+        return np.asarray(np.exp(self._logarithms(scores)))
+
+    def _logarithms(self, scores: Matrix) -> Matrix:
+        size = self.slope * scores
+        second, first = np.sort(size, axis=1)[:, -2:].T
+        rows = np.arange(len(size))
+        size[rows, scores.argmax(axis=1)] += np.maximum(self.bonus, second - first)
+        size -= size.max(axis=1, keepdims=True)
+        return np.asarray(size - np.log(np.exp(size).sum(axis=1, keepdims=True)))
+
+
+def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
+    """Return the expected calibration error of the answers [1].
+
+    Mean over the trials of the distance between the share of right answers and their mean
+    probability, in ten bins of equal width of that probability (Naeini et al. 2015).
+
+    Parameters
+    ----------
+    probabilities : ndarray of shape (trials, labels)
+    true : ndarray of int, shape (trials,)
+    """
+    answer = probabilities.argmax(axis=1)
+    stated = probabilities[np.arange(len(true)), answer]
+    bins = np.minimum((stated * BINS).astype(int), BINS - 1)
+    surplus = np.bincount(bins, stated - (answer == true), BINS)
+    return float(np.abs(surplus).sum() / len(true))
+
+
+def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
+    """Return what raw scores pass for without calibration: votes as they are, or a softmax."""
+    return scores if score_kind == VOTES else Calibration(1.0, 0.0).compute(scores)
