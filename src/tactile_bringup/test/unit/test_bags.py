@@ -108,14 +108,31 @@ def test_bag_without_strain_is_refused(tmp_path):
         TactileBag(tmp_path / 'bag')
 
 
-@pytest.mark.parametrize('keep', [0, 10, 100, 2000])
-def test_truncated_bag_is_refused_with_a_sentence(bag_path, tmp_path, keep):
-    damaged = tmp_path / 'damaged'
-    shutil.copytree(bag_path, damaged)
-    (data,) = damaged.glob('*.mcap')
+def cut_off(bag_path, folder, keep):
+    shutil.copytree(bag_path, folder)
+    (data,) = folder.glob('*.mcap')
     data.write_bytes(data.read_bytes()[:keep])
-    with pytest.raises(BagError):
-        TactileBag(damaged)
+    return folder
+
+
+@pytest.mark.parametrize('keep', [0, 7, 10, 30])
+def test_a_bag_cut_off_in_its_header_is_refused_with_a_sentence(bag_path, tmp_path, keep):
+    with pytest.raises(BagError, match='not a readable bag'):
+        TactileBag(cut_off(bag_path, tmp_path / 'damaged', keep))
+
+
+@pytest.mark.parametrize('keep', [100, 2000])
+def test_a_bag_cut_off_later_says_what_is_missing(bag_path, tmp_path, keep):
+    with TactileBag(cut_off(bag_path, tmp_path / 'damaged', keep)) as bag:
+        assert 'never closed' in bag.recovered
+        assert '6 that it once held are missing' in bag.recovered
+        assert bag.facts['simulated'] is True
+        assert list(bag.messages(STRAIN)) == []
+
+
+def test_a_whole_bag_says_nothing_of_recovery(bag_path):
+    with TactileBag(bag_path) as bag:
+        assert bag.recovered == ''
 
 
 def test_recording_of_another_message_definition_is_refused(bag_path):
