@@ -12,6 +12,7 @@ from tactile_features.records import (
     TrialEvent,
 )
 from tactile_features.regression import compute_regression
+from tactile_features.signal_phases import find_phases
 from tactile_features.spec import FeatureSpec, spec_for
 from tactile_features.spectrum import compute_spectrum
 
@@ -28,5 +29,6 @@ __all__ = [
     'compute_regression',
     'compute_spectrum',
     'features_from_trials',
+    'find_phases',
     'spec_for',
 ]

@@ -8,6 +8,7 @@ those that the rosbags library has deserialised.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,17 @@ def event_from_msg(msg: Any) -> TrialEvent:
         pull_displacement_m=float(msg.pull_displacement_m),
         detected=bool(msg.detected),
     )
+
+
+def event_to_msg(event: TrialEvent) -> Any:
+    """Return the ``tactile_msgs/TrialEvent`` of a record."""
+    from builtin_interfaces.msg import Time
+    from std_msgs.msg import Header
+    from tactile_msgs.msg import TrialEvent as TrialEventMsg
+
+    fields = dataclasses.asdict(event)
+    stamp = Time(**_split_stamp(fields.pop('stamp_ns')))
+    return TrialEventMsg(header=Header(stamp=stamp), **fields)
 
 
 def feature_window_from_msg(msg: Any) -> FeatureWindow:

@@ -19,6 +19,7 @@ from tactile_features.records import (
     PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
+    PHASES_STATED,
     PROTOCOL_TEXTURE,
     FeatureConfig,
     FeatureWindow,
@@ -28,6 +29,7 @@ from tactile_features.records import (
 )
 from tactile_features.regression import compute_regression
 from tactile_features.running_window import RunningWindow, compute_running_spectrum
+from tactile_features.signal_phases import SignalPhases
 from tactile_features.spec import FeatureSpec, array_spec
 from tactile_features.spectrum import compute_spectrum
 from tactile_features.windows import SampleBuffer
@@ -38,6 +40,9 @@ class TrialFeatureExtractor:
 
     With ``running_samples`` the first parts of a texture window come as soon as their
     samples are there, marked as running, and before the window itself.
+
+    With ``phases`` other than ``stated`` the events are found in the tension, and those
+    that are added are passed over.
 
     The windows depend on stamps and sequence numbers alone: in whatever way events
     and blocks interleave, and however samples are grouped into blocks, the same
@@ -70,8 +75,11 @@ class TrialFeatureExtractor:
         capacity = round(2 * config.buffer_s * config.rate_hz)
         self._buffer = SampleBuffer(self._buffer_ns, capacity, config.max_gap_samples)
         self._event: TrialEvent | None = None
+        self._before: TrialEvent | None = None
         self._waiting: deque[PhaseWindow] = deque()
         self._filling: deque[RunningWindow] = deque()
+        self._signal = None if config.phases == PHASES_STATED else SignalPhases(config)
+        self._detected: list[TrialEvent] = []
 
     @property
     def late_sample_count(self) -> int:
@@ -90,20 +98,41 @@ class TrialFeatureExtractor:
         windows = []
         if self._buffer.add(block):
             windows = self._give_up('the clock of the samples was set back before they came')
+            if self._signal:
+                self._signal.reset()
+        if self._signal:
+            for event in self._signal.add(self._buffer.new_samples):
+                self._detected.append(event)
+                windows += self._take_event(event)
         windows += self._take_running()
         windows += self._take_complete()
         self._buffer.evict()
         return windows
 
     def add_event(self, event: TrialEvent) -> list[FeatureWindow]:
-        """Take in the start of a phase; return the windows that are now complete."""
+        """Take in the start of a phase; return the windows that are now complete.
+
+        Events are passed over where ``phases`` says that they are found in the signal.
+        """
         self.event_count += 1
+        return [] if self._signal else self._take_event(event)
+
+    def take_detected_events(self) -> list[TrialEvent]:
+        """Return the phases found in the signal since the last call."""
+        detected, self._detected = self._detected, []
+        return detected
+
+    def _take_event(self, event: TrialEvent) -> list[FeatureWindow]:
         begun, self._event = self._event, event
+        before, self._before = self._before, begun
         if begun is not None and begun != event:
             # A step back in time is the same trial played again, not the end of a phase.
             if begun.trial_id == event.trial_id and event.stamp_ns >= begun.stamp_ns:
                 if begun.phase in (PHASE_GLIDE, PHASE_HOLD):
-                    self._waiting.append(PhaseWindow(begun, event, self.config))
+                    same = before is not None and before.trial_id == begun.trial_id
+                    self._waiting.append(
+                        PhaseWindow(begun, event, self.config, before if same else None)
+                    )
             elif begun.phase not in (PHASE_DONE, PHASE_ABORTED):
                 self.dropped_trial_count += 1
         if begun != event and event.phase == PHASE_GLIDE:

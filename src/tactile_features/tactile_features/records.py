@@ -25,6 +25,8 @@ PROTOCOL_SLIP = 'slip'
 CONTACT_FLEXION = 'flexion'
 CONTACT_ABDUCTION = 'abduction'
 
+PHASES_STATED = 'stated'
+
 PHASE_APPROACH = 'approach'
 PHASE_CONTACT = 'contact'
 PHASE_GLIDE = 'glide'
@@ -254,6 +256,37 @@ class FeatureConfig:
         unit='s',
         range=(1.0, 600.0),
     )
+    phases: str = _parameter(
+        PHASES_STATED,
+        'where the phases of a trial come from: stated by trial events, or found in the tension '
+        'of a finger that follows the texture or the stiffness protocol',
+        choices=(PHASES_STATED, PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS),
+    )
+    detected_rise_n: float = _parameter(
+        0.2,
+        'with phases found in the tension: what it must rise above rest to begin a trial',
+        unit='N',
+        range=(0.0, 1000.0),
+    )
+    detected_contact: str = _parameter(
+        '',
+        'with phases found in the tension: how the finger touches; empty: not known',
+        choices=('', CONTACT_FLEXION, CONTACT_ABDUCTION),
+    )
+    detected_simulated: bool = _parameter(
+        False,
+        'with phases found in the tension: it is simulated; marks all that is derived from it',
+    )
+    measures: bool = _parameter(
+        True,
+        'estimate physical quantities from each window: pitch of the grooves, stiffness, relaxation',
+    )
+    glide_speed_uncertainty: float = _parameter(
+        0.005,
+        'relative standard uncertainty of the stated glide speed, for the pitch of the grooves',
+        unit='1',
+        range=(0.0, 1.0),
+    )
     frame_id: str = _parameter('tendon_sensor_link', 'frame of the sensor')
 
     def __post_init__(self) -> None:
@@ -265,6 +298,11 @@ class FeatureConfig:
                     raise FeatureError(
                         f'{item.name} is {value}; it must lie between {low} and {high}'
                     )
+        if self.phases not in (PHASES_STATED, PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS):
+            raise FeatureError(
+                f'phases is "{self.phases}"; it must be {PHASES_STATED}, {PROTOCOL_TEXTURE} '
+                f'or {PROTOCOL_STIFFNESS}'
+            )
         # A parameter file gives a list, which is no constant.
         object.__setattr__(self, 'running_samples', tuple(self.running_samples))
         counts = (MIN_RUNNING_SAMPLES - 1, *self.running_samples, self.texture_samples)

@@ -11,11 +11,13 @@ from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 
 from tactile_features.conversions import (
     event_from_msg,
+    event_to_msg,
     feature_window_to_msg,
     strain_block_from_msg,
 )
 from tactile_features.extractor import TrialFeatureExtractor
-from tactile_features.records import FeatureConfig, FeatureWindow, Outcome
+from tactile_features.records import PHASE_ABORTED, FeatureConfig, FeatureWindow, Outcome
+from tactile_features.records import StrainBlock as StrainRecord
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
@@ -25,7 +27,7 @@ class TactileFeaturesNode(TactileNode):
     """Publishes ``~/features`` for the trials seen on the strain and event topics.
 
     Windows that still fill go to ``~/running_features``, where nobody takes them for
-    finished ones.
+    finished ones; phases found in the signal go to ``~/detected_events``.
 
     It listens as soon as it is configured, so that a trial under way at activation
     is whole, and publishes while it is active.
@@ -41,6 +43,7 @@ class TactileFeaturesNode(TactileNode):
         self.extractor: TrialFeatureExtractor | None = None
         self._publisher: Any = None
         self._running_publisher: Any = None
+        self._event_publisher: Any = None
         self._subscriptions_made: list[Any] = []
 
     def set_up(self, config: FeatureConfig) -> None:
@@ -49,11 +52,14 @@ class TactileFeaturesNode(TactileNode):
         self._running_publisher = self.create_lifecycle_publisher(
             TactileFeatures, '~/running_features', RESULTS
         )
+        self._event_publisher = self.create_lifecycle_publisher(
+            TrialEvent, '~/detected_events', EVENTS
+        )
         self._subscriptions_made = [
             self.create_subscription(
                 StrainBlock,
                 'tendon_sensor/strain',
-                lambda msg: self._publish(extractor.add_block(strain_block_from_msg(msg))),
+                lambda msg: self._on_block(extractor, strain_block_from_msg(msg)),
                 STREAM,
             ),
             self.create_subscription(
@@ -73,10 +79,18 @@ class TactileFeaturesNode(TactileNode):
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
         self._subscriptions_made = []
-        for publisher in (self._publisher, self._running_publisher):
+        for publisher in (self._publisher, self._running_publisher, self._event_publisher):
             if publisher is not None:
                 self.destroy_lifecycle_publisher(publisher)
-        self._publisher = self._running_publisher = None
+        self._publisher = self._running_publisher = self._event_publisher = None
+
+    def _on_block(self, extractor: TrialFeatureExtractor, block: StrainRecord) -> None:
+        windows = extractor.add_block(block)
+        for event in extractor.take_detected_events():
+            if event.phase == PHASE_ABORTED:
+                self.get_logger().warning(f'trial {event.trial_id}: {event.message}')
+            self._event_publisher.publish(event_to_msg(event))
+        self._publish(windows)
 
     def _publish(self, windows: Iterable[FeatureWindow]) -> None:
         for window in windows:

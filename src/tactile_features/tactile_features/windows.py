@@ -56,6 +56,8 @@ class SampleBuffer:
     ----------
     late_sample_count, restart_count : int
         Samples dropped as repeated; restarts of the stream.
+    new_count : int
+        Samples that the last `add` appended, interpolated ones included.
     evicted_ns : int or None
         Latest stamp that is no longer in the buffer [ns].
     """
@@ -65,6 +67,7 @@ class SampleBuffer:
         self._capacity = capacity
         self._max_gap_samples = max_gap_samples
         self.late_sample_count = 0
+        self.new_count = 0
         self.restart_count = 0
         self._clear()
 
@@ -77,6 +80,11 @@ class SampleBuffer:
     def samples(self) -> Samples:
         """The samples as an array of `SAMPLE`; valid until the next `add`."""
         return self._data[self._start : self._end]
+
+    @property
+    def new_samples(self) -> Samples:
+        """What the last `add` appended, as an array of `SAMPLE`; valid until the next."""
+        return self._data[self._end - self.new_count : self._end]
 
     @property
     def watermark_ns(self) -> int | None:
@@ -93,6 +101,7 @@ class SampleBuffer:
 
     def add(self, block: StrainBlock) -> bool:
         """Append a block; return whether the clock was set back and the past is gone."""
+        self.new_count = 0
         if len(block.tension_n) == 0:
             return False
         new = _unpack(block)
@@ -151,6 +160,7 @@ class SampleBuffer:
             self._start, self._end = 0, len(kept)
         self._data[self._end : self._end + len(new)] = new
         self._end += len(new)
+        self.new_count += len(new)
 
 
 def _unpack(block: StrainBlock) -> Samples:

@@ -17,6 +17,7 @@ from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_features import FeatureWindow, Outcome, records
 from tactile_features.conversions import (
     event_from_msg,
+    event_to_msg,
     feature_window_from_msg,
     feature_window_to_msg,
     strain_block_from_msg,
@@ -119,6 +120,7 @@ def test_reads_messages_of_either_library(read):
         if field.name != 'stamp_ns':
             assert getattr(event, field.name) == getattr(msg, field.name)
     assert event.stamp_ns == 1_760_000_000_999_999_999
+    assert event_from_msg(read(event_to_msg(event))) == event
 
 
 @given(window=windows)

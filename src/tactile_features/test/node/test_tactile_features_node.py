@@ -168,6 +168,32 @@ def test_what_still_fills_goes_to_a_topic_of_its_own(make_bench):
     assert len(running) == 2
 
 
+def test_publishes_the_phases_that_it_finds_itself(make_bench):
+    bench = make_bench(phases='stiffness', detected_contact='abduction')
+    found = []
+    bench.peer.create_subscription(
+        TrialEvent,
+        'tactile_features/detected_events',
+        lambda msg: found.append(event_from_msg(msg)),
+        EVENTS,
+    )
+    bench.bring_up()
+    topic = bench.node.resolve_topic_name('~/detected_events')
+    bench.spin_until(lambda: bench.peer.count_publishers(topic) == 1)
+    time_s = np.arange(600) * PERIOD_NS / 1e9
+    tension_n = 3.0 * np.clip(np.minimum((time_s - 1.0) / 0.5, (7.0 - time_s) / 0.5), 0.0, 1.0)
+    tension_n *= 1.0 - 0.05 * time_s
+    message = block(0)
+    message.tension_n = tension_n.tolist()
+    bench.strain.publish(message)
+    bench.spin_until(lambda: len(found) == 4 and bench.windows)
+    assert [e.phase for e in found] == ['contact', 'hold', 'release', 'done']
+    assert all(e.detected and e.contact == 'abduction' for e in found)
+    (window,) = bench.windows
+    assert (window.outcome, window.trial_id) == (Outcome.OK, found[0].trial_id)
+    assert found[1].stamp_ns == pytest.approx(START_NS + 1.5e9, abs=4e7)
+
+
 def test_hears_the_events_that_came_before_it(make_bench):
     bench = make_bench()
     for msg in TRIAL:

@@ -1,0 +1,235 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Phases found in the tension: made-up pulls whose bends are known."""
+
+import dataclasses
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_features import (
+    FeatureConfig,
+    FeatureError,
+    Outcome,
+    StrainBlock,
+    TrialEvent,
+    TrialFeatureExtractor,
+    find_phases,
+)
+from tactile_features.signal_phases import SignalPhases
+
+RATE_HZ = 60.0
+STIFFNESS = FeatureConfig(phases='stiffness', detected_contact='flexion')
+TEXTURE = FeatureConfig(phases='texture', running_samples=(60, 120))
+BENDS = {'contact': 1.0, 'hold': 1.5, 'glide': 2.0, 'release': 6.5, 'done': 6.9}
+"""When the made-up pull begins, is held, glides, is released and is over [s]."""
+
+
+def stamps(count, rate_hz=RATE_HZ):
+    return np.rint(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
+
+
+def pull(*, rate_hz=RATE_HZ, level_n=5.0, step_n=0.3, noise_n=0.004, rest_n=0.0, seed=0):
+    """A pull at the times of `BENDS`: rise, relaxing hold with a jump at the glide, fall."""
+    t = np.arange(round(8.0 * rate_hz)) / rate_hz
+    held = level_n * (0.7 + 0.3 * np.exp(-(t - BENDS['hold']) / 3.0))
+    held -= step_n * np.clip((t - BENDS['glide']) / 0.05, 0.0, 1.0)
+    up = np.clip((t - BENDS['contact']) / (BENDS['hold'] - BENDS['contact']), 0.0, 1.0)
+    down = np.clip((BENDS['done'] - t) / (BENDS['done'] - BENDS['release']), 0.0, 1.0)
+    noise = np.random.default_rng(seed).normal(0.0, noise_n, len(t))
+    return rest_n + np.where(t < BENDS['hold'], level_n * up, held * down) + noise
+
+
+def find(tension_n, config, rate_hz=RATE_HZ):
+    return find_phases(stamps(len(tension_n), rate_hz), tension_n, config)
+
+
+def times_s(events):
+    return {event.phase: event.stamp_ns / 1e9 for event in events}
+
+
+def check_times(events, expected, tolerance_s=0.04):
+    assert [event.phase for event in events] == expected
+    found = times_s(events)
+    assert found == pytest.approx({name: BENDS[name] for name in expected}, abs=tolerance_s)
+
+
+IN_STIFFNESS = ['contact', 'hold', 'release', 'done']
+IN_TEXTURE = ['contact', 'glide', 'release', 'done']
+
+
+@pytest.mark.parametrize('level_n', [1.0, 5.0, 14.0])
+@pytest.mark.parametrize('rest_n', [-3.0, 0.0, 250.0])
+def test_a_press_bends_the_tension_four_times(level_n, rest_n):
+    events = find(pull(level_n=level_n, rest_n=rest_n, step_n=0.0), STIFFNESS)
+    check_times(events, IN_STIFFNESS)
+
+
+@pytest.mark.parametrize('step_n', [0.2, -0.2, 0.6])
+def test_a_glide_makes_the_tension_jump_either_way(step_n):
+    check_times(find(pull(step_n=step_n), TEXTURE), IN_TEXTURE)
+
+
+def test_a_held_tension_that_does_not_relax_is_a_hold():
+    t = np.arange(480) / RATE_HZ
+    tension_n = 3.0 * np.clip(np.minimum((t - 1.0) / 0.5, (6.9 - t) / 0.4), 0.0, 1.0)
+    check_times(find(tension_n, STIFFNESS), IN_STIFFNESS)
+
+
+def test_what_is_known_is_in_the_events():
+    config = dataclasses.replace(STIFFNESS, detected_simulated=True)
+    events = find(pull(step_n=0.0), config)
+    assert all(e.detected and e.simulated and e.contact == 'flexion' for e in events)
+    assert {e.protocol for e in events} == {'stiffness'}
+    assert {e.trial_id for e in events} == {f'detected-{events[0].stamp_ns}'}
+
+
+def test_a_trial_without_a_glide_is_aborted_and_says_so():
+    events = find(pull(step_n=0.0), TEXTURE)
+    assert [e.phase for e in events] == ['contact', 'aborted']
+    assert 'no glide' in events[-1].message
+
+
+def test_rest_gives_nothing_whatever_its_level_and_drift():
+    random = np.random.default_rng(1)
+    drift = np.cumsum(random.normal(0.0, 2e-3, 60 * 600))
+    for noise_n in (0.0, 0.004, 0.1):
+        rest = 7.0 + drift + random.normal(0.0, noise_n, len(drift))
+        assert find(rest, STIFFNESS) == ()
+
+
+def test_a_glitch_is_no_pull():
+    tension_n = np.zeros(300)
+    tension_n[100:102] = 5.0
+    assert find(tension_n, STIFFNESS) == ()
+
+
+def test_what_is_too_weak_for_the_parameter_is_no_pull():
+    weak = pull(level_n=0.5, step_n=0.0)
+    assert find(weak, dataclasses.replace(STIFFNESS, detected_rise_n=0.6)) == ()
+    assert len(find(weak, dataclasses.replace(STIFFNESS, detected_rise_n=0.3))) == 4
+
+
+def test_each_of_many_pulls_is_a_trial():
+    events = find(np.concatenate([pull(seed=n, step_n=0.0) for n in range(5)]), STIFFNESS)
+    assert [e.phase for e in events] == IN_STIFFNESS * 5
+    assert len({e.trial_id for e in events}) == 5
+
+
+def test_a_pull_in_two_goes_holds_again_after_the_second():
+    t = np.arange(600) / RATE_HZ
+    first = 2.0 * np.clip((t - 1.0) / 0.3, 0.0, 1.0)
+    tension_n = first + 3.0 * np.clip((t - 3.0) / 0.3, 0.0, 1.0)
+    tension_n *= np.clip((8.0 - t) / 0.3, 0.0, 1.0)
+    events = find(tension_n, STIFFNESS)
+    assert [e.phase for e in events] == ['contact', 'hold', 'hold', 'release', 'done']
+    holds = [e.stamp_ns / 1e9 for e in events if e.phase == 'hold']
+    assert holds == pytest.approx([1.3, 3.3], abs=0.04)
+
+
+def test_a_stream_that_begins_within_a_hold_waits_for_the_next_pull():
+    tension_n = np.concatenate([pull(step_n=0.0)[150:], pull(step_n=0.0, seed=1)])
+    events = find(tension_n, STIFFNESS)
+    shift_s = (480 - 150) / RATE_HZ
+    assert [e.phase for e in events] == IN_STIFFNESS
+    assert times_s(events)['hold'] == pytest.approx(BENDS['hold'] + shift_s, abs=0.04)
+
+
+@pytest.mark.parametrize('rate_hz', [30.0, 100.0, 7000.0])
+def test_other_rates(rate_hz):
+    config = dataclasses.replace(STIFFNESS, rate_hz=rate_hz)
+    tension_n = pull(rate_hz=rate_hz, step_n=0.0)
+    check_times(find(tension_n, config, rate_hz), IN_STIFFNESS, 0.07)
+
+
+def test_a_sensor_at_its_end_still_shows_when():
+    events = find(np.minimum(pull(level_n=14.0, step_n=0.0), 9.0), STIFFNESS)
+    assert [e.phase for e in events] == IN_STIFFNESS
+    # The rise ends where the sensor does, and the fall begins there.
+    assert BENDS['contact'] < times_s(events)['hold'] < BENDS['hold'] + 0.04
+    assert times_s(events)['release'] > BENDS['release'] - 0.04
+
+
+def test_lost_samples_and_values_that_are_no_numbers_are_passed_over():
+    random = np.random.default_rng(2)
+    tension_n = pull()
+    tension_n[random.random(len(tension_n)) < 0.02] = np.nan
+    kept = random.random(len(tension_n)) > 0.02
+    events = find_phases(stamps(480)[kept], tension_n[kept], TEXTURE)
+    check_times(events, IN_TEXTURE, 0.05)
+
+
+def blocks_of(tension_n, random, period_ns=16_666_667):
+    """The stream in blocks of any length, a few samples lost."""
+    made, first = [], 0
+    while first < len(tension_n):
+        count = min(random.choice([1, 1, 7, 60, 400]), len(tension_n) - first)
+        values = tension_n[first : first + count]
+        made.append(StrainBlock(first * period_ns, first, period_ns, values))
+        first += count
+    return made
+
+
+def run(config, blocks):
+    extractor = TrialFeatureExtractor(config)
+    windows, events = [], []
+    for block in blocks:
+        windows += extractor.add_block(block)
+        events += extractor.take_detected_events()
+    return [w for w in windows if not w.running], [w for w in windows if w.running], events
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([STIFFNESS, TEXTURE]))
+def test_any_grouping_gives_the_same_bits(seed, config):
+    random = Random(seed)
+    tension_n = np.concatenate([pull(seed=seed + n) for n in range(2)])
+    expected = run(config, blocks_of(tension_n, Random(0)))
+    assert run(config, blocks_of(tension_n, random)) == expected
+    assert len(expected[0]) == 2
+
+
+def test_features_are_those_of_the_same_events_stated():
+    blocks = blocks_of(pull(), Random(3))
+    windows, running, events = run(TEXTURE, blocks)
+    stated = TrialFeatureExtractor(dataclasses.replace(TEXTURE, phases='stated'))
+    for event in events:
+        stated.add_event(event)
+    expected = [w for block in blocks for w in stated.add_block(block)]
+    assert [w for w in expected if not w.running] == windows
+    assert [w for w in expected if w.running] == running
+    assert [w.outcome for w in windows + running] == [Outcome.OK] * 3
+
+
+def test_stated_events_are_passed_over_where_phases_are_found():
+    extractor = TrialFeatureExtractor(STIFFNESS)
+    for stamp_ns, phase in ((10**9, 'hold'), (5 * 10**9, 'release')):
+        extractor.add_event(TrialEvent(stamp_ns, 't', '', 'stiffness', '', '', phase))
+    (block,) = [StrainBlock(0, 0, 16_666_667, pull(step_n=0.0))]
+    assert all(w.trial_id.startswith('detected-') for w in extractor.add_block(block))
+    assert extractor.event_count == 2
+
+
+def test_a_clock_set_back_within_a_trial_forgets_it():
+    extractor = TrialFeatureExtractor(STIFFNESS)
+    tension_n, period_ns = pull(step_n=0.0), 16_666_667
+    extractor.add_block(StrainBlock(10**12, 0, period_ns, tension_n[:200]))
+    extractor.add_block(StrainBlock(0, 200, period_ns, tension_n))
+    events = extractor.take_detected_events()
+    assert [e.phase for e in events] == ['contact', 'hold', *IN_STIFFNESS]
+    assert events[2].stamp_ns < 2 * 10**9
+
+
+def test_what_cannot_be_searched_is_refused():
+    with pytest.raises(FeatureError, match='phases'):
+        SignalPhases(FeatureConfig())
+    with pytest.raises(FeatureError, match='phases'):
+        FeatureConfig(phases='slip')
+    with pytest.raises(FeatureError, match='shapes'):
+        find_phases(stamps(3), np.zeros(4), STIFFNESS)
+    with pytest.raises(FeatureError, match='integer'):
+        find_phases(np.arange(4.0), np.zeros(4), STIFFNESS)
+    assert find_phases(stamps(0), np.zeros(0), STIFFNESS) == ()
