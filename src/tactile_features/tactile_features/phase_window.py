@@ -4,20 +4,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactile_features.errors import FeatureError
+from tactile_features.measures import measure_glide, measure_hold
 from tactile_features.records import (
     PHASE_ABORTED,
+    PHASE_CONTACT,
     PHASE_GLIDE,
     STATUS_DEVICE_ERROR,
     STATUS_SATURATED,
     STATUS_STUCK,
     FeatureConfig,
     FeatureWindow,
+    Measure,
     Outcome,
     TrialEvent,
 )
@@ -37,6 +41,17 @@ _BAD_STATUS = {
 }
 
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
+
+
+def _describe_unfit(pull: Samples) -> str:
+    """Return why the samples of a pull measure nothing, or an empty string."""
+    if len(pull) < 2:
+        return 'the pull into contact has no samples'
+    if pull['hole'][1:].any() or pull['interpolated'].any():
+        return 'samples of the pull into contact are missing'
+    status = int(np.bitwise_or.reduce(pull['status']))
+    faults = [text for bit, text in _BAD_STATUS.items() if status & bit]
+    return f'samples of the pull into contact are {" and ".join(faults)}' if faults else ''
 
 
 class _Cut(NamedTuple):
@@ -61,10 +76,19 @@ class PhaseWindow:
     start, end : TrialEvent
         The phase's event and the trial's next one.
     config : FeatureConfig
+    before : TrialEvent, optional
+        The trial's event before the phase's.
     """
 
-    def __init__(self, start: TrialEvent, end: TrialEvent, config: FeatureConfig) -> None:
+    def __init__(
+        self,
+        start: TrialEvent,
+        end: TrialEvent,
+        config: FeatureConfig,
+        before: TrialEvent | None = None,
+    ) -> None:
         self.start = start
+        self._before = before
         self.end = end
         self._config = config
         self._is_texture = start.phase == PHASE_GLIDE
@@ -97,7 +121,10 @@ class PhaseWindow:
         cut = self._cut(buffer)
         if cut is None:
             return None
-        return self._refuse_evicted(buffer) or self._assess(cut)
+        window = self._refuse_evicted(buffer) or self._assess(cut)
+        if window.outcome != Outcome.OK or not self._config.measures:
+            return window
+        return dataclasses.replace(window, measures=self._measure(cut.samples, buffer))
 
     def refuse(
         self, outcome: Outcome, reason: str, samples: Samples = _NO_SAMPLES
@@ -153,6 +180,20 @@ class PhaseWindow:
         if self._is_texture:
             return compute_spectrum(samples['tension_n'])
         return compute_regression(samples['stamp_ns'], samples['tension_n'])
+
+    def _measure(self, samples: Samples, buffer: SampleBuffer) -> tuple[Measure, ...]:
+        if self._is_texture:
+            speed_m_s = self.start.glide_speed_m_s
+            return measure_glide(samples, speed_m_s, self._config.glide_speed_uncertainty)
+        before = self._before
+        if before is None or before.phase != PHASE_CONTACT:
+            return measure_hold(samples, _NO_SAMPLES, 0.0, 'no pull into contact was seen')
+        begin = buffer.first_at(before.stamp_ns)
+        pull = buffer.samples[begin : buffer.first_beyond(self.start.stamp_ns)]
+        no_pull = _describe_unfit(pull)
+        if buffer.evicted_ns is not None and buffer.evicted_ns >= before.stamp_ns:
+            no_pull = 'the buffer no longer holds the pull into contact; raise buffer_s'
+        return measure_hold(samples, pull, before.pull_speed_m_s, no_pull)
 
     def _describe_gap(self, cut: _Cut) -> str:
         samples, after = cut

@@ -279,7 +279,7 @@ class FeatureConfig:
     )
     measures: bool = _parameter(
         True,
-        'estimate physical quantities from each window: pitch of the grooves, stiffness, relaxation',
+        'estimate physical quantities from each window: pitch of grooves, stiffness, relaxation',
     )
     glide_speed_uncertainty: float = _parameter(
         0.005,
