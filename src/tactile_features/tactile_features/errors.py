@@ -8,4 +8,14 @@ class FeatureError(Exception):
 
 
 class UndefinedFeatureError(FeatureError):
-    """A feature has no value on this window, such as the correlation of a constant."""
+    """A feature has no value on this window, such as the correlation of a constant.
+
+    Attributes
+    ----------
+    windows : tuple of int
+        Of a batch, the places of all windows without a value; otherwise empty or (0,).
+    """
+
+    def __init__(self, message: str, windows: tuple[int, ...] = ()) -> None:
+        super().__init__(message)
+        self.windows = windows

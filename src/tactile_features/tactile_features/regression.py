@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.errors import FeatureError, UndefinedFeatureError
+
+FloatArray = NDArray[np.float64]
 
 REGRESSION_NAMES = (
     'tension__regression__slope',
@@ -19,13 +22,22 @@ REGRESSION_NAMES = (
 REGRESSION_UNITS = ('N/s', 'N', '1')
 
 
-def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> NDArray[np.float64]:
+# Windows at a time, so that their differences stay in the cache.
+_BLOCK_WINDOWS = 240
+# What is subtracted from a sum of squares may be this many times what remains of it: two bits.
+_MOST_CANCELLED = 3.0
+# Sums of squares beyond these would overflow or vanish on the way.
+_LEAST, _MOST = 1e-200, 1e200
+
+
+def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
     """Return slope, intercept and Pearson's correlation coefficient of tension against time.
 
     Closed form about the means: ``slope = S_tx / S_tt``,
     ``correlation = S_tx / sqrt(S_tt * S_xx)``. Times are differenced as integers and
-    tensions against their first sample, sums are exactly rounded. Each window takes
-    the same path whether it comes alone or in a batch, so that both give the same bits.
+    tensions against one of them, so that neither the time since 1970 nor an offset
+    of the sensor costs a digit. Each window takes the same path whether it comes alone or
+    in a batch, so that both give the same bits.
 
     Parameters
     ----------
@@ -43,7 +55,8 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> NDArray[np.f
     Raises
     ------
     UndefinedFeatureError
-        When a window is constant: its correlation is undefined.
+        When a window is constant: its correlation is undefined. Of a batch, the error's
+        ``windows`` are the places of all such windows.
     FeatureError
         When shapes do not fit, times are all equal or not integers, or a value is
         not finite.
@@ -57,47 +70,110 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> NDArray[np.f
         )
     if not np.issubdtype(time.dtype, np.integer):
         raise FeatureError(f'times must be integer nanoseconds; they are {time.dtype}')
-    if not np.isfinite(tension).all():
-        raise FeatureError('the tension holds values that are not finite')
-    elapsed = (time.astype(np.int64) - np.int64(time[0])).astype(np.float64)
-    rows = tension.reshape(-1, len(time))
-    out = np.empty((len(rows), 3))
-    for index, row in enumerate(rows):
-        if (row == row[0]).all():
-            raise UndefinedFeatureError(
-                'the tension is constant, so its correlation with time is undefined'
-            )
-        out[index] = _compute_one(elapsed, row)
-    if not np.isfinite(out).all():
-        raise FeatureError('the tension is too large for its regression to be represented')
+    axis = _centre_times(time)
+    rows = np.ascontiguousarray(tension).reshape(-1, len(time))
+    out = _fit(axis, rows)
+    doubtful = np.flatnonzero(~np.isfinite(out).all(axis=1))
+    if len(doubtful):
+        out[doubtful] = _fit_scaled(axis, rows[doubtful], doubtful, tension.ndim > 1)
     return out.reshape(*tension.shape[:-1], 3)
 
 
-def _compute_one(
-    elapsed_ns: NDArray[np.float64], tension_n: NDArray[np.float64]
-) -> tuple[float, float, float]:
-    first = float(tension_n[0])
-    with np.errstate(over='ignore', invalid='ignore'):
-        change = tension_n - first
-    largest = float(np.abs(change).max())
-    if not math.isfinite(largest):
-        return math.inf, math.inf, math.inf
-    # A power of two: squares neither overflow nor vanish, and no digit is lost.
-    exponent = math.frexp(largest)[1]
-    change = np.ldexp(change, -exponent)
+@dataclass(frozen=True)
+class _TimeAxis:
+    """Times about their mean [ns], their mean [ns] and the sum of their squares."""
 
-    # The rounding of a mean enters squared, since both series are centred.
-    mean_t = math.fsum(elapsed_ns) / len(elapsed_ns)
-    mean_x = math.fsum(change) / len(change)
-    t, x = elapsed_ns - mean_t, change - mean_x
-    s_tt = math.fsum(t * t)
-    s_xx = math.fsum(x * x)
-    s_tx = math.fsum(t * x)
-    if s_tt == 0.0:
+    centred: FloatArray
+    mean: float
+    square: float
+
+
+def _centre_times(time_ns: NDArray[Any]) -> _TimeAxis:
+    n = len(time_ns)
+    span = int(time_ns.max()) - int(time_ns.min())
+    if span == 0:
         raise FeatureError('a regression needs at least two different times; all are equal')
-    slope = s_tx / s_tt
-    intercept = mean_x - slope * mean_t
-    correlation = max(-1.0, min(1.0, s_tx / math.sqrt(s_tt * s_xx)))
-    with np.errstate(over='ignore', under='ignore'):
-        slope, intercept = np.ldexp([slope * 1e9, intercept], exponent)
-    return float(slope), first + float(intercept), correlation
+    # n times each less the sum of all is exact, as long as integers hold it.
+    whole: Any = np.int64 if n * span < 2**62 else object
+    elapsed = time_ns.astype(whole) - int(time_ns[0])
+    total = elapsed.sum()
+    centred = ((n * elapsed - total) / n).astype(np.float64)
+    return _TimeAxis(centred, float(total / n), float(np.add.reduce(centred * centred)))
+
+
+def _fit(axis: _TimeAxis, tension: FloatArray) -> FloatArray:
+    """Return the lines of windows; not finite where a sum over- or underflows."""
+    n = len(axis.centred)
+    # The middle of a press lies nearer to its mean than the beginning.
+    near = tension[:, n // 2].copy()
+    with np.errstate(all='ignore'):
+        mean, s_tx, s_xx = _sum(axis, tension, near)
+        # A sample far from the mean: once more about that.
+        far = np.flatnonzero(n * mean * mean > _MOST_CANCELLED * s_xx)
+        if len(far):
+            near[far] += mean[far]
+            mean[far], s_tx[far], s_xx[far] = _sum(axis, tension[far], near[far])
+        slope = s_tx / axis.square
+        out = np.empty((len(tension), 3))
+        out[:, 0] = slope * 1e9
+        out[:, 1] = near + (mean - slope * axis.mean)
+        out[:, 2] = np.clip(s_tx / np.sqrt(axis.square * s_xx), -1.0, 1.0)
+        out[~((s_xx > _LEAST) & (s_xx < _MOST))] = np.nan
+    return out
+
+
+def _sum(
+    axis: _TimeAxis, tension: FloatArray, near: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean, S_tx and S_xx of each row less ``near``.
+
+    Each of these sums runs over its own row alone, in an order that its length decides. A
+    row never comes alone: `numpy.einsum` would take another order for it.
+    """
+    count, n = tension.shape
+    sums = np.empty((3, count + 1))
+    change = np.zeros((min(count, _BLOCK_WINDOWS) + 1, n))
+    for at in range(0, count, _BLOCK_WINDOWS):
+        rows = min(_BLOCK_WINDOWS, count - at)
+        np.subtract(tension[at : at + rows], near[at : at + rows, None], out=change[:rows])
+        part = change[: max(rows, 2)]
+        total, s_tx, square = sums[:, at : at + len(part)]
+        np.add.reduce(part, axis=1, out=total)
+        np.einsum('ij,j->i', part, axis.centred, out=s_tx)
+        np.einsum('ij,ij->i', part, part, out=square)
+    total, s_tx, square = sums[:, :count]
+    mean = total / n
+    return mean, s_tx, square - total * mean
+
+
+def _fit_scaled(
+    axis: _TimeAxis, tension: FloatArray, places: NDArray[np.intp], batch: bool
+) -> FloatArray:
+    """Fit windows of extreme magnitude, and say which have no line.
+
+    Divided by a power of two, squares neither overflow nor vanish, and no digit is lost.
+    """
+    if not np.isfinite(tension).all():
+        raise FeatureError('the tension holds values that are not finite')
+    constant = places[(tension == tension[:, :1]).all(axis=1)]
+    if len(constant):
+        raise UndefinedFeatureError(
+            'the tension is constant, so its correlation with time is undefined'
+            + (f' (window {_name_some(constant)} of the batch)' if batch else ''),
+            windows=tuple(constant.tolist()),
+        )
+    first = tension[:, :1]
+    with np.errstate(over='ignore', under='ignore', invalid='ignore'):
+        change = tension - first
+        exponent = np.frexp(np.abs(change).max(axis=1))[1]
+        out = _fit(axis, np.ldexp(change, -exponent[:, None]))
+        out[:, :2] = np.ldexp(out[:, :2], exponent[:, None])
+        out[:, 1] += first[:, 0]
+    if not np.isfinite(out).all():
+        raise FeatureError('the tension is too large for its regression to be represented')
+    return out
+
+
+def _name_some(places: NDArray[np.intp]) -> str:
+    named = ', '.join(str(place) for place in places[:5])
+    return named if len(places) <= 5 else f'{named} and {len(places) - 5} more'

@@ -22,7 +22,7 @@ from tactile_features.regression import REGRESSION_NAMES, REGRESSION_UNITS
 from tactile_features.spectrum import spectrum_names
 
 TEXTURE_VERSION = 1
-STIFFNESS_VERSION = 1
+STIFFNESS_VERSION = 2
 
 
 @dataclass(frozen=True)

@@ -153,3 +153,55 @@ def test_a_batch_gives_the_bits_of_its_rows(rows, n, seed):
 def test_refuses_what_has_no_regression(time_ns, tension, message):
     with pytest.raises(FeatureError, match=message):
         compute_regression(time_ns, tension)
+
+
+def test_of_a_batch_all_constant_windows_are_named():
+    x = np.random.default_rng(6).normal(5.0, 1.0, (7, N))
+    x[2] = 5.0
+    x[5] = 0.0
+    with pytest.raises(UndefinedFeatureError, match='window 2, 5 of the batch') as caught:
+        compute_regression(GRID_NS, x)
+    assert caught.value.windows == (2, 5)
+
+
+@pytest.mark.parametrize('rows', [1, 2, 241])
+def test_leaves_its_input_alone(rows):
+    x = np.random.default_rng(7).normal(size=(rows, N))
+    x[:, N // 2] = 1e6  # so that the sums are taken a second time
+    before = x.copy()
+    compute_regression(GRID_NS, x)
+    assert np.array_equal(x, before)
+
+
+def _gap(time_ns, tension):
+    kept = np.r_[0:60, 95:N]
+    return time_ns[kept], tension[kept]
+
+
+@pytest.mark.parametrize(
+    'change',
+    [
+        lambda t, x: (t, np.minimum(x, 11.0)),  # saturated
+        _gap,
+        lambda t, x: (t[:-1], x[:-1]),
+        lambda t, x: (t, np.round(x, 2)),  # few digits, many ties
+        lambda t, x: (t[:2], x[:2]),
+        lambda t, x: (t, x * 1e-9 + 1e6),
+        lambda t, x: (t, np.nextafter(1e6, np.where(x > 11.0, 2e6, 0.0))),  # one ulp
+        lambda t, x: (t, np.where(np.arange(N) == N // 2, 1e6, x)),
+        lambda t, x: (t, np.where(np.arange(N) == N - 1, 1e6, x)),
+    ],
+)
+def test_hard_windows_are_exact_to_1e_15(change):
+    rng = np.random.default_rng(8)
+    tension = 12.62 - 0.9 * (GRID_NS - EPOCH_NS) / 1e9 + 0.01 * rng.normal(size=N)
+    assert_close_to_reference(*change(GRID_NS, tension), tolerance=1e-15)
+
+
+@pytest.mark.parametrize('rows', [127, 240, 241, 481])
+def test_the_place_in_a_large_batch_changes_no_bit(rows):
+    x = 12.0 + np.random.default_rng(rows).normal(size=(rows, 35)).cumsum(axis=1)
+    whole = compute_regression(GRID_NS[:35], x)
+    for start, stop in ((0, 1), (rows - 1, rows), (1, rows), (3, rows // 2)):
+        part = compute_regression(GRID_NS[:35], x[start:stop])
+        assert part.tobytes() == whole[start:stop].tobytes()

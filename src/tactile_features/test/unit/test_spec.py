@@ -23,7 +23,7 @@ def test_texture_has_91_features_up_to_30_hz():
 
 def test_stiffness_has_three_features_over_the_hold():
     spec = spec_for('stiffness', CONFIG)
-    assert (spec.feature_set, spec.version) == ('stiffness_regression', 1)
+    assert (spec.feature_set, spec.version) == ('stiffness_regression', 2)
     assert (spec.rate_hz, spec.sample_count) == (60.0, 0)
     assert spec.names == (
         'tension__regression__slope',
