@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rig for the stiffness protocol: ``ros2 launch tactile_bringup stiffness.launch.py``."""
 
-from tactile_bringup.launching import protocol_launch_description
+from tactile_bringup.launching import launch_description
 
 
 def generate_launch_description():
-    return protocol_launch_description('stiffness')
+    return launch_description('stiffness')

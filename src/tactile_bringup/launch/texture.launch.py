@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rig for the texture protocol: ``ros2 launch tactile_bringup texture.launch.py``."""
 
-from tactile_bringup.launching import protocol_launch_description
+from tactile_bringup.launching import launch_description
 
 
 def generate_launch_description():
-    return protocol_launch_description('texture')
+    return launch_description('texture')

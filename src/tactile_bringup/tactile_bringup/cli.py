@@ -10,7 +10,7 @@ import sys
 import typer
 
 from tactile_bringup.cli_data import evaluate, replay, simulate, train
-from tactile_bringup.cli_rig import check, demo, devices, rig, trials
+from tactile_bringup.cli_rig import check, demo, devices, hand, rig, sense, trials
 
 app = typer.Typer(
     name='tactile',
@@ -23,7 +23,7 @@ app = typer.Typer(
     'tension signal.',
 )
 
-for command in (demo, simulate, train, evaluate, replay, trials, rig, devices, check):
+for command in (demo, simulate, train, evaluate, replay, trials, rig, sense, hand, devices, check):
     app.command()(command)
 
 

@@ -32,6 +32,14 @@ SimulatedOption = Annotated[
 ModelsOption = Annotated[
     Optional[Path], typer.Option(help='Folder with model files, as `tactile train` writes them.')
 ]
+ModelOption = Annotated[
+    Optional[Path],
+    typer.Option(help='Model file, or folder of them, as `tactile train` writes them.'),
+]
+NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
+RecordOption = Annotated[
+    Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
+]
 ParamsOption = Annotated[
     Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
 ]
@@ -57,6 +65,23 @@ class Contact(str, Enum):
 
     flexion = 'flexion'
     abduction = 'abduction'
+
+
+class Phases(str, Enum):
+    """Who says when a glide or a hold begins and ends."""
+
+    stated = 'stated'
+    texture = 'texture'
+    stiffness = 'stiffness'
+
+
+PhasesOption = Annotated[
+    Phases,
+    typer.Option(
+        help='When a glide or a hold begins and ends: stated by trial events, or found in the '
+        'tension, for the kind of contact that is named.'
+    ),
+]
 
 
 class Classifier(str, Enum):

@@ -15,9 +15,14 @@ from tactile_bringup.cli_options import (
     Contact,
     GuideOption,
     JsonOption,
+    ModelOption,
     ModelsOption,
+    NamespaceOption,
     ParamsOption,
+    Phases,
+    PhasesOption,
     Protocol,
+    RecordOption,
     SeedOption,
     SensorOption,
     SimulatedOption,
@@ -111,10 +116,8 @@ def rig(
     sensor: SensorOption = '',
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
-    namespace: Annotated[str, typer.Option(help='Namespace of all nodes.')] = '',
-    record: Annotated[
-        Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
-    ] = None,
+    namespace: NamespaceOption = '',
+    record: RecordOption = None,
     seed: SeedOption = 1,
 ) -> None:
     """Run all nodes of the rig in this process until Ctrl-C.
@@ -135,6 +138,85 @@ def rig(
                 record=record,
             )
         )
+
+
+def sense(
+    sensor: SensorOption = '',
+    model: ModelOption = None,
+    phases: PhasesOption = Phases.stated,
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    namespace: NamespaceOption = '',
+    record: RecordOption = None,
+) -> None:
+    """Run the nodes of one finger that something else moves, in this process until Ctrl-C.
+
+    Sensor, features and classifiers, as ``ros2 launch tactile_bringup sense.launch.py`` starts
+    them in processes of their own. Whoever moves the finger publishes trial events on
+    ``trial_runner/events``; or ``--phases`` has them found in the tension.
+    """
+    with refusals():
+        from tactile_bringup.commands.sense import run_sensing
+
+        run_sensing(
+            'sense',
+            {
+                'sensor_port': sensor,
+                **_sensing_values(model, phases, simulated, params, namespace, record),
+            },
+        )
+
+
+def hand(
+    fingers: Annotated[
+        str, typer.Option(help='Namespaces of the fingers, such as index,middle.')
+    ] = '',
+    hand_file: Annotated[
+        Optional[Path],
+        typer.Option(help="YAML file with each finger's port, model, phases and parameters."),
+    ] = None,
+    model: ModelOption = None,
+    phases: PhasesOption = Phases.stated,
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    namespace: NamespaceOption = '',
+    record: RecordOption = None,
+) -> None:
+    """Run the nodes of any number of fingers, in this process until Ctrl-C.
+
+    What `tactile sense` runs, once a finger, each in the namespace of its name; as ``ros2
+    launch tactile_bringup hand.launch.py`` starts them in processes of their own.
+    ``--record`` makes one bag a finger.
+    """
+    with refusals():
+        from tactile_bringup.commands.sense import run_sensing
+
+        run_sensing(
+            'hand',
+            {
+                'fingers': fingers,
+                'hand_file': str(hand_file or ''),
+                **_sensing_values(model, phases, simulated, params, namespace, record),
+            },
+        )
+
+
+def _sensing_values(
+    model: Optional[Path],
+    phases: Phases,
+    simulated: bool,
+    params: Optional[Path],
+    namespace: str,
+    record: Optional[Path],
+) -> dict[str, str]:
+    return {
+        'model': str(model or ''),
+        'phases': phases.value,
+        'rig': 'simulated' if simulated else 'hardware',
+        'params_file': str(params or ''),
+        'namespace': namespace,
+        'record': str(record or ''),
+    }
 
 
 def devices(

@@ -3,15 +3,15 @@
 """Which nodes make up the system, and with which parameters.
 
 The graph is described here once; the launch files and the one-process runner
-are both made from it.
+are both made from it, see `tactile_bringup.launch_plans`.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,14 @@ from tactile_bringup.records import CONTACTS, PROTOCOLS
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.records import FeatureConfig
 
-RIG_NODES = (
-    'tendon_sensor',
-    'tactile_features',
-    'linear_guide',
-    'tendon_actuator',
-    'trial_runner',
-)
+SENSING_NODES = ('tendon_sensor', 'tactile_features')
+"""Names of the nodes of a finger that a hand moves, but for its classifiers."""
+
+RIG_NODES = (*SENSING_NODES, 'linear_guide', 'tendon_actuator', 'trial_runner')
 """Names of the nodes of the whole rig, but for its classifiers."""
+
+PLAYER = 'bag_player'
+"""Name of the node that plays a recording."""
 
 STRAIN_TIMEOUT_S = 0.15
 """Nine samples at 60 Hz; with it an approach at 50 mm/s, too, ends within 0.3 s."""
@@ -35,12 +35,24 @@ STRAIN_TIMEOUT_S = 0.15
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """One node: what to start, under which name, with which parameters."""
+    """One node: what to start, under which name, with which parameters.
+
+    Attributes
+    ----------
+    namespace : str
+        That of the node's finger, without slashes around it; empty: the root.
+    """
 
     package: str
     executable: str
     name: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    namespace: str = ''
+
+    @property
+    def path(self) -> str:
+        """The name with its namespace, such as ``index/tendon_sensor``."""
+        return join_namespaces(self.namespace, self.name)
 
 
 @dataclass(frozen=True)
@@ -53,14 +65,18 @@ class Ports:
 
 
 def sensing_graph(
-    sensor_port: str, models: Mapping[str, str], parameters: Mapping[str, Mapping[str, Any]]
+    sensor_port: str,
+    models: Mapping[str, str],
+    parameters: Mapping[str, Mapping[str, Any]],
+    *,
+    namespace: str = '',
 ) -> list[NodeDescription]:
-    """Return the nodes that sense: sensor, features, one classifier a model.
+    """Return the nodes that sense with one finger: sensor, features, one classifier a model.
 
     Parameters
     ----------
     sensor_port : str
-        Serial port of the load cell.
+        Serial port of the load cell; empty: that of the parameters.
     models : mapping of str to str
         Model file by classifier name, see `classifier_name`.
     parameters : mapping
@@ -79,7 +95,10 @@ def sensing_graph(
     }
     nodes = [
         NodeDescription(
-            'tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', {'port': sensor_port}
+            'tendon_sensor_driver',
+            'tendon_sensor_node',
+            'tendon_sensor',
+            {'port': sensor_port} if sensor_port else {},
         ),
         NodeDescription('tactile_features', 'tactile_features_node', 'tactile_features'),
     ]
@@ -94,7 +113,7 @@ def sensing_graph(
                 {'model': model, 'task': task, 'contact': contact, **of_features},
             )
         )
-    return [_merged(node, parameters) for node in nodes]
+    return [_placed(node, parameters, namespace) for node in nodes]
 
 
 def rig_graph(
@@ -104,6 +123,7 @@ def rig_graph(
     *,
     simulated: bool,
     watched: bool = False,
+    namespace: str = '',
 ) -> list[NodeDescription]:
     """Return the nodes of the whole palpation rig: sensing, motion, trial runner.
 
@@ -139,8 +159,8 @@ def rig_graph(
         ),
     ]
     return [
-        *sensing_graph(ports.sensor, models, parameters),
-        *(_merged(node, parameters) for node in motion),
+        *sensing_graph(ports.sensor, models, parameters, namespace=namespace),
+        *(_placed(node, parameters, namespace) for node in motion),
     ]
 
 
@@ -150,10 +170,10 @@ def recorder_node(
     classifiers: tuple[str, ...],
     feature_parameters: Mapping[str, Any],
     *,
-    namespace: str = '',
+    namespaces: Sequence[str] = ('',),
     simulated: bool,
 ) -> NodeDescription:
-    """Return the recorder node for a rig; it notes what a replay needs to know."""
+    """Return the recorder node for one or more fingers; it notes what a replay needs to know."""
     known = {f.name for f in fields(FeatureConfig)}  # every node has further ones
     features = FeatureConfig(**{k: v for k, v in feature_parameters.items() if k in known})
     facts = {
@@ -167,7 +187,7 @@ def recorder_node(
         'bag_recorder',
         {
             'bag': str(bag),
-            'namespaces': (namespace,),
+            'namespaces': tuple(namespaces),
             'facts': json.dumps(facts),
             # ROS cannot tell the type of an empty list.
             **({'classifiers': classifiers} if classifiers else {}),
@@ -175,27 +195,40 @@ def recorder_node(
     )
 
 
+def join_namespaces(*parts: str) -> str:
+    """Return one namespace within the other, without slashes around it; empty: the root."""
+    return '/'.join(stripped for part in parts if (stripped := part.strip('/')))
+
+
 def classifier_name(task: str, contact: str) -> str:
-    """Return the node name of the classifier for a task and a kind of contact."""
-    return f'{task}_{contact}_classifier'
+    """Return the node name of the classifier for a task and a kind of contact.
+
+    Without a contact: of one that takes windows of any.
+    """
+    return '_'.join(part for part in (task, contact, 'classifier') if part)
 
 
 def all_classifier_names() -> tuple[str, ...]:
     """Return the node names of the classifiers for every task and contact."""
-    return tuple(classifier_name(task, contact) for task in PROTOCOLS for contact in CONTACTS)
+    return tuple(
+        classifier_name(task, contact) for task in PROTOCOLS for contact in (*CONTACTS, '')
+    )
 
 
 def parse_classifier_name(name: str) -> tuple[str, str]:
     """Return task and contact from a node name made by `classifier_name`."""
-    parts = name.split('_')
-    if len(parts) != 3 or parts[0] not in PROTOCOLS or parts[1] not in CONTACTS:
-        raise BringupError(
-            f'"{name}" does not name a classifier; it must be one of '
-            + ', '.join(all_classifier_names())
-        )
-    return parts[0], parts[1]
+    for task in PROTOCOLS:
+        for contact in (*CONTACTS, ''):
+            if name == classifier_name(task, contact):
+                return task, contact
+    raise BringupError(
+        f'"{name}" does not name a classifier; it must be one of '
+        + ', '.join(all_classifier_names())
+    )
 
 
-def _merged(node: NodeDescription, parameters: Mapping[str, Mapping[str, Any]]) -> NodeDescription:
+def _placed(
+    node: NodeDescription, parameters: Mapping[str, Mapping[str, Any]], namespace: str
+) -> NodeDescription:
     merged = {**node.parameters, **parameters.get(node.name, {})}
-    return NodeDescription(node.package, node.executable, node.name, merged)
+    return replace(node, parameters=merged, namespace=join_namespaces(namespace))

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import NodeDescription
+from tactile_bringup.graph import NodeDescription, join_namespaces
 from tactile_ros.node_group import NodeGroup
 
 NODE_CLASSES = {
@@ -36,6 +36,8 @@ def create_node(
 ) -> Any:
     """Return the described node, unconfigured; a quiet one logs warnings and errors only.
 
+    ``namespace`` is the one that the description's own lies in.
+
     Raises
     ------
     BringupError
@@ -51,7 +53,7 @@ def create_node(
     try:
         node = node_class(
             node_name=description.name,
-            namespace=namespace,
+            namespace=join_namespaces(namespace, description.namespace),
             context=context,
             parameter_overrides=overrides,
         )
@@ -91,13 +93,14 @@ def running_graph(
     quiet: bool = False,
     on_end: Callable[[], None] = lambda: None,
 ) -> Iterator[dict[str, Any]]:
-    """Run nodes on one executor until the block ends; give them by name.
+    """Run nodes on one executor until the block ends; give them by name, with their namespace.
 
     Parameters
     ----------
     descriptions : sequence of NodeDescription
     context : rclpy.context.Context
     namespace : str
+        The namespace that those of the descriptions lie in.
     others : sequence of rclpy.node.Node
         Nodes that are spun beside them, and destroyed at the end.
     quiet : bool
@@ -113,7 +116,7 @@ def running_graph(
     nodes: dict[str, Any] = {}
     try:
         for description in descriptions:
-            nodes[description.name] = create_node(description, context, namespace, quiet=quiet)
+            nodes[description.path] = create_node(description, context, namespace, quiet=quiet)
         for name, node in nodes.items():
             if not node.bring_up():
                 raise BringupError(f'the node {name} could not be started; its log says why')

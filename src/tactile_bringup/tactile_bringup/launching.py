@@ -1,142 +1,144 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The described graph as launch actions; the launch files are thin wrappers of this.
+"""A launch plan as launch actions; the launch files are thin wrappers of this.
 
 Imports ``launch``, which comes with an ordinary ROS 2 and not from PyPI.
 """
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    ExecuteProcess,
+    OpaqueFunction,
+    RegisterEventHandler,
+    TimerAction,
+)
+from launch.event_handlers import OnProcessExit, OnProcessIO, OnShutdown
+from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import ExecutableInPackage
 
-from tactile_bringup.graph import (
-    NodeDescription,
-    Ports,
-    classifier_name,
-    recorder_node,
-    rig_graph,
-)
-from tactile_bringup.model_folder import find_model
-from tactile_bringup.parameter_files import read_parameters
-from tactile_bringup.records import CONTACTS
+from tactile_bringup.graph import NodeDescription
+from tactile_bringup.launch_arguments import LAUNCH_FILES
+from tactile_bringup.launch_plans import LaunchPlan, RigDescription, plan_launch
 
-PORT_ARGUMENTS = {
-    'guide_port': 'serial port of the linear guide (Grbl)',
-    'tendon_port': 'serial port of the tendon actuator (Dynamixel)',
-    'sensor_port': 'serial port of the load cell',
-}
-"""Launch arguments that name a serial port; none of them has a default."""
+RIG_LINGERS_S = 3.0
+"""A simulated rig outlives the drivers that bring it to rest, as a real one does."""
+
+AFTER_END_S = 2.0
+"""For what is still being computed when the node has ended that ends all."""
 
 
-def protocol_launch_description(protocol: str) -> LaunchDescription:
-    """Return what the launch file of a protocol starts: every node of the rig.
+def launch_description(name: str) -> LaunchDescription:
+    """Return what a launch file starts.
 
     Parameters
     ----------
-    protocol : str
-        ``texture`` or ``stiffness``: whose classifier is started with the rig.
+    name : str
+        Name of the launch file, without ``.launch.py``.
     """
     arguments = [
-        DeclareLaunchArgument(name, description=text) for name, text in PORT_ARGUMENTS.items()
-    ]
-    arguments += [
         DeclareLaunchArgument(
-            'contact',
-            default_value='flexion',
-            choices=list(CONTACTS),
-            description='how the finger touches: which model is loaded',
-        ),
-        DeclareLaunchArgument(
-            'models',
-            default_value='',
-            description='folder with model files, as "tactile train" writes them; '
-            'empty: no classifier',
-        ),
-        DeclareLaunchArgument(
-            'rig',
-            default_value='hardware',
-            choices=['hardware', 'simulated'],
-            description='what is behind the ports; marks all results of a simulated rig',
-        ),
-        DeclareLaunchArgument(
-            'record', default_value='', description='folder of the bag to record; empty: none'
-        ),
-        DeclareLaunchArgument(
-            'params_file',
-            default_value='',
-            description='YAML file with ROS parameters for the nodes; empty: the defaults',
-        ),
-        DeclareLaunchArgument(
-            'namespace', default_value='', description='namespace of all nodes; empty: none'
-        ),
-        DeclareLaunchArgument(
-            'log_level',
-            default_value='info',
-            choices=['debug', 'info', 'warn', 'error', 'fatal'],
-            description='least severity that the nodes log',
-        ),
-    ]
-    return LaunchDescription([*arguments, OpaqueFunction(function=_rig_actions, args=[protocol])])
-
-
-def _rig_actions(context: LaunchContext, protocol: str) -> list[Node]:
-    def value(name: str) -> str:
-        return str(LaunchConfiguration(name).perform(context))
-
-    simulated = value('rig') == 'simulated'
-    models = {}
-    if value('models'):
-        wanted = classifier_name(protocol, value('contact'))
-        models = {wanted: find_model(Path(value('models')), wanted)}
-    of_features = {}
-    if value('params_file'):
-        # The nodes read the file themselves; but what the feature node is told about windows,
-        # its classifiers and the recording must know, too.
-        of_features = read_parameters(
-            Path(value('params_file')),
-            ['tactile_features'],
-            value('namespace'),
-            others_allowed=True,
-        ).get('tactile_features', {})
-    ports = Ports(value('guide_port'), value('tendon_port'), value('sensor_port'))
-    graph = rig_graph(
-        ports, models, {'tactile_features': of_features}, simulated=simulated, watched=True
-    )
-    if value('record'):
-        graph.append(
-            recorder_node(
-                Path(value('record')),
-                Path(value('models')) if value('models') else None,
-                tuple(models),
-                of_features,
-                namespace=value('namespace'),
-                simulated=simulated,
-            )
+            argument.name,
+            default_value=argument.default,
+            description=argument.description,
+            choices=list(argument.choices) or None,
         )
+        for argument in LAUNCH_FILES[name]
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=_start, args=[name])])
+
+
+def _start(context: LaunchContext, name: str) -> list[Any]:
+    values = {
+        argument.name: str(LaunchConfiguration(argument.name).perform(context))
+        for argument in LAUNCH_FILES[name]
+    }
+    scratch = Path(tempfile.mkdtemp(prefix='tactile_launch_'))
+    plan = plan_launch(name, values, scratch)
+    nodes = {node.path: _node(node, values['log_level']) for node in plan.nodes}
+    ending = []
+    if plan.ends_with:
+        ends = TimerAction(
+            period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the end was reached'))]
+        )
+        ending = [
+            RegisterEventHandler(OnProcessExit(target_action=nodes[plan.ends_with], on_exit=ends))
+        ]
     return [
-        _launch_node(node, value('namespace'), value('params_file'), value('log_level'))
-        for node in graph
+        RegisterEventHandler(
+            OnShutdown(on_shutdown=lambda *_: shutil.rmtree(scratch, ignore_errors=True))
+        ),
+        *ending,
+        *_after_rigs(plan, list(nodes.values())),
     ]
 
 
-def _launch_node(
-    description: NodeDescription, namespace: str, params_file: str, log_level: str
-) -> Node:
-    parameters: list[Any] = [dict(description.parameters)]
-    if params_file:
-        parameters.append(params_file)
+def _after_rigs(plan: LaunchPlan, nodes: list[Node]) -> list[Any]:
+    """Start simulated rigs, and the nodes once all ports are there."""
+    if not plan.rigs:
+        return nodes
+    waiting = {rig.links for rig in plan.rigs}
+
+    def on_output(rig: RigDescription) -> Callable[[Any], list[Node] | None]:
+        def start_when_last(event: Any) -> list[Node] | None:
+            if rig.links not in waiting:
+                return None
+            waiting.discard(rig.links)  # its first line says that its ports are there
+            return None if waiting else nodes
+
+        return start_when_last
+
+    actions: list[Any] = []
+    for rig in plan.rigs:
+        process = _rig(rig)
+        handler = OnProcessIO(target_action=process, on_stdout=on_output(rig))
+        actions += [RegisterEventHandler(handler), process]
+    return actions
+
+
+def _rig(rig: RigDescription) -> ExecuteProcess:
+    mount = ['--mount', *rig.mount] if rig.mount else []
+    return ExecuteProcess(
+        cmd=[
+            ExecutableInPackage(package='tactile_sim', executable='tactile_sim_rig'),
+            *('--links', str(rig.links), '--seed', str(rig.seed)),
+            *('--linger', str(RIG_LINGERS_S), *mount),
+        ],
+        name=rig.links.name,
+        output='screen',
+    )
+
+
+def _node(description: NodeDescription, log_level: str) -> Node:
     return Node(
         package=description.package,
         executable=description.executable,
         name=description.name,
-        namespace=namespace,
-        parameters=parameters,
+        namespace=description.namespace,
+        parameters=[
+            # With its type: launch would read {...} or on in a text as YAML.
+            {
+                key: ParameterValue(value, value_type=_type_of(value))
+                for key, value in description.parameters.items()
+                if not isinstance(value, (tuple, list)) or len(value)
+            }
+        ],
         arguments=['--ros-args', '--log-level', log_level],
         output='screen',
     )
+
+
+def _type_of(value: Any) -> Any:
+    return list[type(value[0])] if isinstance(value, (tuple, list)) else type(value)

@@ -1,50 +1,71 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of model files, one for each task and kind of contact."""
+"""Model files by the classifier node that runs them: a single file, or a folder of them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import all_classifier_names, parse_classifier_name
+from tactile_bringup.graph import all_classifier_names, classifier_name, parse_classifier_name
 
 
 def model_path(folder: Path, task: str, contact: str) -> Path:
-    """Return where the model for a task and a contact lies."""
-    return folder / f'{task}_{contact}.onnx'
+    """Return where the model for a task and a contact (which may be empty) lies."""
+    return folder / (f'{task}_{contact}.onnx' if contact else f'{task}.onnx')
 
 
-def find_models(folder: Path) -> dict[str, str]:
-    """Return the model files of a folder by the name of the classifier node.
+def find_models(path: Path) -> dict[str, str]:
+    """Return model files by the name of the classifier node.
+
+    Parameters
+    ----------
+    path : Path
+        A model file, which says itself what it is for; or a folder with files named as
+        `model_path` does.
 
     Raises
     ------
     BringupError
-        When the folder holds none.
+        When there is none.
+    ModelFileError
+        When the single file is no model.
     """
+    if path.is_file():
+        return {_classifier_of(path): str(path.resolve())}
     models = {}
     for name in all_classifier_names():
-        path = model_path(folder, *parse_classifier_name(name))
-        if path.is_file():
-            models[name] = str(path.resolve())
+        file = model_path(path, *parse_classifier_name(name))
+        if file.is_file():
+            models[name] = str(file.resolve())
     if not models:
-        example = model_path(folder, 'texture', 'flexion')
+        example = model_path(path, 'texture', 'flexion')
         raise BringupError(
-            f'no model files in {folder}, such as {example.name}; `tactile train` writes them'
+            f'no model files in {path}, such as {example.name}; `tactile train` writes them'
         )
     return models
 
 
-def find_model(folder: Path, classifier: str) -> str:
-    """Return the model file of a folder for one classifier node.
+def choose_models(path: Path, task: str, contact: str) -> dict[str, str]:
+    """Return those models that take the windows of a task and a contact.
 
     Raises
     ------
     BringupError
-        When the folder has none for it.
+        When there is none.
+    ModelFileError
+        When the single file is no model.
     """
-    models = find_models(folder)
-    if classifier not in models:
-        raise BringupError(f'{folder} has no model for the {classifier}, only {", ".join(models)}')
-    return models[classifier]
+    wanted = (classifier_name(task, contact), classifier_name(task, ''))
+    models = find_models(path)
+    chosen = {name: file for name, file in models.items() if name in wanted}
+    if not chosen:
+        raise BringupError(f'{path} has no model for the {wanted[0]}, only {", ".join(models)}')
+    return chosen
+
+
+def _classifier_of(path: Path) -> str:
+    from tactile_classifier.inference import TactileModel  # slow, and for single files alone
+
+    model = TactileModel.load(path)
+    return classifier_name(model.task, model.contact)

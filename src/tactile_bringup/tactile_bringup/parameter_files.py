@@ -51,8 +51,17 @@ def read_parameters(
                 f'{path} has parameters for {pattern}; there are {", ".join(full_names.values())}'
             )
         for name in matching:
-            found.setdefault(name, {}).update(parameters)
+            found.setdefault(name, {}).update(_flat(parameters))
     return found
+
+
+def _flat(parameters: Mapping[Any, Any], above: str = '') -> dict[str, Any]:
+    """Return nested parameters under the names that ROS gives them, with points between."""
+    flat: dict[str, Any] = {}
+    for key, value in parameters.items():
+        name = f'{above}{key}'
+        flat.update(_flat(value, f'{name}.') if isinstance(value, dict) else {name: value})
+    return flat
 
 
 def _entries(

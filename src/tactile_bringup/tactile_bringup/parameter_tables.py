@@ -1,19 +1,21 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of every node as Markdown, from the Config classes themselves.
+"""The nodes' parameters and the launch files' arguments as Markdown, from the code itself.
 
-``python -m tactile_bringup.parameter_tables README.md`` renews the tables between
-the two markers in a file.
+``python -m tactile_bringup.parameter_tables FILE...`` renews the tables between
+the two markers in each file.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+from tactile_bringup.launch_arguments import LAUNCH_FILES, LaunchArgument
 from tactile_bringup.records import RecorderConfig, TrialConfig
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.records import FeatureConfig
@@ -28,9 +30,6 @@ NODES: dict[str, type] = {
     'tactile_classifier': ClassifierConfig,
     'bag_recorder': RecorderConfig,
 }
-
-BEGIN = '<!-- parameters: begin -->'
-END = '<!-- parameters: end -->'
 
 
 def parameter_tables() -> str:
@@ -64,21 +63,59 @@ def _row(field: dataclasses.Field[Any]) -> str:
     return f'| `{field.name}` | {shown} | {unit} | {allowed} | {metadata["description"]} |'
 
 
+def argument_tables() -> str:
+    """Return one table a launch file: argument, default, choices, meaning."""
+    parts = []
+    for name, arguments in LAUNCH_FILES.items():
+        parts += [
+            f'**`{name}.launch.py`**',
+            '',
+            '| argument | default | choices | meaning |',
+            '|---|---|---|---|',
+            *(_argument_row(argument) for argument in arguments),
+            '',
+        ]
+    return '\n'.join(parts)
+
+
+def _argument_row(argument: LaunchArgument) -> str:
+    default = f'`{argument.default}`' if argument.default else ''
+    choices = ', '.join(f'`{choice}`' for choice in argument.choices)
+    return f'| `{argument.name}` | {default} | {choices} | {argument.description} |'
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    'parameters': parameter_tables,
+    'launch arguments': argument_tables,
+}
+"""What makes the tables, by what the markers around them say."""
+
+
 def renew(text: str) -> str:
-    """Return ``text`` with fresh tables between the markers.
+    """Return ``text`` with fresh tables between each pair of markers.
 
     Raises
     ------
     ValueError
-        When a marker is missing.
+        When there is none, or one of a pair is missing.
     """
-    head, found, rest = text.partition(BEGIN)
-    _, closed, tail = rest.partition(END)
-    if not found or not closed:
-        raise ValueError(f'the markers {BEGIN} and {END} are not in the file')
-    return f'{head}{BEGIN}\n{parameter_tables()}\n{END}{tail}'
+    found = False
+    for name, make_tables in TABLES.items():
+        begin, end = f'<!-- {name}: begin -->', f'<!-- {name}: end -->'
+        if begin not in text and end not in text:
+            continue
+        head, _, rest = text.partition(begin)
+        _, closed, tail = rest.partition(end)
+        if not closed:
+            raise ValueError(f'the markers {begin} and {end} are not both in the file')
+        text = f'{head}{begin}\n{make_tables()}\n{end}{tail}'
+        found = True
+    if not found:
+        raise ValueError(f'no markers of {" or ".join(TABLES)} are in the file')
+    return text
 
 
 if __name__ == '__main__':
-    path = Path(sys.argv[1])
-    path.write_text(renew(path.read_text()))
+    for argument in sys.argv[1:]:
+        path = Path(argument)
+        path.write_text(renew(path.read_text()))

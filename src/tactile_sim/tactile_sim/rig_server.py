@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import select
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -50,13 +52,30 @@ def main() -> int:
         metavar='DIR',
         help='folder of your own rig.yaml, plates.yaml and so on, laid over the packaged ones',
     )
+    parser.add_argument(
+        '--mount',
+        nargs=3,
+        metavar=('PROTOCOL', 'OBJECT', 'CONTACT'),
+        help='what lies under the finger at first, such as: texture R1 flexion',
+    )
+    parser.add_argument(
+        '--linger',
+        type=float,
+        default=0.0,
+        metavar='S',
+        help='serve on for so long after SIGINT or SIGTERM, so that drivers that are ended at '
+        'the same time can bring the rig to rest',
+    )
     arguments = parser.parse_args()
     if arguments.seed < 0:
         parser.error('--seed must not be negative')
+    ending = _Ending(arguments.linger)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _leave)
+        signal.signal(number, ending.on_signal)
     try:
         rig = PalpationRig(arguments.seed, catalogue=Catalogue(arguments.description))
+        if arguments.mount:
+            rig.mount(*arguments.mount)
     except TactileSimError as error:
         return _complain(error)
     try:
@@ -66,7 +85,7 @@ def main() -> int:
     try:
         server.start()
         _say(server.ports)
-        for line in _read_lines(server):
+        for line in _read_lines(server, ending):
             _say(_answer(server, line))
     except TactileSimError as error:
         return _complain(error)
@@ -80,11 +99,25 @@ def _complain(error: TactileSimError) -> int:
     return 1
 
 
-def _leave(number: int, frame: object) -> None:
-    # Once is enough: a second signal must not interrupt the clearing up.
-    for other in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(other, signal.SIG_IGN)
-    raise SystemExit(0)
+class _Ending:
+    """Leaves on a signal: at once, or after a while."""
+
+    def __init__(self, linger_s: float) -> None:
+        self._linger_s = linger_s
+        self._end_s = math.inf
+
+    def on_signal(self, number: int, frame: object) -> None:
+        # Once is enough: a second signal must not interrupt the clearing up.
+        for other in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(other, signal.SIG_IGN)
+        self._end_s = time.monotonic() + self._linger_s
+        if not self._linger_s > 0:
+            raise SystemExit(0)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the time after a signal is over."""
+        return time.monotonic() >= self._end_s
 
 
 def _say(message: object) -> None:
@@ -92,10 +125,10 @@ def _say(message: object) -> None:
     sys.stdout.flush()
 
 
-def _read_lines(server: PtyServer) -> Iterator[bytes]:
+def _read_lines(server: PtyServer, ending: _Ending) -> Iterator[bytes]:
     """Lines of standard input; RigError if the server's thread dies."""
     pending = b''
-    while True:
+    while not ending.is_due:
         if server.failure is not None:
             raise RigError(f'the simulation stopped: {server.failure}')
         if not select.select([0], [], [], _POLL_S)[0]:

@@ -6,14 +6,21 @@ from __future__ import annotations
 
 import signal
 import threading
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import RIG_NODES, Ports, recorder_node, rig_graph
+from tactile_bringup.graph import (
+    RIG_NODES,
+    NodeDescription,
+    Ports,
+    recorder_node,
+    rig_graph,
+)
 from tactile_bringup.graph_runner import ros_context, running_graph
 from tactile_bringup.model_folder import find_models
 from tactile_bringup.parameter_files import read_parameters
@@ -51,21 +58,11 @@ def run_rig(request: RigRequest) -> None:
     BringupError
         When the arguments do not fit, a node cannot be started, or one fails later.
     """
-    try:
-        _run_until_signal(request)
-    finally:
-        ignore_signals()
-
-
-def _run_until_signal(request: RigRequest) -> None:
-    output = Output(as_json=False)
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     models = find_models(request.models) if request.models else {}
     parameters = read_rig_parameters(request.params, request.models, request.namespace)
     simulated = request.ports.simulated
     with ExitStack() as stack:
+        until = stack.enter_context(signalled())
         ports, _ = open_ports(request.ports, stack)
         nodes = rig_graph(ports, models, parameters, simulated=simulated)
         if request.record:
@@ -75,16 +72,41 @@ def _run_until_signal(request: RigRequest) -> None:
                     request.models,
                     tuple(models),
                     parameters.get('tactile_features', {}),
-                    namespace=request.namespace,
+                    namespaces=(request.namespace.strip('/'),),
                     simulated=simulated,
                 )
             )
-        context = stack.enter_context(ros_context())
-        stack.enter_context(
-            running_graph(nodes, context, namespace=request.namespace, on_end=stop.set)
-        )
-        kind = 'SIMULATED rig' if simulated else 'rig'
-        output.say(f'{kind} running: {", ".join(n.name for n in nodes)}. Ctrl-C ends it.')
+        run_nodes(nodes, until, request.namespace, 'SIMULATED rig' if simulated else 'rig')
+
+
+@contextmanager
+def signalled() -> Iterator[threading.Event]:
+    """Give an event that SIGINT and SIGTERM set; none of them spoils the end of the process."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        yield stop
+    finally:
+        ignore_signals()
+
+
+def run_nodes(
+    nodes: Sequence[NodeDescription], stop: threading.Event, namespace: str, title: str
+) -> None:
+    """Run nodes in this process until the event is set, or one of them fails.
+
+    Raises
+    ------
+    BringupError
+        When a node cannot be started, or one fails later.
+    """
+    with (
+        ros_context() as context,
+        running_graph(nodes, context, namespace=namespace, on_end=stop.set),
+    ):
+        names = ', '.join(node.path for node in nodes)
+        Output(as_json=False).say(f'{title} running: {names}. Ctrl-C ends it.')
         stop.wait()
 
 

@@ -35,7 +35,7 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         for i in range(200)
     ]
     path = tmp_path / 'bag'
-    graph = [recorder_node(path, None, ('c',), {}, namespace='thumb', simulated=False)]
+    graph = [recorder_node(path, None, ('c',), {}, namespaces=('thumb',), simulated=False)]
     with running_graph(graph, context, others=[source]) as nodes:
         recorder = nodes['bag_recorder']
         missing = '/thumb/tactile_features/features'

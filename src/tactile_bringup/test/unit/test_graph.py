@@ -54,7 +54,7 @@ def test_given_parameters_win():
 
 
 def test_classifier_names_round_trip():
-    assert len(all_classifier_names()) == 4
+    assert len(all_classifier_names()) == 6
     for name in all_classifier_names():
         assert classifier_name(*parse_classifier_name(name)) == name
     with pytest.raises(BringupError, match='smell'):

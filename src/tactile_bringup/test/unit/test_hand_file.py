@@ -1,0 +1,84 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
+import pytest
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.hand_file import Finger, parse_finger_names, read_hand
+
+HAND = """
+fingers:
+  index:
+    sensor_port: /dev/tactile/index
+    model: models/texture_flexion.onnx
+    phases: texture
+    parameters:
+      tendon_sensor: {scale: -1.0}
+  middle:
+"""
+
+
+@pytest.fixture
+def hand_file(tmp_path):
+    def write(text):
+        path = tmp_path / 'hand.yaml'
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_fingers_are_read_with_paths_relative_to_the_file(hand_file, tmp_path):
+    index, middle = read_hand(hand_file(HAND))
+    assert index == Finger(
+        'index',
+        '/dev/tactile/index',
+        tmp_path / 'models/texture_flexion.onnx',
+        'texture',
+        {'tendon_sensor': {'scale': -1.0}},
+    )
+    assert middle == Finger('middle')
+
+
+def test_only_wanted_fingers_are_taken_in_their_order(hand_file):
+    assert [f.name for f in read_hand(hand_file(HAND), ['middle', 'index'])] == ['middle', 'index']
+    with pytest.raises(BringupError, match='does not describe thumb, only index, middle'):
+        read_hand(hand_file(HAND), ['thumb'])
+
+
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('', 'is no hand file'),
+        ('[index]', 'is no hand file'),
+        ('fingers: {}', 'is no hand file'),
+        ('fingers: {index: }\nthumbs: {}', 'is no hand file'),
+        ('fingers: [', 'cannot read the hand'),
+        ('fingers: {2nd: }', '"2nd" is no name for a finger'),
+        ('fingers: {index: /dev/ttyUSB0}', 'index must hold names and values'),
+        ('fingers: {index: {port: /dev/ttyUSB0}}', 'index has port; it can have sensor_port'),
+        ('fingers: {index: {model: 3}}', 'model of index must be text'),
+        ('fingers: {index: {parameters: {rate_hz: 60.0}}}', 'below the name of their node'),
+        ('fingers: {index: !!python/object/apply:os.system [true]}', 'cannot read the hand'),
+        ('[' * 5000, 'cannot read the hand'),
+        ('#' * 1_000_001, 'it is no hand file'),
+    ],
+)
+def test_a_file_of_another_form_is_refused_with_a_sentence(hand_file, text, sentence):
+    with pytest.raises(BringupError, match=sentence):
+        read_hand(hand_file(text))
+
+
+def test_a_file_that_is_not_there_is_named():
+    with pytest.raises(BringupError, match='nowhere'):
+        read_hand(Path('nowhere.yaml'))
+
+
+def test_names_in_a_list():
+    assert parse_finger_names('index, middle') == ('index', 'middle')
+    assert parse_finger_names('') == ()
+    with pytest.raises(BringupError, match='index is named twice'):
+        parse_finger_names('index,index')
+    with pytest.raises(BringupError, match='"ring finger" is no name'):
+        parse_finger_names('ring finger')
