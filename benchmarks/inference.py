@@ -28,7 +28,7 @@ def run_inference(quick: bool) -> Report:
         for classifier in CLASSIFIERS:
             trained = train(table, classifier)
             with tempfile.TemporaryDirectory() as folder:
-                model = write_model(Path(folder) / 'model.onnx', *trained, table.values)
+                model = write_model(Path(folder) / 'model.onnx', trained)
             estimator = trained.estimator
             row = queries[:1]
             ratio = measure_ratio(

@@ -57,6 +57,5 @@ def trained(stiffness_bag, tmp_path_factory):
 
     folder = tmp_path_factory.mktemp('models')
     for (task, contact), table in read_tables([stiffness_bag]).tables.items():
-        estimator, manifest = train(table, 'knn')
-        write_model(model_path(folder, task, contact), estimator, manifest, table.values)
+        write_model(model_path(folder, task, contact), train(table, 'knn'))
     return folder

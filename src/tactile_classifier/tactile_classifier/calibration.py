@@ -18,8 +18,13 @@ from sklearn.model_selection import StratifiedKFold
 
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators import RANDOM_STATE, build_estimator, compute_raw_scores
-from tactile_classifier.novelty import NoveltyMeasure
+from tactile_classifier.estimators import (
+    RANDOM_STATE,
+    SCORE_KINDS,
+    build_estimator,
+    compute_raw_scores,
+)
+from tactile_classifier.novelty import NoveltyMeasure, compute_threshold
 from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6
@@ -121,16 +126,16 @@ def hold_out_novelty(table: FeatureTable, fold: Indices) -> Matrix:
 class Calibration:
     """A map from raw scores to probabilities that keeps their order.
 
-    The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017), the answer's own
-    term raised by ``bonus``, so that stated and found accuracy agree on the whole as in
-    Platt's (1999) map. A negative bonus lowers the answer to the second at most.
+    The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017) with the
+    answer's own term raised by ``bonus``, as the constant of Platt's (1999) map would. A
+    bonus below 0 could put the second before the answer, so there is none.
 
     Attributes
     ----------
     slope : float
         Positive; in 1 over the unit of the scores.
     bonus : float
-        In natural logarithms [1].
+        Not negative; a natural logarithm [1].
     """
 
     slope: float
@@ -160,7 +165,9 @@ class Calibration:
 
     @classmethod
     def _from(cls, parameters: Matrix) -> Calibration:
-        return cls(float(np.exp(np.clip(parameters[0], -7.0, 7.0))), float(parameters[1]))
+        return cls(
+            float(np.exp(np.clip(parameters[0], -7.0, 7.0))), max(float(parameters[1]), 0.0)
+        )
 
     def compute(self, scores: Matrix) -> Matrix:
         """Return the probabilities for scores of shape (windows, labels)."""
@@ -168,9 +175,7 @@ class Calibration:
 
     def _logarithms(self, scores: Matrix) -> Matrix:
         size = self.slope * scores
-        second, first = np.sort(size, axis=1)[:, -2:].T
-        rows = np.arange(len(size))
-        size[rows, scores.argmax(axis=1)] += np.maximum(self.bonus, second - first)
+        size[np.arange(len(size)), scores.argmax(axis=1)] += self.bonus
         size -= size.max(axis=1, keepdims=True)
         return np.asarray(size - np.log(np.exp(size).sum(axis=1, keepdims=True)))
 
@@ -196,3 +201,61 @@ def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
 def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
     """Return what raw scores pass for without calibration: votes as they are, or a softmax."""
     return scores if score_kind == VOTES else Calibration(1.0, 0.0).compute(scores)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class CalibratedPart:
+    """What held-out trials say of one length of window.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Fitted to all held-out scores.
+    novelty : NoveltyMeasure
+        Fitted to all trials.
+    novelty_threshold : float
+    error_before, error_after : float
+        Expected calibration error; after: of ``confidence`` [1].
+    confidence : ndarray of shape (trials,)
+        Probability of the answer, by a map that was fitted on the other parts of the
+        trials; -1 where the trial is turned away as unknown.
+    wrong : ndarray of bool, shape (trials,)
+        Whether the answer is not the label.
+    """
+
+    calibration: Calibration
+    novelty: NoveltyMeasure
+    novelty_threshold: float
+    error_before: float
+    error_after: float
+    confidence: Matrix
+    wrong: npt.NDArray[np.bool_]
+
+
+def calibrate_part(
+    table: FeatureTable, classifier: str, scaling: str, fold: Indices, false_alarm_rate: float
+) -> CalibratedPart:
+    """Hold out each part of the trials in turn; return what follows.
+
+    Raises
+    ------
+    ValueError
+        When there are too few trials for the rate.
+    """
+    scores, true = hold_out_scores(table, classifier, scaling, fold)
+    novelty = hold_out_novelty(table, fold)
+    threshold = compute_threshold(novelty, false_alarm_rate)
+    probabilities = np.zeros(scores.shape)
+    for i in np.unique(fold):
+        others = Calibration.fit(scores[fold != i], true[fold != i])
+        probabilities[fold == i] = others.compute(scores[fold == i])
+    uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
+    return CalibratedPart(
+        calibration=Calibration.fit(scores, true),
+        novelty=NoveltyMeasure.fit(table.values, table.labels, fold),
+        novelty_threshold=threshold,
+        error_before=compute_calibration_error(uncalibrated, true),
+        error_after=compute_calibration_error(probabilities, true),
+        confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),
+        wrong=scores.argmax(axis=1) != true,
+    )

@@ -7,13 +7,13 @@ from __future__ import annotations
 import hashlib
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.manifest import Manifest
+from tactile_classifier.manifest import WHOLE, Manifest
 from tactile_classifier.onnx_container import check_seal, open_container
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_features.records import FeatureWindow
@@ -28,7 +28,26 @@ MAX_MODEL_BYTES = 64 * 2**20
 ROWS_AT_ONCE = 64
 """Kernels take memory in proportion to rows."""
 
-INPUT, OUTPUT = 'features', 'scores'
+INPUT, SAMPLES = 'features', 'samples'
+ANSWER, SCORES, NOVELTY = 'answer', 'scores', 'novelty'
+
+
+class Answers(NamedTuple):
+    """What a model says of many windows of one length.
+
+    Attributes
+    ----------
+    answer : ndarray of int, shape (windows,)
+        Position of each answer among the labels: the first largest score before calibration.
+    scores : ndarray of shape (windows, labels)
+        Larger is likelier; what they are, the manifest's ``score_kind`` says.
+    novelty : ndarray of shape (windows,)
+        Empty when the model has no novelty.
+    """
+
+    answer: npt.NDArray[np.int64]
+    scores: npt.NDArray[np.float64]
+    novelty: npt.NDArray[np.float64]
 
 
 class TactileModel:
@@ -45,6 +64,8 @@ class TactileModel:
         What it can answer, in the order of its scores.
     model_id : str
         Task, contact, classifier and the first 12 digits of the file's SHA-256.
+    running_samples : tuple of int
+        Sample counts of the running windows that it answers.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -61,6 +82,8 @@ class TactileModel:
                 hashlib.sha256(data).hexdigest()[:12],
             )
         )
+        self.running_samples = self.manifest.running_samples
+        self._parts = {part.sample_count: part for part in self.manifest.parts}
         self._session = _open_session(data)
         self._check_graph()
 
@@ -103,60 +126,98 @@ class TactileModel:
                 '(here: the model, there: the features)'
             )
 
-    def compute_scores(self, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Return the scores of many windows.
+    def compute(self, values: npt.ArrayLike, sample_count: int = 0) -> Answers:
+        """Return what the model says of many windows of one length.
 
         Parameters
         ----------
         values : array_like of shape (windows, k)
             Features in the order and units of ``spec``.
+        sample_count : int
+            Samples in the windows, one of ``running_samples``; 0: whole windows.
 
-        Returns
-        -------
-        ndarray of shape (windows, labels)
-            Larger is likelier; the answer is the first largest.
+        Raises
+        ------
+        KeyError
+            When the model has no answers for windows of that length.
         """
         rows = np.ascontiguousarray(values, dtype=np.float64)
+        feed = {SAMPLES: np.array(sample_count)} if self.running_samples else {}
+        if sample_count not in self._parts:
+            raise KeyError(sample_count)
         blocks = [
-            self._session.run([OUTPUT], {INPUT: rows[i : i + ROWS_AT_ONCE]})[0]
+            self._session.run(self._outputs, {INPUT: rows[i : i + ROWS_AT_ONCE], **feed})
             for i in range(0, len(rows), ROWS_AT_ONCE)
         ]
-        return np.asarray(np.concatenate(blocks), dtype=np.float64)
+        found = [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
+        if self._outputs == [SCORES]:  # format version 1
+            return Answers(found[0].argmax(axis=1), found[0], np.empty(0))
+        answer, scores, *novelty = found
+        return Answers(answer[:, 0], scores, novelty[0][:, 0] if novelty else np.empty(0))
 
-    def predict(self, values: npt.ArrayLike) -> list[str]:
-        """Return the answers for many windows, shape as in `compute_scores`."""
-        return [self.labels[i] for i in self.compute_scores(values).argmax(axis=1)]
+    def compute_scores(self, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Return the scores of many whole windows, shape (windows, labels); see `compute`."""
+        return self.compute(values).scores
+
+    def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> list[str]:
+        """Return the answers for many windows; arguments as in `compute`."""
+        return [self.labels[i] for i in self.compute(values, sample_count).answer]
 
     def accepts(self, window: FeatureWindow) -> bool:
-        """Return whether the window is of its feature set and not of another contact."""
+        """Return whether the window is of its feature set, a known length, no other contact."""
         contacts = {self.contact, window.contact} - {''}
+        if window.running and window.sample_count not in self.running_samples:
+            return False
         return window.feature_set == self.spec.feature_set and len(contacts) < 2
 
     def classify(self, window: FeatureWindow) -> ClassificationResult:
-        """Return what the model says of one window, or why it says nothing."""
-        reason = self._why_not(window)
+        """Return what the model says of one window, or why it says nothing.
+
+        A window whose novelty is above the model's threshold is unknown. A running window is
+        decided when it is known and its answer's probability reaches the stopping rule's.
+        """
+        part = self._parts[window.sample_count if window.running else 0]
+        outcome, label, reason = Outcome.NO_FEATURES, '', self._why_not(window)
         scores: tuple[float, ...] = ()
+        novelty = -1.0
+        decided = False
         if not reason:
-            scores = tuple(self.compute_scores(window.values[np.newaxis])[0].tolist())
-            if not all(map(math.isfinite, scores)):
-                scores, reason = (), 'the model gives no finite scores for these features'
+            found = self.compute(window.values[np.newaxis], part.sample_count)
+            scores = tuple(found.scores[0].tolist())
+            novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
+            if not all(map(math.isfinite, (*scores, novelty))):
+                scores, novelty = (), -1.0
+                reason = 'the model gives no finite scores for these features'
+            elif novelty > part.novelty_threshold >= 0.0:
+                outcome = Outcome.UNKNOWN
+                reason = (
+                    f'unlike all that the model was trained on: novelty {novelty:.3g}, '
+                    f'the threshold is {part.novelty_threshold:.3g}'
+                )
+            else:
+                outcome, label = Outcome.LABEL, self.labels[int(found.answer[0])]
+                decided = max(scores) >= part.stop_threshold >= 0.0
         return ClassificationResult(
             task=self.manifest.task,
             trial_id=window.trial_id,
             contact=window.contact,
             model_id=self.model_id,
             simulated=window.simulated or self.manifest.simulated,
-            outcome=Outcome.NO_FEATURES if reason else Outcome.LABEL,
-            label='' if reason else self.labels[scores.index(max(scores))],
+            outcome=outcome,
+            label=label,
             reason=reason,
             labels=self.labels,
             scores=scores,
             score_kind=self.manifest.score_kind,
-            novelty=-1.0,
-            novelty_threshold=-1.0,
+            novelty=novelty,
+            novelty_threshold=part.novelty_threshold,
             window_start_ns=window.window_start_ns,
             window_end_ns=window.window_end_ns,
             frame_id=window.frame_id,
+            false_alarm_rate=self.manifest.false_alarm_rate,
+            running=window.running,
+            decided=decided if window.running else True,
+            error_rate=self.manifest.stop_error_rate if window.running else -1.0,
         )
 
     def _why_not(self, window: FeatureWindow) -> str:
@@ -169,7 +230,7 @@ class TactileModel:
             ('rate in Hz', window.rate_hz, spec.rate_hz),
             ('number of features', len(window.values), len(spec.names)),
         ]
-        if spec.sample_count:
+        if spec.sample_count and not window.running:
             pairs.append(('window in samples', window.sample_count, spec.sample_count))
         for what, got, wanted in pairs:
             if got != wanted:
@@ -179,24 +240,34 @@ class TactileModel:
         return ''
 
     def _check_graph(self) -> None:
-        """Try the graph once: its width, its scores and their type."""
-        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
-        k = len(self.spec.names)
-        if [i.name for i in inputs] != [INPUT] or [o.name for o in outputs] != [OUTPUT]:
-            raise ModelFileError(f'its graph does not lead from "{INPUT}" to "{OUTPUT}"')
+        """Try the graph once: its width, its outputs and their types."""
+        inputs = self._session.get_inputs()
+        self._outputs = [output.name for output in self._session.get_outputs()]
+        k, labels = len(self.spec.names), len(self.labels)
+        has_novelty = {part.novelty_threshold >= 0.0 for part in self.manifest.parts}
+        wanted = [ANSWER, SCORES, NOVELTY] if has_novelty == {True} else [ANSWER, SCORES]
+        sources = [INPUT, SAMPLES] if self.running_samples else [INPUT]
+        is_version_1 = self._outputs == [SCORES] and self.manifest.parts == (WHOLE,)
+        if [i.name for i in inputs] != sources or not (self._outputs == wanted or is_version_1):
+            raise ModelFileError(
+                f'its graph does not lead from {", ".join(sources)} to {", ".join(wanted)}'
+            )
         if inputs[0].type != 'tensor(double)' or inputs[0].shape[1:] != [k]:
             raise ModelFileError(
                 f'its graph takes {inputs[0].type} of shape {inputs[0].shape}; '
                 f'the feature set has {k} features, as doubles'
             )
-        try:
-            shape = self.compute_scores(np.zeros((1, k))).shape
-        except Exception as error:  # onnxruntime has many
-            raise ModelFileError(f'its graph does not run: {error}') from error
-        if shape != (1, len(self.labels)):
-            raise ModelFileError(
-                f'its graph gives scores of shape {shape}; it has {len(self.labels)} labels'
-            )
+        for part in self.manifest.parts:
+            try:
+                found = self.compute(np.zeros((1, k)), part.sample_count)
+            except Exception as error:  # onnxruntime has many
+                raise ModelFileError(f'its graph does not run: {error}') from error
+            if found.scores.shape != (1, labels):
+                raise ModelFileError(
+                    f'its graph gives scores of shape {found.scores.shape}; it has {labels} labels'
+                )
+            if found.answer.dtype != np.int64 or not 0 <= found.answer[0] < labels:
+                raise ModelFileError('its graph gives answers that are none of its labels')
 
 
 def _open_session(data: bytes) -> Any:

@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 from tactile_classifier.errors import ModelFileError
@@ -22,7 +24,38 @@ from tactile_classifier.records import (
 from tactile_features.errors import FeatureError
 from tactile_features.spec import FeatureSpec
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """How the answers on one length of window are to be read.
+
+    Attributes
+    ----------
+    sample_count : int
+        Samples in the window; 0: the whole window.
+    novelty_threshold : float
+        Novelty above which the answer is "unknown" [1]; negative: there is no novelty.
+    stop_threshold : float
+        Probability of the answer from which one need not wait for more samples [1];
+        negative: never.
+    calibration_error_before, calibration_error_after : float
+        Expected calibration error on held-out trials [1]; negative: not calibrated.
+    accuracy : float
+        On the same held-out trials [1]; negative: not calibrated.
+    """
+
+    sample_count: int = 0
+    novelty_threshold: float = -1.0
+    stop_threshold: float = -1.0
+    calibration_error_before: float = -1.0
+    calibration_error_after: float = -1.0
+    accuracy: float = -1.0
+
+
+WHOLE = Part()
+"""A whole window without novelty and calibration, as in files of format version 1."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +86,16 @@ class Manifest:
         ``mean``, ``spread``, ``spread_of`` and ``split``; empty when not evaluated.
     created : str
         When it was trained (ISO 8601, UTC).
+    parts : tuple of Part
+        The whole window, then the running ones by rising sample count.
+    calibration : mapping
+        ``split``, ``groups`` and ``trials`` of the held-out trials behind the thresholds and
+        probabilities, or ``reason`` why there are none.
+    false_alarm_rate : float
+        Share of windows of known labels that the thresholds turn away [1]; negative: no
+        thresholds.
+    stop_error_rate : float
+        Share of wrong answers among those given early [1]; negative: no running windows.
     """
 
     task: str
@@ -68,11 +111,21 @@ class Manifest:
     versions: Mapping[str, str]
     cross_validation: Mapping[str, Any]
     created: str
+    parts: tuple[Part, ...] = (WHOLE,)
+    calibration: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    false_alarm_rate: float = -1.0
+    stop_error_rate: float = -1.0
+
+    @property
+    def running_samples(self) -> tuple[int, ...]:
+        """Sample counts of the running windows that the model answers."""
+        return tuple(part.sample_count for part in self.parts[1:])
 
     def to_json(self) -> str:
         """Return the manifest as JSON text."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
+        fields['parts'] = [dataclasses.asdict(part) for part in self.parts]
         return json.dumps({'format_version': FORMAT_VERSION, **fields}, sort_keys=True)
 
     @classmethod
@@ -96,12 +149,14 @@ class Manifest:
                 f'it has format version {version}, this software reads up to {FORMAT_VERSION}: '
                 'update the software or train the model again'
             )
-        _check_types(fields)
+        _check_types(fields, version)
         try:
             fields['spec'] = FeatureSpec.from_dict(fields['spec'])
         except FeatureError as error:
             raise ModelFileError(f'its manifest is damaged: {error}') from error
         fields['labels'] = tuple(fields['labels'])
+        if version > 1:
+            fields['parts'] = tuple(map(_read_part, fields['parts']))
         manifest = cls(**fields)
         manifest._check()
         return manifest
@@ -124,6 +179,14 @@ class Manifest:
                 raise ModelFileError(
                     f'its {name} is "{value}"; it must be one of {", ".join(choices)}'
                 )
+        counts = [part.sample_count for part in self.parts]
+        whole = self.spec.sample_count
+        rises = all(a < b for a, b in pairwise(counts)) and max(counts[1:], default=-1) < whole
+        if counts[:1] != [0] or not rises:
+            raise ModelFileError(
+                f'its parts have {counts} samples; they must be 0, for the whole window, and then '
+                f'rise to fewer than {whole}'
+            )
 
 
 _TYPES: dict[str, type] = {
@@ -142,13 +205,36 @@ _TYPES: dict[str, type] = {
     'created': str,
 }
 
+_TYPES_2: dict[str, type] = {
+    **_TYPES,
+    'parts': list,
+    'calibration': dict,
+    'false_alarm_rate': float,
+    'stop_error_rate': float,
+}
 
-def _check_types(fields: dict[str, Any]) -> None:
-    for name, expected in _TYPES.items():
+
+def _read_part(entry: Any) -> Part:
+    defaults = dataclasses.asdict(WHOLE)
+    if not isinstance(entry, dict) or set(entry) != set(defaults):
+        raise ModelFileError('its manifest has no valid entry "parts"')
+    for name, value in entry.items():
+        if type(value) is not type(defaults[name]) or not -1 <= value < math.inf:
+            raise ModelFileError(f'its manifest has no valid entry "{name}" in "parts"')
+    return Part(**entry)
+
+
+def _check_types(fields: dict[str, Any], version: int) -> None:
+    types = _TYPES if version == 1 else _TYPES_2
+    for name, expected in types.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
+    if version > 1 and not all(
+        -1 <= fields[name] <= 1 for name in ('false_alarm_rate', 'stop_error_rate')
+    ):
+        raise ModelFileError('its manifest has a rate that is not between 0 and 1')
     if not all(type(label) is str for label in fields['labels']):
         raise ModelFileError('its manifest has no valid entry "labels"')
-    unknown = sorted(set(fields) - set(_TYPES))
+    unknown = sorted(set(fields) - set(types))
     if unknown:
         raise ModelFileError(f'its manifest has the unknown entry "{unknown[0]}"')

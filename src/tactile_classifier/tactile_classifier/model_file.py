@@ -1,22 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Writing a fitted estimator and its manifest as one ONNX file."""
+"""Writing what was trained and its manifest as one ONNX file."""
 
 from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from tactile_classifier.answer_graph import add_answer, add_novelty, add_probabilities
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.inference import INPUT, OUTPUT, TactileModel
-from tactile_classifier.manifest import Manifest
+from tactile_classifier.inference import (
+    ANSWER,
+    INPUT,
+    MAX_MODEL_BYTES,
+    NOVELTY,
+    SAMPLES,
+    SCORES,
+    TactileModel,
+)
 from tactile_classifier.onnx_container import seal
-from tactile_classifier.svm_graph import build_svm_model
+from tactile_classifier.onnx_graph import Graph, Shape
+from tactile_classifier.svm_graph import add_svm
+from tactile_classifier.training import FittedPart, Trained
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -28,27 +38,19 @@ IR_VERSION = 8
 """Versions of operators and file format that onnxruntime reads since 1.14."""
 
 
-def write_model(
-    path: str | Path,
-    estimator: Pipeline,
-    manifest: Manifest,
-    training_values: npt.NDArray[np.float64],
-) -> TactileModel:
+def write_model(path: str | Path, trained: Trained) -> TactileModel:
     """Convert, check and write a model; return it as loaded from the written bytes.
 
     Everything is computed in doubles, but for trees, whose thresholds scikit-learn
     too compares in single precision. The converted model must give the
-    estimator's label for every training trial, or it is not written.
+    estimator's label for every training trial and length of window, or it is not written.
 
     Parameters
     ----------
     path : str or Path
         Replaced at once when the model is complete; never half written.
-    estimator : sklearn.pipeline.Pipeline
-        Fitted, from `build_estimator`.
-    manifest : Manifest
-    training_values : ndarray of shape (trials, k)
-        The features that it was fitted on.
+    trained : Trained
+        From `train`.
 
     Raises
     ------
@@ -56,73 +58,128 @@ def write_model(
         When the conversion fails or changes a label, or the file cannot be written.
     """
     try:
-        data = seal(_convert(estimator, manifest), manifest.to_json())
+        try:
+            data = seal(_convert(trained), trained.manifest.to_json())
+        except ImportError as error:
+            raise ModelFileError(
+                f'writing a model needs skl2onnx ({error}): pip install skl2onnx'
+            ) from error
+        if len(data) > MAX_MODEL_BYTES:
+            raise ModelFileError(
+                f'it would have {len(data) / 2**20:.0f} MiB, the limit is '
+                f'{MAX_MODEL_BYTES >> 20} MiB: train it on fewer trials'
+            )
         model = TactileModel(data)
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is not written: {error}') from error
-    if list(estimator.classes_) != list(model.labels):
-        raise ModelFileError(
-            f"model {path} is not written: the labels of the manifest are not the estimator's"
-        )
-    changed = np.flatnonzero(
-        np.array(model.predict(training_values)) != estimator.predict(training_values)
-    )
-    if len(changed):
-        raise ModelFileError(
-            f'model {path} is not written: conversion to ONNX changes the label of '
-            f'{len(changed)} of {len(training_values)} training trials, first of trial '
-            f'{changed[0]}; such trials lie on the border between classes: look for '
-            'duplicates with different labels, or choose another classifier'
-        )
+    for part in trained.parts:
+        _check_answers(path, model, part)
     _replace(Path(path), data)
     return model
 
 
-def _convert(estimator: Pipeline, manifest: Manifest) -> bytes:
-    try:
-        if manifest.classifier in ('svm_linear', 'svm_rbf'):
-            opset = TARGET_OPSET['']
-            model = build_svm_model(estimator, INPUT, OUTPUT, opset, IR_VERSION)
-        else:
-            model = _convert_by_skl2onnx(estimator, manifest)
-    except ImportError as error:
+def _check_answers(path: str | Path, model: TactileModel, part: FittedPart) -> None:
+    if list(part.estimator.classes_) != list(model.labels):
         raise ModelFileError(
-            f'writing a model needs skl2onnx ({error}): pip install skl2onnx'
-        ) from error
+            f"model {path} is not written: the labels of the manifest are not the estimator's"
+        )
+    found = np.array(model.predict(part.values, part.sample_count))
+    changed = np.flatnonzero(found != part.estimator.predict(part.values))
+    if len(changed):
+        raise ModelFileError(
+            f'model {path} is not written: conversion to ONNX changes the label of '
+            f'{len(changed)} of {len(part.values)} training trials, first of trial '
+            f'{changed[0]}; such trials lie on the border between classes: look for '
+            'duplicates with different labels, or choose another classifier'
+        )
+
+
+def _convert(trained: Trained) -> bytes:
+    from onnx import helper
+
+    manifest = trained.manifest
+    k, labels = len(manifest.spec.names), len(manifest.labels)
+    shapes: dict[str, Shape] = {ANSWER: (int, [None, 1]), SCORES: (float, [None, labels])}
+    if trained.parts[0].novelty is not None:
+        shapes[NOVELTY] = (float, [None, 1])
+    inputs: dict[str, Shape] = {INPUT: (float, [None, k])}
+    if len(trained.parts) > 1:
+        inputs[SAMPLES] = (int, [])
+    graph = Graph()
+    _add_parts(graph, trained.parts, manifest.classifier, shapes)
+    model = helper.make_model(
+        graph.to_proto(inputs, shapes),
+        opset_imports=[helper.make_opsetid(*item) for item in TARGET_OPSET.items()],
+        ir_version=IR_VERSION,
+        producer_name='tactile_classifier',
+    )
     data: bytes = model.SerializeToString()
     return data
 
 
-def _convert_by_skl2onnx(estimator: Pipeline, manifest: Manifest) -> Any:
+def _add_parts(
+    graph: Graph, parts: Sequence[FittedPart], classifier: str, shapes: Mapping[str, Shape]
+) -> None:
+    """Add what answers windows of several lengths, of which the input says which it is.
+
+    Halves, and halves of these, are branches: only one part is computed, and none lies
+    deeply nested.
+    """
+    names = [graph.name(name) for name in shapes]
+    if len(parts) == 1:
+        for found, name in zip(_add_part(graph, parts[0], classifier), names, strict=True):
+            graph.add('Identity', found, output=name)
+        return
+    middle = len(parts) // 2
+    branches = {}
+    for side, half in (('then', parts[:middle]), ('else', parts[middle:])):
+        inner = Graph(graph.name(f'{side}_'))
+        _add_parts(inner, half, classifier, shapes)
+        outputs = {inner.name(name): shape for name, shape in shapes.items()}
+        branches[f'{side}_branch'] = inner.to_proto({}, outputs)
+    border = graph.constant(np.array(parts[middle].sample_count))
+    graph.add_many('If', [graph.add('Less', SAMPLES, border)], names, **branches)
+
+
+def _add_part(graph: Graph, part: FittedPart, classifier: str) -> list[str]:
+    """Add one part; return the names of answer, scores and novelty."""
+    if classifier in ('svm_linear', 'svm_rbf'):
+        scores = add_svm(graph, part.estimator, INPUT)
+    else:
+        scores = graph.embed(_convert_by_skl2onnx(part.estimator, classifier), INPUT)
+    answer = add_answer(graph, scores)
+    if part.calibration is None or part.novelty is None:
+        return [answer, scores]
+    labels = len(part.estimator.classes_)
+    scores = add_probabilities(graph, scores, answer, labels, part.calibration)
+    return [answer, scores, add_novelty(graph, INPUT, part.novelty)]
+
+
+def _convert_by_skl2onnx(estimator: Pipeline, classifier: str) -> Any:
     from skl2onnx import to_onnx
     from skl2onnx.common.data_types import DoubleTensorType
     from skl2onnx.helpers.onnx_helper import select_model_inputs_outputs
     from skl2onnx.sklapi import CastTransformer
 
     steps: list[tuple[str, Any]] = list(estimator.steps)
-    if manifest.classifier == 'tree':
+    if classifier == 'tree':
         # scikit-learn's trees compare in single precision, whatever they are given.
         steps.insert(-1, ('cast', CastTransformer(dtype=np.float32).fit(np.zeros((1, 1)))))
     pipeline = type(estimator)(steps)
     try:
         model = to_onnx(
             pipeline,
-            initial_types=[(INPUT, DoubleTensorType([None, len(manifest.spec.names)]))],
+            initial_types=[(INPUT, DoubleTensorType([None, estimator.n_features_in_]))],
             options={id(pipeline): {'zipmap': False}},
             target_opset=TARGET_OPSET,
         )
         # Only the scores: the label is the largest, by one rule for all classifiers.
-        model = select_model_inputs_outputs(model, 'probabilities')
+        return select_model_inputs_outputs(model, 'probabilities')
     except Exception as error:  # skl2onnx, onnx and protobuf each have their own
         cause = error.__cause__ or error
         raise ModelFileError(
             f'skl2onnx cannot convert it ({cause}): pip install "skl2onnx>=1.20"'
         ) from error
-    model.ir_version = IR_VERSION
-    for node in model.graph.node:
-        node.output[:] = [OUTPUT if name == 'probabilities' else name for name in node.output]
-    model.graph.output[0].name = OUTPUT
-    return model
 
 
 def _replace(path: Path, data: bytes) -> None:

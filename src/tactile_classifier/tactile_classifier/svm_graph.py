@@ -10,10 +10,12 @@ the training trials while it kept all those of the trials themselves.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+
+from tactile_classifier.onnx_graph import Graph
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -22,44 +24,17 @@ if TYPE_CHECKING:
 Matrix = npt.NDArray[np.float64]
 
 
-class _Graph:
-    """Nodes and constants of a graph under construction; tensors go by name."""
-
-    def __init__(self) -> None:
-        self.nodes: list[Any] = []
-        self.constants: list[Any] = []
-
-    def constant(self, value: npt.ArrayLike) -> str:
-        from onnx import numpy_helper
-
-        name = f'c{len(self.constants)}'
-        self.constants.append(numpy_helper.from_array(np.asarray(value), name))
-        return name
-
-    def add(self, op_type: str, *inputs: str, output: str = '', **attributes: Any) -> str:
-        from onnx import helper
-
-        output = output or f't{len(self.nodes)}'
-        self.nodes.append(helper.make_node(op_type, list(inputs), [output], **attributes))
-        return output
-
-
-def build_svm_model(
-    pipeline: Pipeline, input_name: str, output_name: str, opset: int, ir_version: int
-) -> Any:
-    """Return the ONNX model from features to one decision value a label.
+def add_svm(graph: Graph, pipeline: Pipeline, x: str) -> str:
+    """Add a machine to a graph; return the name of its decision values, one a label.
 
     Parameters
     ----------
+    graph : Graph
     pipeline : sklearn.pipeline.Pipeline
         Fitted `SVC` with a linear or RBF kernel, with or without a `StandardScaler`.
-    input_name, output_name : str
-        Tensors of shape (windows, k) and (windows, labels), doubles.
+    x : str
+        Tensor of features of shape (windows, k).
     """
-    from onnx import TensorProto, helper
-
-    graph = _Graph()
-    x = input_name
     if 'scale' in pipeline.named_steps:
         scaler = pipeline.named_steps['scale']
         x = graph.add('Sub', x, graph.constant(scaler.mean_))
@@ -68,26 +43,10 @@ def build_svm_model(
     kernel = _add_kernel(graph, svm, x)
     pairs = graph.add('MatMul', kernel, graph.constant(_pair_weights(svm)))
     pairs = graph.add('Add', pairs, graph.constant(svm.intercept_))
-    _add_scores(graph, pairs, len(svm.classes_), output_name)
-
-    def tensor(name: str, width: int) -> Any:
-        return helper.make_tensor_value_info(name, TensorProto.DOUBLE, [None, width])
-
-    return helper.make_model(
-        helper.make_graph(
-            graph.nodes,
-            'support_vector_machine',
-            [tensor(input_name, svm.n_features_in_)],
-            [tensor(output_name, len(svm.classes_))],
-            initializer=graph.constants,
-        ),
-        opset_imports=[helper.make_opsetid('', opset)],
-        ir_version=ir_version,
-        producer_name='tactile_classifier',
-    )
+    return _add_scores(graph, pairs, len(svm.classes_))
 
 
-def _add_kernel(graph: _Graph, svm: SVC, x: str) -> str:
+def _add_kernel(graph: Graph, svm: SVC, x: str) -> str:
     """Add the kernel of each row with each support vector, shape (windows, vectors)."""
     vectors = svm.support_vectors_
     if svm.kernel == 'linear':
@@ -117,7 +76,7 @@ def _pair_weights(svm: SVC) -> Matrix:
     return np.stack(columns, axis=1)
 
 
-def _add_scores(graph: _Graph, pairs: str, classes: int, output: str) -> None:
+def _add_scores(graph: Graph, pairs: str, classes: int) -> str:
     """Add one value a class: its votes, and its confidence as a fraction of a vote.
 
     The same as scikit-learn's `_ovr_decision_function`: a pair's value is
@@ -125,8 +84,7 @@ def _add_scores(graph: _Graph, pairs: str, classes: int, output: str) -> None:
     """
     if classes == 2:
         # Of two classes, scikit-learn's value is positive for the second.
-        graph.add('MatMul', pairs, graph.constant([[-1.0, 1.0]]), output=output)
-        return
+        return graph.add('MatMul', pairs, graph.constant([[-1.0, 1.0]]))
     first = np.zeros((classes * (classes - 1) // 2, classes))
     second = np.zeros_like(first)
     for pair, (i, j) in enumerate(itertools.combinations(range(classes), 2)):
@@ -138,4 +96,4 @@ def _add_scores(graph: _Graph, pairs: str, classes: int, output: str) -> None:
     votes = graph.add('Add', votes, graph.constant(first.sum(axis=0)))
     confidence = graph.add('MatMul', pairs, graph.constant(first - second))
     size = graph.add('Mul', graph.add('Add', graph.add('Abs', confidence), one), three)
-    graph.add('Add', votes, graph.add('Div', confidence, size), output=output)
+    return graph.add('Add', votes, graph.add('Div', confidence, size))

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from tactile_msgs.msg import Classification, TactileFeatures
@@ -22,6 +23,9 @@ from tactile_ros.qos import RESULTS
 class TactileClassifierNode(TactileNode):
     """Publishes ``~/classification`` for every window of features that its model accepts.
 
+    With a model that answers running windows, also ``~/running`` for these, while the
+    window fills; the first decided answer of each trial goes to the log.
+
     Configuring loads the model; one that does not fit the parameters is refused.
 
     Attributes
@@ -34,6 +38,8 @@ class TactileClassifierNode(TactileNode):
         Those of another feature set or another contact.
     published_count : int
         Those that were answered.
+    running_count : int
+        Running windows that were answered.
     """
 
     def __init__(self, node_name: str = 'tactile_classifier', **node_options: Any) -> None:
@@ -42,29 +48,46 @@ class TactileClassifierNode(TactileNode):
         self.seen_count = 0
         self.ignored_count = 0
         self.published_count = 0
+        self.running_count = 0
         self._publisher: Any = None
-        self._subscription: Any = None
+        self._running_publisher: Any = None
+        self._inputs: list[Any] = []
+        self._decided_trial: tuple[str, int] | None = None
 
     def set_up(self, config: ClassifierConfig) -> None:
         model = self.model = load_fitting_model(config)
         self._publisher = self.create_lifecycle_publisher(
             Classification, '~/classification', RESULTS
         )
-        self._subscription = self.create_subscription(
-            TactileFeatures,
-            'tactile_features/features',
-            lambda message: self._on_features(model, message),
-            RESULTS,
-        )
+        self._subscribe('tactile_features/features', self._on_features, model)
+        if model.running_samples:
+            self._running_publisher = self.create_lifecycle_publisher(
+                Classification, '~/running', RESULTS
+            )
+            self._subscribe('tactile_features/running_features', self._on_running, model)
+            counts = ', '.join(map(str, model.running_samples))
+            self.get_logger().info(
+                f'{model.model_id} answers running windows: the parameter running_samples of the '
+                f'feature node should be [{counts}]'
+            )
         self.get_logger().info(f'{model.model_id} knows {", ".join(model.labels)}')
 
+    def _subscribe(
+        self, topic: str, callback: Callable[[TactileModel, Any], None], model: TactileModel
+    ) -> None:
+        self._inputs.append(
+            self.create_subscription(
+                TactileFeatures, topic, lambda message: callback(model, message), RESULTS
+            )
+        )
+
     def tear_down(self) -> None:
-        if self._subscription is not None:
-            self.destroy_subscription(self._subscription)
-            self._subscription = None
-        if self._publisher is not None:
-            self.destroy_lifecycle_publisher(self._publisher)
-            self._publisher = None
+        while self._inputs:
+            self.destroy_subscription(self._inputs.pop())
+        for publisher in (self._publisher, self._running_publisher):
+            if publisher is not None:
+                self.destroy_lifecycle_publisher(publisher)
+        self._publisher = self._running_publisher = None
 
     def _on_features(self, model: TactileModel, message: Any) -> None:
         if not self.is_active:
@@ -76,6 +99,24 @@ class TactileClassifierNode(TactileNode):
             return
         self._publisher.publish(classification_to_msg(model.classify(window)))
         self.published_count += 1
+
+    def _on_running(self, model: TactileModel, message: Any) -> None:
+        if not self.is_active:
+            return
+        window = feature_window_from_msg(message)
+        if not model.accepts(window) or not self.config.takes_contact(window.contact):
+            return
+        result = model.classify(window)
+        self._running_publisher.publish(classification_to_msg(result))
+        self.running_count += 1
+        trial = (result.trial_id, result.window_start_ns)
+        if result.decided and trial != self._decided_trial:
+            self._decided_trial = trial
+            seconds = (result.window_end_ns - result.window_start_ns) / 1e9
+            self.get_logger().info(
+                f'{result.label} after {seconds:.2f} s of the window, '
+                f'probability {max(result.scores):.3f} (trial {result.trial_id})'
+            )
 
 
 def load_fitting_model(config: ClassifierConfig) -> TactileModel:

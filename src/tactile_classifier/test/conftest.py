@@ -69,7 +69,7 @@ def stiffness_table():
 def model_path(small_table, tmp_path_factory):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     path = tmp_path_factory.mktemp('models') / 'texture.onnx'
-    write_model(path, *train(small_table, 'svm_linear'), small_table.values)
+    write_model(path, train(small_table, 'svm_linear'))
     return path
 
 

@@ -97,9 +97,9 @@ def train_models(
         output.say(accuracy_caption(evaluation))
         chosen = scaling or DEFAULT_SCALING[task]
         score = evaluation.score(classifier, chosen)
-        estimator, manifest = train(table, classifier, chosen, score=score)
+        trained = train(table, classifier, chosen, score=score)
         path = model_path(folder, task, contact)
-        model = write_model(path, estimator, manifest, table.values)
+        model = write_model(path, trained)
         output.say(
             f'{path}: {CLASSIFIER_TITLES[classifier]}, {SCALING_TITLES[chosen]}; '
             f'{model.model_id}\n'

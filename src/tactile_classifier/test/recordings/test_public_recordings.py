@@ -70,8 +70,9 @@ def test_model_files_keep_every_label(request, tmp_path, table):
     table = request.getfixturevalue(table)
     for classifier in CLASSIFIERS:
         for scaling in SCALINGS:
-            estimator, manifest = train(table, classifier, scaling)
-            model = write_model(tmp_path / 'm.onnx', estimator, manifest, table.values)
+            trained = train(table, classifier, scaling)
+            estimator = trained.estimator
+            model = write_model(tmp_path / 'm.onnx', trained)
             # Unseen, and between the trials: where labels change first.
             mixed = (table.values + table.values[::-1]) / 2
             changed = np.sum(np.array(model.predict(mixed)) != estimator.predict(mixed))

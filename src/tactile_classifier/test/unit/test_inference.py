@@ -5,6 +5,7 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
+from tactile_classifier.estimators import CLASSIFIERS
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.model_file import write_model
 from tactile_classifier.records import Outcome
@@ -29,23 +30,25 @@ def test_classification_repeats_the_window_and_names_the_model(model, make_windo
     assert result.model_id == model.model_id
     assert (result.window_start_ns, result.window_end_ns) == (10**18 + 1, 10**18 + 2_983_333_334)
     assert result.frame_id == 'tendon_sensor_link'
-    assert (result.score_kind, result.novelty, result.novelty_threshold) == ('margin', -1, -1)
+    assert (result.score_kind, result.false_alarm_rate) == ('probability', 0.05)
+    assert 0.0 <= result.novelty < result.novelty_threshold
+    assert (result.running, result.decided, result.error_rate) == (False, True, -1.0)
     assert result.simulated  # the model was trained on simulated trials
 
 
 def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path):
     columns = {'simulated': np.zeros(len(small_table), dtype=bool)}
     table = type(small_table)(small_table.values, small_table.labels, small_table.spec, columns)
-    model = write_model(tmp_path / 'm.onnx', *train(table, 'tree'), table.values)
+    model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
     assert not model.classify(make_window()).simulated
     assert model.classify(make_window(simulated=True)).simulated
 
 
-@pytest.mark.parametrize('classifier', ['knn', 'tree'])
-def test_votes_add_up_to_one(small_table, tmp_path, make_window, classifier):
-    model = write_model(tmp_path / 'm.onnx', *train(small_table, classifier), small_table.values)
+@pytest.mark.parametrize('classifier', CLASSIFIERS)
+def test_probabilities_add_up_to_one(small_table, tmp_path, make_window, classifier):
+    model = write_model(tmp_path / 'm.onnx', train(small_table, classifier))
     result = model.classify(make_window(5))
-    assert result.score_kind == 'votes'
+    assert result.score_kind == 'probability'
     assert sum(result.scores) == pytest.approx(1.0)
     assert min(result.scores) >= 0.0
 

@@ -41,7 +41,7 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'format_version': 2}, 'format version 2, this software reads up to 1: update'),
+        ({'format_version': 3}, 'format version 3, this software reads up to 2: update'),
         ({'format_version': None}, 'states no format version'),
         ({'format_version': True}, 'states no format version'),
         ({'format_version': 0}, 'states no format version'),

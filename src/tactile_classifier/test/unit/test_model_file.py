@@ -14,7 +14,7 @@ from onnx import TensorProto, helper
 from tactile_classifier import inference
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.estimators import CLASSIFIERS, SCALINGS
+from tactile_classifier.estimators import CLASSIFIERS, SCALINGS, compute_raw_scores
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.manifest import Manifest
 from tactile_classifier.model_file import write_model
@@ -24,11 +24,10 @@ from tactile_features.records import FeatureConfig
 from tactile_features.spec import spec_for
 
 
-def sklearn_scores(estimator, values):
-    if hasattr(estimator, 'decision_function'):
-        scores = estimator.decision_function(values)
-        return np.stack([-scores, scores], axis=1) if scores.ndim == 1 else scores
-    return estimator.predict_proba(values)
+def expected_scores(trained, values):
+    scores = compute_raw_scores(trained.estimator, values)
+    calibration = trained.parts[0].calibration
+    return scores if calibration is None else calibration.compute(scores)
 
 
 @pytest.mark.parametrize('scaling', SCALINGS)
@@ -36,24 +35,24 @@ def sklearn_scores(estimator, values):
 @pytest.mark.parametrize('table', ['texture_table', 'stiffness_table'])
 def test_model_file_answers_as_scikit_learn_does(request, tmp_path, table, classifier, scaling):
     table = request.getfixturevalue(table)
-    estimator, manifest = train(table, classifier, scaling)
-    write_model(tmp_path / 'm.onnx', estimator, manifest, table.values)
+    trained = train(table, classifier, scaling)
+    write_model(tmp_path / 'm.onnx', trained)
     model = TactileModel.load(tmp_path / 'm.onnx')
     rng = np.random.default_rng(5)
     size = table.values.std(axis=0)
     for values in (table.values, table.values + rng.normal(size=table.values.shape) * size / 3):
         scores = model.compute_scores(values)
-        np.testing.assert_allclose(scores, sklearn_scores(estimator, values), atol=1e-12, rtol=0)
-        np.testing.assert_array_equal(model.predict(values), estimator.predict(values))
+        np.testing.assert_allclose(scores, expected_scores(trained, values), atol=1e-12, rtol=0)
+        np.testing.assert_array_equal(model.predict(values), trained.estimator.predict(values))
 
 
 @pytest.mark.parametrize('classifier', CLASSIFIERS)
 def test_two_classes(small_table, tmp_path, classifier):
     table = small_table.take(small_table.labels != 'plate 2')
-    estimator, manifest = train(table, classifier)
-    model = write_model(tmp_path / 'm.onnx', estimator, manifest, table.values)
+    trained = train(table, classifier)
+    model = write_model(tmp_path / 'm.onnx', trained)
     scores = model.compute_scores(table.values)
-    np.testing.assert_allclose(scores, sklearn_scores(estimator, table.values), atol=1e-12, rtol=0)
+    np.testing.assert_allclose(scores, expected_scores(trained, table.values), atol=1e-12, rtol=0)
     assert scores.shape == (24, 2)
 
 
@@ -65,42 +64,44 @@ def test_features_far_from_zero_keep_double_precision(
     # Single precision would leave nothing of the differences beside the offset.
     values = stiffness_table.values * 1e-3 + 1e6
     table = FeatureTable(values, stiffness_table.labels, stiffness_table.spec)
-    estimator, manifest = train(table, classifier, scaling)
-    model = write_model(tmp_path / 'm.onnx', estimator, manifest, values)
+    trained = train(table, classifier, scaling)
+    model = write_model(tmp_path / 'm.onnx', trained)
     between = (values + values[::-1]) / 2
-    np.testing.assert_array_equal(model.predict(between), estimator.predict(between))
+    np.testing.assert_array_equal(model.predict(between), trained.estimator.predict(between))
     # A linear kernel of 1e12 costs four digits in scikit-learn as well.
-    expected = sklearn_scores(estimator, between)
+    expected = expected_scores(trained, between)
     np.testing.assert_allclose(model.compute_scores(between), expected, atol=1e-2)
 
 
 def test_model_that_changes_labels_is_not_written(small_table, tmp_path):
-    estimator, manifest = train(small_table, 'knn', 'none')
+    trained = train(small_table, 'knn', 'none')
     path = tmp_path / 'm.onnx'
     path.write_bytes(b'the old one')
     # Other labels on the same neighbours, as a faulty conversion would give.
-    estimator.named_steps['classify'].predict = lambda values: np.full(len(values), 'plate 0')
+    trained.estimator.named_steps['classify'].predict = lambda values: np.full(
+        len(values), 'plate 0'
+    )
     with pytest.raises(ModelFileError, match='changes the label of 24 of 36 training trials'):
-        write_model(path, estimator, manifest, small_table.values)
+        write_model(path, trained)
     assert path.read_bytes() == b'the old one'
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_labels_of_manifest_must_be_the_estimators(small_table, tmp_path):
-    estimator, manifest = train(small_table, 'tree')
-    wrong = dataclasses.replace(manifest, labels=manifest.labels[::-1])
+    trained = train(small_table, 'tree')
+    manifest = dataclasses.replace(trained.manifest, labels=trained.manifest.labels[::-1])
     with pytest.raises(ModelFileError, match='labels of the manifest'):
-        write_model(tmp_path / 'm.onnx', estimator, wrong, small_table.values)
+        write_model(tmp_path / 'm.onnx', dataclasses.replace(trained, manifest=manifest))
 
 
 def test_written_file_replaces_and_leaves_nothing_behind(small_table, tmp_path):
     path = tmp_path / 'm.onnx'
     path.write_bytes(b'old')
-    model = write_model(path, *train(small_table, 'knn'), small_table.values)
+    model = write_model(path, train(small_table, 'knn'))
     assert [p.name for p in tmp_path.iterdir()] == ['m.onnx']
     assert TactileModel.load(path).model_id == model.model_id
     with pytest.raises(ModelFileError, match='cannot write model'):
-        write_model(tmp_path / 'no' / 'm.onnx', *train(small_table, 'knn'), small_table.values)
+        write_model(tmp_path / 'no' / 'm.onnx', train(small_table, 'knn'))
 
 
 def test_missing_skl2onnx_says_what_to_install(small_table, tmp_path, monkeypatch):
@@ -114,7 +115,7 @@ def test_missing_skl2onnx_says_what_to_install(small_table, tmp_path, monkeypatc
     trained = train(small_table, 'knn')
     monkeypatch.setattr(builtins, '__import__', without)
     with pytest.raises(ModelFileError, match='pip install skl2onnx'):
-        write_model(tmp_path / 'm.onnx', *trained, small_table.values)
+        write_model(tmp_path / 'm.onnx', trained)
 
 
 # -- loading ------------------------------------------------------------------------
@@ -199,7 +200,9 @@ def test_graph_of_another_form_is_refused(model_path):
     node = helper.make_node('Identity', ['a'], ['b'])
     graph = helper.make_graph([node], 'g', info[:1], info[1:])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid('', 18)], ir_version=8)
-    with pytest.raises(ModelFileError, match='does not lead from "features" to "scores"'):
+    with pytest.raises(
+        ModelFileError, match='does not lead from features to answer, scores, novelty'
+    ):
         TactileModel(seal(model.SerializeToString(), manifest))
     model.graph.node[0].op_type = 'NoSuchOperator'
     with pytest.raises(ModelFileError, match='onnxruntime cannot load its graph'):

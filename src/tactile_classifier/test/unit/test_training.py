@@ -15,10 +15,15 @@ NOON = datetime.datetime(2026, 1, 2, 12, 0, tzinfo=datetime.timezone.utc)
 
 def test_manifest_states_what_was_trained(small_table):
     score = evaluate(small_table, ['knn'], ['none'], repetitions=2).score('knn', 'none')
-    estimator, manifest = train(small_table, 'knn', score=score, created=NOON)
-    assert list(estimator.classes_) == list(manifest.labels)
+    trained = train(small_table, 'knn', score=score, created=NOON)
+    manifest = trained.manifest
+    assert list(trained.estimator.classes_) == list(manifest.labels)
     assert (manifest.task, manifest.contact) == ('texture', 'flexion')
-    assert (manifest.classifier, manifest.scaling, manifest.score_kind) == ('knn', 'none', 'votes')
+    assert (manifest.classifier, manifest.scaling, manifest.score_kind) == (
+        'knn',
+        'none',
+        'probability',
+    )
     assert manifest.simulated
     assert manifest.trials == 36
     assert manifest.training_sha256 == small_table.compute_sha256()

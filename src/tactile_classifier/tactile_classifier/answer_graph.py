@@ -1,0 +1,47 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""From raw scores to answer, probabilities and novelty, as operators of an ONNX graph."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_classifier.calibration import Calibration
+from tactile_classifier.novelty import NoveltyMeasure
+from tactile_classifier.onnx_graph import Graph
+
+
+def add_answer(graph: Graph, scores: str) -> str:
+    """Add the column of the first largest raw score, shape (windows, 1).
+
+    From the raw scores, because equal ones need not give probabilities of equal bits.
+    """
+    return graph.add('ArgMax', scores, axis=1, keepdims=1)
+
+
+def add_probabilities(
+    graph: Graph, scores: str, answer: str, labels: int, calibration: Calibration
+) -> str:
+    """Add what `Calibration.compute` gives for the raw scores, shape (windows, labels)."""
+    size = graph.add('Mul', scores, graph.constant(np.float64(calibration.slope)))
+    bonus = graph.constant(np.float64(calibration.bonus))
+    is_answer = graph.add('Equal', answer, graph.constant(np.arange(labels)))
+    zero = graph.constant(np.float64(0.0))
+    raised = graph.add('Add', size, graph.add('Where', is_answer, bonus, zero))
+    return graph.add('Softmax', raised, axis=1)
+
+
+def add_novelty(graph: Graph, x: str, measure: NoveltyMeasure) -> str:
+    """Add what `NoveltyMeasure.compute` gives for features, shape (windows, 1)."""
+    rows = graph.add('Sub', x, graph.constant(measure.centre))
+    rows = graph.add('MatMul', rows, graph.constant(measure.whitening))
+    axes = graph.constant(np.array([1]))
+    squares = graph.add('ReduceSumSquare', rows, axes, keepdims=1)
+    squares = graph.add('Add', squares, graph.constant((measure.references**2).sum(axis=1)))
+    products = graph.add('MatMul', rows, graph.constant(-2.0 * measure.references.T))
+    squares = graph.add('Add', squares, products)
+    nearest = graph.add('ArgMin', squares, axis=1, keepdims=1)
+    square = graph.add('ReduceMin', squares, axes, keepdims=1)
+    square = graph.add('Max', square, graph.constant(np.float64(0.0)))
+    usual = graph.add('Gather', graph.constant(measure.usual), nearest, axis=0)
+    return graph.add('Div', graph.add('Sqrt', square), usual)

@@ -1,0 +1,64 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""When a running answer is sure enough, at a stated share of wrong answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import binom
+
+CONFIDENCE = 0.9
+"""Probability that the bound holds, over the calibration trials that might have come [1]."""
+
+THRESHOLDS = (
+    *(0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.96, 0.97),
+    *(0.98, 0.985, 0.99, 0.993, 0.995, 0.997, 0.998, 0.999, 0.9995, 0.9999),
+)
+"""Probabilities of an answer that a rule may ask for; fixed before any data is seen."""
+
+Matrix = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+def find_first_stop(confidence: Matrix, threshold: float) -> npt.NDArray[np.intp]:
+    """Return the first stage at which each trial is decided; the number of stages where none.
+
+    Parameters
+    ----------
+    confidence : ndarray of shape (stages, trials)
+        Probability of the answer; negative where the window is turned away as unknown.
+    threshold : float
+    """
+    decided = confidence >= threshold
+    return np.where(decided.any(axis=0), decided.argmax(axis=0), len(confidence))
+
+
+def fit_stop_threshold(confidence: Matrix, wrong: Flags, error_rate: float) -> float | None:
+    """Return the lowest threshold whose early answers are proven good enough, if any is.
+
+    Learn then test (Angelopoulos et al. 2021): for each of `THRESHOLDS`, the exact binomial
+    test of "more than ``error_rate`` of the early answers are wrong", with
+    Bonferroni's correction for their number; the same as a one-sided Clopper-Pearson bound
+    at most ``error_rate``. An early answer is the first one of a trial that reaches the
+    threshold, at whatever stage. The bound holds with probability `CONFIDENCE`
+    for further trials that are drawn as these were, independently: trials of one session
+    are not quite that.
+
+    Parameters
+    ----------
+    confidence : ndarray of shape (stages, trials)
+        As in `find_first_stop`, of trials that the models were not fitted on.
+    wrong : ndarray of bool, shape (stages, trials)
+        Whether the answer at that stage is wrong.
+    error_rate : float
+        Share of wrong answers among those given early [1].
+    """
+    level = (1.0 - CONFIDENCE) / len(THRESHOLDS)
+    for threshold in THRESHOLDS:
+        stage = find_first_stop(confidence, threshold)
+        early = np.flatnonzero(stage < len(confidence))
+        mistakes = int(np.count_nonzero(wrong[stage[early], early]))
+        if binom.cdf(mistakes, len(early), error_rate) <= level:
+            return threshold
+    return None
