@@ -22,7 +22,7 @@ from rosbags.typesys.store import Typestore
 
 from tactile_bringup.bag_metadata import FILE_NAME, BagMetadata, parse_metadata, read_metadata
 from tactile_bringup.bag_writer import FACTS_KEY
-from tactile_bringup.errors import BagError
+from tactile_bringup.errors import BagDamageError, BagError
 from tactile_bringup.mcap_format import MAX_CHUNK_BYTES, MAX_OPEN_BYTES, StoredTopic
 from tactile_bringup.mcap_reader import McapFile, Message, Segment, unpack_zstd
 from tactile_bringup.recorded_topics import STRAIN, STRAIN_TOPIC, join_topic, message_store
@@ -253,7 +253,7 @@ class TactileBag:
 
         Raises
         ------
-        BagError
+        BagDamageError
             When the file is damaged; what came before has been given.
         """
         finger = None if namespace is None else namespace.strip('/')
@@ -270,7 +270,7 @@ class TactileBag:
                     data = _unpack_message(data)
                 yield BagMessage(topic.name, topic.type_name, received_at_ns, data, self._store)
         except (BagError, OSError) as error:
-            raise BagError(f'{self.path} is damaged: {error}') from error
+            raise BagDamageError(f'{self.path} is damaged: {error}') from error
 
     def _merged(self, names: Collection[str]) -> Iterator[tuple[int, StoredTopic, bytes]]:
         """Yield the chosen messages of all files, by time of arrival."""

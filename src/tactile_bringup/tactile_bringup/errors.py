@@ -9,3 +9,7 @@ class BringupError(Exception):
 
 class BagError(BringupError):
     """A bag cannot be read or written as asked."""
+
+
+class BagDamageError(BagError):
+    """A bag cannot be read on; what came before the damage was given."""

@@ -120,3 +120,39 @@ class RecorderConfig:
         '{}',
         'facts about the recording for its metadata, as a JSON object',
     )
+    rig: bool = _parameter(
+        True,
+        'the rig moves the fingers; false: a hand does, and no topic of the rig is waited for',
+    )
+    match_timeout_s: float = _parameter(
+        10.0,
+        'time for every topic to get a publisher; then those without are reported as an error',
+        unit='s',
+        range=(0.0, 600.0),
+    )
+
+
+@dataclass(frozen=True)
+class PlayerConfig:
+    """What the bag player sends, and how fast."""
+
+    bag: str = _parameter(
+        '',
+        'folder of the recording to play',
+    )
+    namespace: str = _parameter(
+        '',
+        'only the finger in this namespace; empty: all that were recorded',
+    )
+    rate: float = _parameter(
+        1.0,
+        'how many times as fast as it was recorded',
+        unit='1',
+        range=(0.001, 1000.0),
+    )
+    start_delay_s: float = _parameter(
+        1.0,
+        'time between activation and the first message, for the nodes to find each other',
+        unit='s',
+        range=(0.0, 600.0),
+    )

@@ -25,8 +25,6 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_sim.rig_process import SimulatedRig
 
-MATCH_TIMEOUT_S = 10.0
-
 
 @dataclass(frozen=True)
 class LiveTrial:
@@ -150,7 +148,7 @@ def run_with_second_try(
 
 def wait_until_matched(recorder: Any) -> None:
     """Wait until every recorded topic has its publisher."""
-    deadline = time.monotonic() + MATCH_TIMEOUT_S
+    deadline = time.monotonic() + recorder.config.match_timeout_s
     while missing := recorder.unmatched_topics():
         if time.monotonic() > deadline:
             raise BringupError(f'no publisher on {", ".join(missing)}; not recording without it')

@@ -1,14 +1,24 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
+import dataclasses
+import errno
+import os
+import signal
+import subprocess
+import sys
 import time
 
+import pytest
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
-from tactile_msgs.msg import StrainBlock, TrialEvent
+from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
 
-from tactile_bringup.bags import EVENT, STRAIN, TactileBag
+from tactile_bringup.bag_repair import repair_bag
+from tactile_bringup.bags import AUDIT, EVENT, STRAIN, STRAIN_TOPIC, BagWriter, TactileBag
+from tactile_bringup.errors import BagError
 from tactile_bringup.graph import recorder_node
 from tactile_bringup.graph_runner import create_node, running_graph
+from tactile_bringup.mcap_writer import McapWriter
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
 
@@ -50,6 +60,114 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         assert bag.namespaces == ('thumb',)
         assert [m.data for m in bag.messages(STRAIN)] == blocks
         assert [m.decode().trial_id for m in bag.messages(EVENT)] == ['a']
+
+
+def trial_event(phase, stamp_ns, trial_id='t'):
+    event = TrialEvent(trial_id=trial_id, phase=phase)
+    event.header.stamp.sec, event.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return event
+
+
+def strain_block(sequence, stamp_ns):
+    block = StrainBlock(sequence=sequence, period_ns=10**7, tension_n=[1.0])
+    block.header.stamp.sec, block.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return block
+
+
+def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    received = []
+    source.create_subscription(RecordingAudit, 'bag_recorder/audit', received.append, EVENTS)
+    path = tmp_path / 'bag'
+    graph = [recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)]
+    with running_graph(graph, context, others=[source]) as nodes:
+        recorder = nodes['bag_recorder']
+        wait_until(lambda: strain.get_subscription_count() and events.get_subscription_count())
+        events.publish(trial_event('approach', 10**9))
+        events.publish(trial_event('done', 2 * 10**9))
+        wait_until(lambda: recorder.message_count == 2)
+        for i in range(300):
+            if i != 150:
+                strain.publish(strain_block(i, i * 10**7))
+        wait_until(lambda: received)
+        assert not received[0].passed
+        assert received[0].trial_id == 't'
+        assert received[0].lost_count == received[0].gap_count == 1
+        assert received[0].nominal_rate_hz == 100.0
+        wait_until(lambda: recorder.message_count == 301)
+    assert [audit.trial_id for audit in recorder.audits] == ['t', '']
+    with TactileBag(path) as bag:
+        assert bag.facts['audit']['failed_trials'] == 1
+        assert bag.facts['audit']['whole'][0]['lost_count'] == 1
+        assert [m.decode().trial_id for m in bag.messages(AUDIT)] == ['t', '']
+
+
+def test_what_a_hand_has_not_is_not_waited_for(context, tmp_path):
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    on_hand = dataclasses.replace(description, parameters={**description.parameters, 'rig': False})
+    with running_graph([on_hand], context) as nodes:
+        missing = nodes['bag_recorder'].unmatched_topics()
+    assert '/tendon_sensor/strain' in missing
+    assert not any('linear_guide' in name or 'trial_runner' in name for name in missing)
+    assert '/tactile_features/running_features' not in missing
+
+
+def messages_on_disk(path):
+    try:
+        with TactileBag(path) as bag:
+            return [message.decode().sequence for message in bag.messages(STRAIN)]
+    except BagError:
+        return []  # not there yet
+
+
+def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    path = tmp_path / 'bag'
+    program = 'from tactile_bringup.bag_recorder_node import main; main()'
+    facts = '{"simulated": true, "operator": "nobody"}'
+    arguments = ['--ros-args', '-p', f'bag:={path}', '-p', f"facts:='{facts}'"]
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
+    with subprocess.Popen([sys.executable, '-c', program, *arguments], env=environment) as process:
+        try:
+            wait_until(lambda: strain.get_subscription_count() == 1)
+            for i in range(100):
+                strain.publish(strain_block(i, i * 10**7))
+            # The file is read while it is written: this is what a crash would leave.
+            wait_until(lambda: len(messages_on_disk(path)) == 100)
+            for i in range(100, 150):
+                strain.publish(strain_block(i, i * 10**7))
+        finally:
+            process.send_signal(signal.SIGKILL)
+        process.wait(DEADLINE_S)
+    source.destroy_node()
+    sequences = messages_on_disk(path)
+    assert sequences == list(range(len(sequences)))
+    assert len(sequences) >= 100
+    with TactileBag(path) as bag:
+        assert 'never closed' in bag.recovered
+        assert bag.facts == {'simulated': True, 'operator': 'nobody'}
+    repair = repair_bag(path, tmp_path / 'repaired')
+    assert repair.message_count == len(sequences)
+    with TactileBag(tmp_path / 'repaired') as bag:
+        assert bag.recovered == ''
+        assert bag.facts['operator'] == 'nobody'
+    assert messages_on_disk(tmp_path / 'repaired') == sequences
+
+
+def test_a_disk_that_takes_no_more_ends_the_recording_with_a_sentence(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    with BagWriter(tmp_path / 'bag', {}) as writer:
+        name = writer.add_topic(STRAIN_TOPIC)
+        writer.write_raw(name, 1, b'')
+        with monkeypatch.context() as patch:
+            patch.setattr(McapWriter, 'sync', full)
+            with pytest.raises(BagError, match='No space left'):
+                writer.save()
 
 
 def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):

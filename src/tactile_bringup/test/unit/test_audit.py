@@ -1,0 +1,224 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_bringup.audit import FingerAuditor, audit_bag
+from tactile_bringup.bags import EVENT, STRAIN, BagWriter, TactileBag
+from tactile_features.records import STATUS_RECONNECTED, StrainBlock, TrialEvent
+
+PERIOD_NS = 10_000_000
+START_NS = 1_600_000_000_000_000_000
+
+
+def blocks_of(counts, *, start=0):
+    """Return a stream of blocks with these numbers of samples, without a gap."""
+    blocks, sequence = [], start
+    for count in counts:
+        stamp_ns = START_NS + sequence * PERIOD_NS
+        blocks.append(StrainBlock(stamp_ns, sequence, PERIOD_NS, np.zeros(count)))
+        sequence += count
+    return blocks
+
+
+def whole(blocks, rate_hz=100.0):
+    auditor = FingerAuditor('', rate_hz)
+    for block in blocks:
+        assert auditor.add_block(block) == []
+    (audit,) = auditor.finish()
+    return audit
+
+
+def event(phase, second, trial='t'):
+    stamp_ns = START_NS + round(second * 1e9)
+    return TrialEvent(stamp_ns, trial, '', 'stiffness', 'flexion', 'wood', phase)
+
+
+def trial_audits(blocks, events, *, events_first=True):
+    auditor = FingerAuditor('thumb', 100.0)
+    audits = []
+    steps = [auditor.add_event, auditor.add_block]
+    for step, items in sorted(
+        zip(steps, [events, blocks], strict=True), key=lambda x: (x[1] is events) != events_first
+    ):
+        for item in items:
+            audits += step(item)
+    return [*audits, *auditor.finish()][:-1]
+
+
+def test_a_whole_stream_passes():
+    audit = whole(blocks_of([1, 7, 3, 50]))
+    assert audit.passed, audit.findings
+    assert (audit.sample_count, audit.lost_count, audit.gap_count) == (61, 0, 0)
+    assert audit.rate_hz == pytest.approx(100.0)
+    assert audit.largest_step_s == pytest.approx(0.01)
+
+
+@given(
+    counts=st.lists(st.integers(1, 9), min_size=3, max_size=40),
+    dropped=st.sets(st.integers(1, 38), min_size=1),
+)
+def test_every_loss_between_two_blocks_is_counted(counts, dropped):
+    blocks = blocks_of(counts)
+    dropped = {i for i in dropped if i < len(blocks) - 1}
+    kept = [b for i, b in enumerate(blocks) if i not in dropped]
+    audit = whole(kept)
+    assert audit.lost_count == sum(counts[i] for i in dropped)
+    assert audit.gap_count == sum(i - 1 not in dropped for i in dropped)
+    assert audit.passed == (not dropped)
+
+
+@given(
+    counts=st.lists(st.integers(1, 9), min_size=2, max_size=30),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_order_and_repetition_are_counted(counts, seed):
+    """A shuffled stream has lost nothing; what comes twice is a duplicate."""
+    blocks = blocks_of(counts)
+    rng = random.Random(seed)
+    first, rest = blocks[0], blocks[1:]
+    rng.shuffle(rest)
+    again = [rng.choice(blocks) for _ in range(3)]
+    audit = whole([first, *rest, *again])
+    assert audit.lost_count == audit.gap_count == 0
+    assert audit.sample_count == sum(counts)
+    assert audit.duplicate_count == sum(len(b.tension_n) for b in again)
+    assert (audit.disordered_count > 0) == (rest != blocks[1:])
+
+
+def test_loss_that_the_driver_alone_knows_of_counts():
+    blocks = blocks_of([5, 5])
+    late = StrainBlock(blocks[1].stamp_ns, 5, PERIOD_NS, np.zeros(5), lost_before=2)
+    assert whole([blocks[0], late]).lost_count == 2
+
+
+def test_a_restart_is_a_finding_and_not_a_duplicate():
+    again = StrainBlock(START_NS + 10**9, 0, PERIOD_NS, np.zeros(5))
+    audit = whole([*blocks_of([5, 5]), again])
+    assert audit.duplicate_count == 0
+    assert 'anew' in audit.findings[0]
+    assert audit.rate_hz == pytest.approx(100.0)
+
+
+def test_a_reconnection_is_a_finding():
+    first, second = blocks_of([5, 5])
+    second = StrainBlock(
+        second.stamp_ns, 5, PERIOD_NS, second.tension_n, status=STATUS_RECONNECTED
+    )
+    assert 'reached anew' in whole([first, second]).findings[0]
+
+
+def test_a_wrong_rate_names_the_remedy():
+    audit = whole(blocks_of([100]), rate_hz=60.0)
+    assert 'the rate is 100 Hz, not 60 Hz' in audit.findings[0]
+    assert whole(blocks_of([100]), rate_hz=0.0).passed
+
+
+def test_nothing_at_all_is_a_finding():
+    assert whole([]).findings == ('no samples of the tension came',)
+
+
+@pytest.mark.parametrize('events_first', [True, False])
+@pytest.mark.parametrize('size', [1, 7, 400])
+def test_a_trial_is_audited_by_its_own_samples(events_first, size):
+    blocks = blocks_of([size] * (800 // size))
+    del blocks[len(blocks) // 2 : len(blocks) // 2 + (size < 400)]
+    events = [event('approach', 1.0), event('done', 2.0)]
+    events += [event('approach', 5.0, 'u'), event('done', 6.0, 'u')]
+    audits = trial_audits(blocks, events, events_first=events_first)
+    assert [(a.finger, a.trial_id) for a in audits] == [('thumb', 't'), ('thumb', 'u')]
+    assert all(a.passed for a in audits), [a.findings for a in audits]
+    assert audits[0].sample_count == 101
+
+
+@pytest.mark.parametrize('lost', [100, 150, 200])
+def test_a_sample_lost_at_the_edge_of_a_trial_is_found(lost):
+    """First, middle and last sample of a trial from 1 s to 2 s."""
+    blocks = [b for i, b in enumerate(blocks_of([1] * 400)) if i != lost]
+    (audit,) = trial_audits(blocks, [event('approach', 1.0), event('done', 2.0)])
+    assert audit.lost_count == 1
+
+
+def test_a_trial_that_the_samples_do_not_cover_is_found():
+    events = [event('approach', 1.0), event('done', 9.0)]
+    (audit,) = trial_audits(blocks_of([400]), events)
+    assert 'the samples end 5.010 s before the trial' in audit.findings
+    (audit,) = trial_audits(blocks_of([900], start=500), events)
+    assert 'the samples begin 4.000 s after the trial' in audit.findings
+
+
+def test_a_simulated_recording_passes(stiffness_bag):
+    audits = audit_bag(stiffness_bag)
+    assert len(audits) == 16
+    assert all(audit.passed for audit in audits), [a.describe() for a in audits]
+
+
+def _blocks_of_ten(source, target):
+    """Copy a bag with ten samples in a message, as a live recording has few in each."""
+    with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+        types = writer.store.types
+        for topic in bag.stored_topics:
+            writer.add_stored_topic(topic)
+        for message in bag.messages():
+            if message.type_name != STRAIN:
+                writer.write_raw(message.topic, message.received_at_ns, message.data)
+                continue
+            block = message.decode()
+            first_ns = block.header.stamp.sec * 10**9 + block.header.stamp.nanosec
+            for i in range(0, len(block.tension_n), 10):
+                sec, nanosec = divmod(first_ns + i * block.period_ns, 10**9)
+                stamp = types['builtin_interfaces/msg/Time'](sec, nanosec)
+                part = types[STRAIN](
+                    header=types['std_msgs/msg/Header'](stamp, 'tendon_sensor_link'),
+                    sequence=block.sequence + i,
+                    period_ns=block.period_ns,
+                    tension_n=block.tension_n[i : i + 10],
+                    lost_before=0,
+                    stamp_error_s=block.stamp_error_s,
+                    status=block.status,
+                )
+                writer.write(message.topic, message.received_at_ns, part)
+    return target
+
+
+@pytest.fixture(scope='module')
+def recorded_blocks(stiffness_bag, tmp_path_factory):
+    from tactile_features.conversions import event_from_msg, strain_block_from_msg
+
+    path = _blocks_of_ten(stiffness_bag, tmp_path_factory.mktemp('audit') / 'bag')
+    with TactileBag(path) as bag:
+        return [
+            strain_block_from_msg(m.decode())
+            if m.type_name == STRAIN
+            else event_from_msg(m.decode())
+            for m in bag.messages(STRAIN, EVENT)
+        ]
+
+
+def audit_of(items):
+    auditor = FingerAuditor('', 60.0)
+    audits = []
+    for item in items:
+        add = auditor.add_block if isinstance(item, StrainBlock) else auditor.add_event
+        audits += add(item)
+    return [*audits, *auditor.finish()]
+
+
+def test_the_recording_in_small_blocks_passes(recorded_blocks):
+    assert all(audit.passed for audit in audit_of(recorded_blocks))
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_loss_of_one_percent_is_always_reported(recorded_blocks, seed):
+    rng = random.Random(seed)
+    strain = [i for i, item in enumerate(recorded_blocks) if isinstance(item, StrainBlock)]
+    lost = set(rng.sample(strain, max(1, len(strain) // 100)))
+    audits = audit_of([item for i, item in enumerate(recorded_blocks) if i not in lost])
+    inner = lost - {strain[0], strain[-1]}  # nobody can miss what no neighbour tells of
+    assert audits[-1].lost_count == sum(len(recorded_blocks[i].tension_n) for i in inner)
+    assert audits[-1].passed == (not inner)
