@@ -35,6 +35,11 @@ TOPICS = {
     'twin-speed': ('simulator_twin', 'run_twin_speed'),
     'messages': ('message_path', 'run_messages'),
     'rest': ('rest', 'run_rest'),
+    'phases': ('phases', 'run_phases'),
+    'phase-rest': ('phases', 'run_phase_rest'),
+    'phase-features': ('phases', 'run_phase_features'),
+    'phase-holds': ('phases', 'run_phase_holds'),
+    'phase-cost': ('phases', 'run_phase_cost'),
 }
 
 DESCRIPTION = """Measure the speed and the error of the numerical kernels, the decoders, the
@@ -69,6 +74,11 @@ EPILOG = """topics:
   twin-speed   and at which speeds
   messages     latency from publish to the features node
   rest         from a killed process or a cut cable to rest, on the simulated rig
+  phases       of a trial, found in the tension: how often, how exactly (simulated)
+  phase-rest      false ones, of a finger at rest
+  phase-features  accuracy with them, beside stated ones (simulated)
+  phase-holds     in real holds
+  phase-cost      what the search costs
 
 exit status:
   0 when every error is within its bound, 1 otherwise, 2 for a wrong argument.

@@ -55,6 +55,7 @@ _BEND_BEFORE = 6  # samples before that in which the bend is looked for
 _BEND_AFTER = 6  # and samples behind it
 _AGAIN_SHARE = 0.25  # of the level: so much more tension is a new pull
 _FALLEN_SHARE = 0.25  # of the level: with so little left, the tendon has been released
+_RELEASE_NS = 1_000_000_000  # before half the tension is gone, in which a release began
 _GUARD_S = 0.15  # the transient of the contact
 _GLIDE_BEFORE = 18  # most samples before the start of a glide from which it is told,
 _GLIDE_LEAST = 8  # fewest of them
@@ -268,7 +269,7 @@ class SignalPhases:
 
     def _release(self) -> list[TrialEvent]:
         stamp_ns, slopes = self._slopes()
-        slopes[stamp_ns < self._held_ns] = 0.0
+        slopes[stamp_ns < max(self._held_ns, self._earliest_release_ns())] = 0.0
         steepest = int(np.argmin(slopes))
         self._steepest_n_s = float(slopes[steepest])
         gentle = np.flatnonzero(slopes[:steepest] > _BEND_SHARE * self._steepest_n_s)
@@ -279,6 +280,17 @@ class SignalPhases:
             message = 'no glide was found between contact and release'
             return [self._event(PHASE_ABORTED, self._stamp_ns[at], message)]
         return [self._event(PHASE_RELEASE, self._stamp_ns[at])]
+
+    def _earliest_release_ns(self) -> int:
+        """Return when the release began at the earliest: some time before half was gone.
+
+        A soft object can give way faster at the start of a hold than a slow hand releases it.
+        """
+        shares = (np.array(self._tension_n) - self._rest_n) / self._level_n
+        half = np.flatnonzero(shares >= 0.5)
+        half_ns = self._stamp_ns[half[-1]] if len(half) else self._stamp_ns[0]
+        since_ns = self._stamp_ns[-1] - half_ns
+        return half_ns - max(_RELEASE_NS, 3 * since_ns)
 
     def _fall(self) -> list[TrialEvent]:
         if self._slope() < _FLAT_SHARE * self._steepest_n_s:

@@ -1,0 +1,163 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated sessions as one stream each, with what is known of their trials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.simulated_trials import plan_trial
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_features.records import StrainBlock, TrialEvent
+from tactile_sim.catalogue import default_catalogue
+from tactile_sim.fast_trials import simulate_trials
+
+FloatArray = NDArray[np.float64]
+
+SEED = 1001
+"""The constants of the search were chosen on sessions of seed 1; nothing else was."""
+
+TAUT_N = 0.01
+"""The finger is pulled while its tension, without the sensor's errors, is this far above rest."""
+
+
+@dataclass(frozen=True)
+class StatedTrial:
+    """One trial of a stream, with what the rig states of it.
+
+    Attributes
+    ----------
+    label : str
+    start_ns, end_ns : int
+        Its first sample, and the first one of the next trial [ns].
+    phases_ns : mapping of str to int
+        When each phase was commanded; ``contact`` and ``done``: when the tendon
+        became taut and slack, which comes after the one and before the other [ns].
+    """
+
+    label: str
+    start_ns: int
+    end_ns: int
+    phases_ns: Mapping[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """The trials of one session, sample after sample without a break.
+
+    Attributes
+    ----------
+    protocol, contact : str
+    period_ns : int
+    tension_n : ndarray of shape (n,)
+        What the load cell reads [N].
+    trials : tuple of StatedTrial
+    """
+
+    protocol: str
+    contact: str
+    period_ns: int
+    tension_n: FloatArray
+    trials: tuple[StatedTrial, ...]
+
+    def events(self) -> list[TrialEvent]:
+        """Return what the trial runner would have published."""
+        return [
+            TrialEvent(stamp_ns, f't{n}', '', self.protocol, self.contact, trial.label, phase)
+            for n, trial in enumerate(self.trials)
+            for phase, stamp_ns in trial.phases_ns.items()
+        ]
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What is done to a stream besides what the simulated load cell does.
+
+    Attributes
+    ----------
+    noise_n : float
+        Standard deviation of the noise, that of the simulated sensor included [N].
+    drift_n_rt_s : float
+        Random walk of the zero [N per root second].
+    lost : float
+        Share of samples that are lost, each by itself.
+    cut_share : float
+        The sensor ends at this share of the session's largest tension.
+    """
+
+    noise_n: float = 0.004
+    drift_n_rt_s: float = 0.0
+    lost: float = 0.0
+    cut_share: float = 1.0
+
+    def apply(self, session: Session, seed: int) -> tuple[NDArray[np.bool_], FloatArray]:
+        """Return which samples arrive, and the tension of all of them [N]."""
+        random = np.random.default_rng(seed)
+        own_n = default_catalogue().rig().load_cell.noise_n
+        count = len(session.tension_n)
+        step_n = self.drift_n_rt_s * np.sqrt(session.period_ns / 1e9)
+        tension_n = session.tension_n + np.cumsum(step_n * random.standard_normal(count))
+        added_n = np.sqrt(max(0.0, self.noise_n**2 - own_n**2))
+        tension_n += added_n * random.standard_normal(count)
+        top_n = self.cut_share * session.tension_n.max()
+        kept = random.random(count) >= self.lost
+        return kept, tension_n if self.cut_share == 1.0 else np.minimum(tension_n, top_n)
+
+
+@lru_cache
+def simulate_session(
+    protocol: str, contact: str, session: int, trials: int, **motion: float
+) -> Session:
+    """Simulate trials on every plate or object, one after the other.
+
+    Parameters
+    ----------
+    trials : int
+        On each plate or object.
+    **motion : float
+        What differs from the defaults of `TrialConfig`.
+    """
+    catalogue = default_catalogue()
+    config = TrialConfig(simulated=True, **motion)  # type: ignore[arg-type]
+    planned = plan_trial(config, TrialRequest(protocol, contact), catalogue)
+    period_ns = round(1e9 / planned.rate_hz)
+    readings: list[FloatArray] = []
+    stated: list[StatedTrial] = []
+    for label in catalogue.labels(protocol):
+        done = simulate_trials(
+            protocol, label, contact, planned.timeline, trials, SEED, session=session
+        )
+        for reading, truth_n in zip(done.tension_n, done.truth['tension_n'], strict=True):
+            start_ns = len(readings) * planned.sample_count * period_ns
+            stated_ns = {
+                phase: start_ns + round(at_s * 1e9)
+                for phase, at_s in planned.phases
+                if phase != 'approach'
+            }
+            taut = np.flatnonzero(truth_n[: planned.sample_count] > truth_n[0] + TAUT_N)
+            stated_ns['contact'] = start_ns + int(taut[0]) * period_ns
+            stated_ns['done'] = start_ns + int(taut[-1]) * period_ns
+            readings.append(reading[: planned.sample_count])
+            end_ns = start_ns + planned.sample_count * period_ns
+            stated.append(StatedTrial(label, start_ns, end_ns, stated_ns))
+    return Session(protocol, contact, period_ns, np.concatenate(readings), tuple(stated))
+
+
+def as_blocks(
+    kept: NDArray[np.bool_], tension_n: FloatArray, period_ns: int, size: int = 60
+) -> list[StrainBlock]:
+    """Return a stream as blocks of at most so many samples; a lost sample ends a block."""
+    blocks = []
+    for first in range(0, len(kept), size):
+        some = np.flatnonzero(kept[first : first + size]) + first
+        for run in np.split(some, np.flatnonzero(np.diff(some) > 1) + 1):
+            if len(run):
+                at = int(run[0])
+                blocks.append(StrainBlock(at * period_ns, at, period_ns, tension_n[run]))
+    return blocks
