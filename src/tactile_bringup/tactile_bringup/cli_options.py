@@ -84,6 +84,24 @@ PhasesOption = Annotated[
 ]
 
 
+class DetectedContact(str, Enum):
+    """How the finger touches, if known."""
+
+    unknown = ''
+    flexion = 'flexion'
+    abduction = 'abduction'
+
+
+DetectedContactOption = Annotated[
+    DetectedContact,
+    typer.Option(
+        '--contact',
+        help='How the finger touches, where phases are found in the tension. Default: not known.',
+        show_default=False,
+    ),
+]
+
+
 class Classifier(str, Enum):
     """The paper's four."""
 

@@ -13,6 +13,8 @@ import typer
 
 from tactile_bringup.cli_options import (
     Contact,
+    DetectedContact,
+    DetectedContactOption,
     GuideOption,
     JsonOption,
     ModelOption,
@@ -144,6 +146,7 @@ def sense(
     sensor: SensorOption = '',
     model: ModelOption = None,
     phases: PhasesOption = Phases.stated,
+    contact: DetectedContactOption = DetectedContact.unknown,
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
@@ -162,7 +165,7 @@ def sense(
             'sense',
             {
                 'sensor_port': sensor,
-                **_sensing_values(model, phases, simulated, params, namespace, record),
+                **_sensing_values(model, phases, contact, simulated, params, namespace, record),
             },
         )
 
@@ -177,6 +180,7 @@ def hand(
     ] = None,
     model: ModelOption = None,
     phases: PhasesOption = Phases.stated,
+    contact: DetectedContactOption = DetectedContact.unknown,
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
@@ -196,7 +200,7 @@ def hand(
             {
                 'fingers': fingers,
                 'hand_file': str(hand_file or ''),
-                **_sensing_values(model, phases, simulated, params, namespace, record),
+                **_sensing_values(model, phases, contact, simulated, params, namespace, record),
             },
         )
 
@@ -204,6 +208,7 @@ def hand(
 def _sensing_values(
     model: Optional[Path],
     phases: Phases,
+    contact: DetectedContact,
     simulated: bool,
     params: Optional[Path],
     namespace: str,
@@ -212,6 +217,7 @@ def _sensing_values(
     return {
         'model': str(model or ''),
         'phases': phases.value,
+        'contact': contact.value,
         'rig': 'simulated' if simulated else 'hardware',
         'params_file': str(params or ''),
         'namespace': namespace,

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from tactile_bringup.errors import BringupError
+from tactile_bringup.plain_yaml import parse_plain_yaml, read_text
 
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _MOST_BYTES = 1_000_000
@@ -72,10 +71,8 @@ def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
         When the file cannot be read, has another form, or lacks a wanted finger.
     """
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise BringupError(f'{path} has more than {_MOST_BYTES} bytes: it is no hand file')
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+        document = parse_plain_yaml(read_text(path, _MOST_BYTES))
+    except BringupError as error:
         raise BringupError(f'cannot read the hand in {path}: {error}') from error
     described = document.get('fingers') if isinstance(document, dict) else None
     if not isinstance(described, dict) or not described or set(document) != {'fingers'}:

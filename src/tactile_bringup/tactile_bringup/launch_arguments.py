@@ -11,6 +11,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from tactile_bringup.records import CONTACTS
+from tactile_features.records import FeatureConfig
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,14 @@ PHASES = LaunchArgument(
     'who says when a glide or a hold begins and ends: stated by trial events on '
     'trial_runner/events, or found in the tension, for the kind of contact that is named',
     'stated',
-    ('stated', 'texture', 'stiffness'),
+    FeatureConfig.__dataclass_fields__['phases'].metadata['choices'],
+)
+DETECTED_CONTACT = LaunchArgument(
+    'contact',
+    'how the finger touches, where phases are found in the tension and nobody else says it; '
+    'empty: not known',
+    '',
+    ('', *CONTACTS),
 )
 RECORD = LaunchArgument(
     'record', 'folder of the bag to record into, which must not exist; empty: none'
@@ -102,7 +110,7 @@ def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...
 LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
     'texture': _protocol_arguments('plate', 'R1'),
     'stiffness': _protocol_arguments('object', 'rubber_shell'),
-    'sense': (RIG, SENSOR_PORT, MODEL, PHASES, *_SHARED),
+    'sense': (RIG, SENSOR_PORT, MODEL, PHASES, DETECTED_CONTACT, *_SHARED),
     'hand': (
         RIG,
         LaunchArgument(
@@ -117,6 +125,7 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
         ),
         dataclasses.replace(MODEL, description=f'{MODEL.description}. hand_file wins'),
         dataclasses.replace(PHASES, description=f'{PHASES.description}. hand_file wins'),
+        DETECTED_CONTACT,
         *_SHARED,
     ),
     'replay': (

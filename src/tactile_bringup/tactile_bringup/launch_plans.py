@@ -33,6 +33,7 @@ from tactile_bringup.model_folder import choose_models, find_models
 from tactile_bringup.parameter_files import read_parameters
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.replay import recorded_config
+from tactile_features.records import PHASES_STATED
 
 DEVICES = Path('/dev/tactile')
 """Where the udev rules of this package put the names of the devices."""
@@ -205,7 +206,7 @@ def _finger_nodes(
         )
     # What only this finger's description says wins over the file for all of them.
     parameters = _merged(
-        {'tactile_features': {'phases': phases}} if phases != 'stated' else {},
+        {'tactile_features': _found_phases(phases, values['contact'], simulated)},
         _read(values, names, namespace),
         finger.parameters,
     )
@@ -214,6 +215,12 @@ def _finger_nodes(
         bag = Path(values['record'], finger.name)  # the sense launch file has one, without name
         nodes.append(_recorder(bag, model, models, parameters, namespace, simulated=simulated))
     return nodes
+
+
+def _found_phases(phases: str, contact: str, simulated: bool) -> dict[str, Any]:
+    if phases == PHASES_STATED:
+        return {}
+    return {'phases': phases, 'detected_contact': contact, 'detected_simulated': simulated}
 
 
 def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:

@@ -62,7 +62,8 @@ def test_only_wanted_fingers_are_taken_in_their_order(hand_file):
         ('fingers: {index: {parameters: {rate_hz: 60.0}}}', 'below the name of their node'),
         ('fingers: {index: !!python/object/apply:os.system [true]}', 'cannot read the hand'),
         ('[' * 5000, 'cannot read the hand'),
-        ('#' * 1_000_001, 'it is no hand file'),
+        ('#' * 1_000_001, 'larger than 1000000 bytes'),
+        ('fingers: {a: &x {}, b: *x}', 'YAML aliases'),
     ],
 )
 def test_a_file_of_another_form_is_refused_with_a_sentence(hand_file, text, sentence):

@@ -151,7 +151,7 @@ def test_a_single_model_file_says_what_it_is_for(trained, tmp_path):
     with pytest.raises(BringupError, match='no model for the texture_flexion_classifier'):
         plan_launch('texture', {'model': str(file)}, tmp_path)
     (tmp_path / 'no.onnx').write_text('no')
-    with pytest.raises(ModelFileError, match='no manifest|not an ONNX'):
+    with pytest.raises(ModelFileError, match='ONNX file'):
         plan_launch('sense', {'model': str(tmp_path / 'no.onnx')}, tmp_path)
 
 
@@ -173,7 +173,13 @@ def test_a_finger_that_moves_itself_has_no_guide(tmp_path):
     nodes = by_path(plan)
     assert set(nodes) == {'index/tendon_sensor', 'index/tactile_features'}
     assert nodes['index/tendon_sensor'].parameters['port'] == '/dev/tactile/sensor'
-    assert nodes['index/tactile_features'].parameters['phases'] == 'texture'
+    features = nodes['index/tactile_features'].parameters
+    assert features['phases'] == 'texture'
+    assert features['detected_simulated'] is False
+    values = {'phases': 'stiffness', 'contact': 'abduction', 'rig': 'simulated'}
+    features = by_path(plan_launch('sense', values, tmp_path))['tactile_features'].parameters
+    assert features['detected_contact'] == 'abduction'
+    assert features['detected_simulated'] is True
 
 
 def test_fingers_by_name_have_namespaces_ports_and_bags_of_their_own(tmp_path):
