@@ -13,6 +13,8 @@ from tactile_features.records import (
 )
 from tactile_features.regression import compute_regression
 from tactile_features.signal_phases import find_phases
+from tactile_features.sliding import SlidingSpectrum, sliding_spectrum
+from tactile_features.spatial import SpatialWindow, compute_spatial, compute_spatial_trials
 from tactile_features.spec import FeatureSpec, spec_for
 from tactile_features.spectrum import compute_spectrum
 
@@ -22,13 +24,18 @@ __all__ = [
     'FeatureSpec',
     'FeatureWindow',
     'Outcome',
+    'SpatialWindow',
+    'SlidingSpectrum',
     'StrainBlock',
     'TrialEvent',
     'TrialFeatureExtractor',
     'UndefinedFeatureError',
     'compute_regression',
+    'compute_spatial',
+    'compute_spatial_trials',
     'compute_spectrum',
     'features_from_trials',
     'find_phases',
+    'sliding_spectrum',
     'spec_for',
 ]
