@@ -9,7 +9,8 @@ import sys
 
 import typer
 
-from tactile_bringup.cli_data import evaluate, replay, simulate, train
+from tactile_bringup.cli_bags import repair, replay
+from tactile_bringup.cli_data import evaluate, simulate, train
 from tactile_bringup.cli_rig import check, demo, devices, hand, rig, sense, trials
 
 app = typer.Typer(
@@ -23,7 +24,20 @@ app = typer.Typer(
     'tension signal.',
 )
 
-for command in (demo, simulate, train, evaluate, replay, trials, rig, sense, hand, devices, check):
+for command in (
+    demo,
+    simulate,
+    train,
+    evaluate,
+    replay,
+    repair,
+    trials,
+    rig,
+    sense,
+    hand,
+    devices,
+    check,
+):
     app.command()(command)
 
 

@@ -55,12 +55,15 @@ class RecordedTopic:
 STRAIN_TOPIC = RecordedTopic('tendon_sensor/strain', STRAIN)
 EVENT_TOPIC = RecordedTopic('trial_runner/events', EVENT, latched=True, of_rig=True)
 FEATURES_TOPIC = RecordedTopic('tactile_features/features', FEATURES)
+RUNNING_FEATURES_TOPIC = RecordedTopic(
+    'tactile_features/running_features', FEATURES, optional=True
+)
 
 FINGER_TOPICS = (
     STRAIN_TOPIC,
     EVENT_TOPIC,
     FEATURES_TOPIC,
-    RecordedTopic('tactile_features/running_features', FEATURES, optional=True),
+    RUNNING_FEATURES_TOPIC,
     RecordedTopic('tactile_features/detected_events', EVENT, latched=True, optional=True),
     RecordedTopic('slip_detector/slip', SLIP, optional=True),
     RecordedTopic('tendon_sensor/wrench', WRENCH),

@@ -43,8 +43,12 @@ class TactileResults:
 
     def sort(self) -> TactileResults:
         """Bring the results into the order of time, whatever order they arrived in."""
-        self.windows.sort(key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set))
-        self.classifications.sort(key=lambda c: (c.window_end_ns, c.trial_id, c.model_id))
+        self.windows.sort(
+            key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, not w.running)
+        )
+        self.classifications.sort(
+            key=lambda c: (c.window_end_ns, c.trial_id, c.model_id, not c.running)
+        )
         return self
 
 

@@ -18,10 +18,12 @@ from tactile_bringup.bags import (
     EVENT,
     EVENT_TOPIC,
     FEATURES_TOPIC,
+    RUNNING_FEATURES_TOPIC,
     STRAIN,
     STRAIN_TOPIC,
     TactileBag,
     classification_topic,
+    running_topic,
 )
 from tactile_bringup.errors import BringupError
 from tactile_bringup.graph import NodeDescription, sensing_graph
@@ -83,31 +85,32 @@ def replay_through_nodes(
             if not node.bring_up():
                 raise BringupError(f'the node {description.name} could not be started')
             executor.add_node(node)
-        player.create_subscription(
-            TactileFeatures,
-            FEATURES_TOPIC.name,
-            lambda msg: results.windows.append(feature_window_from_msg(msg)),
-            RESULTS,
-        )
-        for name in models:
-            player.create_subscription(
-                Classification,
-                classification_topic(name).name,
-                lambda msg: results.classifications.append(classification_from_msg(msg)),
-                RESULTS,
-            )
+        features, *classifiers = nodes
+        topics = {FEATURES_TOPIC.name: TactileFeatures}
+        topics[RUNNING_FEATURES_TOPIC.name] = TactileFeatures
+        for name, classifier in zip(models, classifiers, strict=True):
+            topics[classification_topic(name).name] = Classification
+            if classifier.model.running_samples:
+                topics[running_topic(name).name] = Classification
+
+        def take(message: Any) -> None:
+            if isinstance(message, TactileFeatures):
+                results.windows.append(feature_window_from_msg(message))
+            else:
+                results.classifications.append(classification_from_msg(message))
+
+        for topic, message_type in topics.items():
+            player.create_subscription(message_type, topic, take, RESULTS)
         publishers = {
             STRAIN: player.create_publisher(StrainBlock, STRAIN_TOPIC.name, STREAM),
             EVENT: player.create_publisher(TrialEvent, EVENT_TOPIC.name, EVENTS),
         }
-        features = nodes[0]
         _spin_until(
             executor,
             lambda: all(p.get_subscription_count() > 0 for p in publishers.values())
-            and all(
-                player.count_publishers(player.resolve_topic_name(name)) > 0
-                for name in (FEATURES_TOPIC.name, *(classification_topic(m).name for m in models))
-            ),
+            and all(player.count_publishers(player.resolve_topic_name(t)) > 0 for t in topics)
+            and player.count_subscribers(player.resolve_topic_name(FEATURES_TOPIC.name))
+            > len(classifiers),
             lambda: 'the nodes did not find each other',
         )
         sent = {STRAIN: 0, EVENT: 0}

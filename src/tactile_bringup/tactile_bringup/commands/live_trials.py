@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from tactile_bringup.audit import Audit
 from tactile_bringup.commands.output import Output
+from tactile_bringup.commands.replay import print_audits
 from tactile_bringup.errors import BringupError
 from tactile_bringup.graph import (
     Ports,
@@ -28,10 +30,14 @@ from tactile_sim.rig_process import SimulatedRig
 
 @dataclass(frozen=True)
 class LiveTrial:
-    """One live trial: what was asked, and what was answered where a classifier listens."""
+    """One live trial: what was asked, and what was answered where a classifier listens.
+
+    ``audit`` says whether its recording holds every sample.
+    """
 
     request: TrialRequest
     answer: ClassificationResult | None
+    audit: Audit | None = None
 
     @property
     def is_right(self) -> bool:
@@ -50,6 +56,7 @@ class LiveTrial:
             'reason': answer.reason if answer else 'no classifier for this task and contact',
             'right': self.is_right,
             'model_id': answer.model_id if answer else '',
+            'audit': self.audit.to_dict() if self.audit else None,
         }
 
 
@@ -120,7 +127,8 @@ def run_live_trials(
     with ros_context(setup.domain_id) as context:
         operator = OperatorNode(tuple(models), context)
         with running_graph(graph, context, others=[operator], quiet=True) as nodes:
-            wait_until_matched(nodes['bag_recorder'])
+            recorder = nodes['bag_recorder']
+            wait_until_matched(recorder)
             operator.home_guide()
             for request in requests:
                 if hand is not None:
@@ -130,7 +138,9 @@ def run_live_trials(
                 answer = operator.wait_for_answer(done.trial_id) if listens else None
                 live.append(LiveTrial(done, answer))
                 output.say(describe_trial(live[-1]))
-    return live
+    print_audits(recorder.audits, output)
+    audits = {audit.trial_id: audit for audit in recorder.audits}
+    return [replace(trial, audit=audits.get(trial.request.trial_id)) for trial in live]
 
 
 def run_with_second_try(

@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from domain_coordinator import domain_id
 
+from tactile_bringup.audit import Audit, audit_open_bag, summarise_audits
 from tactile_bringup.bags import TactileBag
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
@@ -17,6 +19,7 @@ from tactile_bringup.graph_runner import ros_context
 from tactile_bringup.model_folder import find_models
 from tactile_bringup.replay import (
     Comparison,
+    TactileResults,
     compare,
     load_models,
     recorded_config,
@@ -24,14 +27,28 @@ from tactile_bringup.replay import (
     replay_through_core,
 )
 from tactile_bringup.replay_nodes import replay_through_nodes
+from tactile_features.records import FeatureConfig
 
 
 @dataclass(frozen=True)
 class ReplayReport:
-    """Comparisons of one finger's recording with its replays, by what was compared."""
+    """Comparisons of one finger's recording with its replays, by what was compared.
+
+    Attributes
+    ----------
+    namespace : str
+    comparisons : dict of str to Comparison
+        Of the first replay that differs; of the last one where none does.
+    audits : tuple of Audit
+        Whether the recording holds every sample: of its trials, then of all of it.
+    replay_count : int
+        Replays that were made.
+    """
 
     namespace: str
     comparisons: dict[str, Comparison]
+    audits: tuple[Audit, ...] = ()
+    replay_count: int = 1
 
     @property
     def is_equal(self) -> bool:
@@ -42,16 +59,18 @@ class ReplayReport:
         return {
             'namespace': self.namespace,
             'equal': self.is_equal,
+            'replays': self.replay_count,
             'comparisons': {name: asdict(c) for name, c in self.comparisons.items()},
+            'audit': summarise_audits(self.audits),
         }
 
 
 def run_replay(
-    path: Path, model_folder: Path | None, *, through_nodes: bool, as_json: bool
+    path: Path, model_folder: Path | None, *, through_nodes: bool, times: int, as_json: bool
 ) -> bool:
     """Replay a bag, print the comparison, return whether all is equal."""
     output = Output(as_json)
-    reports = replay_and_compare(path, model_folder, through_nodes=through_nodes)
+    reports = replay_and_compare(path, model_folder, through_nodes=through_nodes, times=times)
     for report in reports:
         print_report(report, output)
     equal = all(report.is_equal for report in reports)
@@ -60,18 +79,29 @@ def run_replay(
 
 
 def print_report(report: ReplayReport, output: Output) -> None:
-    """Print one line for each comparison."""
+    """Print one line for each comparison, and what the audits found."""
     finger = f'{report.namespace}: ' if report.namespace else ''
+    times = f', {report.replay_count} times' if report.replay_count > 1 else ''
     for name, comparison in report.comparisons.items():
-        verdict = comparison.first_difference or 'equal, bit for bit'
+        verdict = comparison.first_difference or f'equal, bit for bit{times}'
         output.say(
             f'{finger}{name}: {verdict} ({comparison.window_count} feature windows, '
             f'{comparison.classification_count} classifications)'
         )
+    print_audits(report.audits, output)
+
+
+def print_audits(audits: Sequence[Audit], output: Output) -> None:
+    """Print what is missing, doubled or out of order; one line where nothing is."""
+    for audit in audits:
+        if not audit.passed:
+            output.say(f'audit: {audit.describe()}')
+        elif not audit.trial_id:
+            output.say(f'audit: {audit.describe()}, {audit.rate_hz:.4g} Hz')
 
 
 def replay_and_compare(
-    path: Path, model_folder: Path | None, *, through_nodes: bool
+    path: Path, model_folder: Path | None, *, through_nodes: bool, times: int = 1
 ) -> list[ReplayReport]:
     """Replay a bag through the core, and through nodes, and compare with the recording.
 
@@ -86,33 +116,52 @@ def replay_and_compare(
         paths = find_models(folder) if folder else {}
         models = load_models(paths)
         config = recorded_config(bag)
+        audits = audit_open_bag(bag)
         for namespace in bag.namespaces:
             recorded = recorded_results(bag, namespace)
-            if not recorded.windows:
-                if bag.facts.get('protocol') == 'slip':
-                    raise BringupError(
-                        f'{path} holds simulated slip trials: there are no slip features yet, '
-                        'so there is nothing to replay'
-                    )
-                raise BringupError(
-                    f'{path} holds no features: there is nothing to compare a replay with. '
-                    'No trial ended while it was recorded, or it was made without nodes '
-                    '(tactile simulate); tactile train and tactile evaluate take it all the same'
-                )
-            core = replay_through_core(bag, models, config, namespace)
-            comparisons = {
-                'recorded and plain core': compare(recorded, core, ('the recording', 'the core'))
-            }
-            if through_nodes:
-                with domain_id() as domain, ros_context(int(domain)) as context:
-                    nodes = replay_through_nodes(
-                        bag, paths, config, context, expected=core, namespace=namespace
-                    )
-                comparisons['plain core and nodes'] = compare(
-                    core, nodes, ('the core', 'the nodes')
-                )
-            reports.append(ReplayReport(namespace, comparisons))
+            _check_has_features(bag, recorded)
+            comparisons: dict[str, Comparison] = {}
+            count = 0
+            while count < times and all(c.is_equal for c in comparisons.values()):
+                count += 1
+                core = replay_through_core(bag, models, config, namespace)
+                names = ('the recording', 'the core')
+                comparisons['recorded and plain core'] = compare(recorded, core, names)
+                if through_nodes:
+                    nodes = _replay_in_own_domain(bag, paths, config, core, namespace)
+                    names = ('the core', 'the nodes')
+                    comparisons['plain core and nodes'] = compare(core, nodes, names)
+            of_finger = tuple(audit for audit in audits if audit.finger == namespace)
+            reports.append(ReplayReport(namespace, comparisons, of_finger, count))
     return reports
+
+
+def _replay_in_own_domain(
+    bag: TactileBag,
+    paths: Mapping[str, str],
+    config: FeatureConfig,
+    core: TactileResults,
+    namespace: str,
+) -> TactileResults:
+    with domain_id() as domain, ros_context(int(domain)) as context:
+        return replay_through_nodes(
+            bag, paths, config, context, expected=core, namespace=namespace
+        )
+
+
+def _check_has_features(bag: TactileBag, recorded: TactileResults) -> None:
+    if recorded.windows:
+        return
+    if bag.facts.get('protocol') == 'slip':
+        raise BringupError(
+            f'{bag.path} holds simulated slip trials: there are no slip features yet, '
+            'so there is nothing to replay'
+        )
+    raise BringupError(
+        f'{bag.path} holds no features: there is nothing to compare a replay with. '
+        'No trial ended while it was recorded, or it was made without nodes '
+        '(tactile simulate); tactile train and tactile evaluate take it all the same'
+    )
 
 
 def _recorded_folder(bag: TactileBag) -> Path | None:
