@@ -106,6 +106,33 @@ def train(
             'one unit; standard for stiffness, whose features do not.'
         ),
     ] = None,
+    false_alarms: Annotated[
+        float,
+        typer.Option(
+            min=0.001,
+            max=0.5,
+            help='Share of trials on known things that the model may call unknown; it finds its '
+            'threshold on trials held out.',
+        ),
+    ] = 0.05,
+    running: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Texture: answer also after so many seconds of the window, as in '
+            '--running 0.5,1,1.5,2,2.5.'
+        ),
+    ] = None,
+    stop_error: Annotated[
+        float,
+        typer.Option(
+            min=0.001,
+            max=0.5,
+            help='Share of wrong answers among those that are decided before the window is full.',
+        ),
+    ] = 0.05,
+    force: Annotated[
+        bool, typer.Option('--force', help='Replace model files of an earlier training.')
+    ] = False,
     folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
     repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
     seed: SeedOption = 0,
@@ -115,17 +142,29 @@ def train(
 
     Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
     classifiers with and without scaling. One ONNX file is written for each task and
-    kind of contact that the bags hold.
+    kind of contact that the bags hold. Its scores are calibrated probabilities, and it
+    says *unknown* to what is unlike all training trials. Nothing is written over
+    files of an earlier training without --force.
     """
     with refusals():
-        from tactile_bringup.commands.train import run_train
+        from tactile_bringup.commands.train import TrainRequest, run_train
 
         run_train(
             bags,
-            output,
-            classifier=classifier.value,
-            scaling=scaling.value if scaling else None,
-            cross_validation={'folds': folds, 'repetitions': repetitions, 'random_state': seed},
+            TrainRequest(
+                folder=output,
+                classifier=classifier.value,
+                scaling=scaling.value if scaling else None,
+                cross_validation={
+                    'folds': folds,
+                    'repetitions': repetitions,
+                    'random_state': seed,
+                },
+                false_alarm_rate=false_alarms,
+                running=running,
+                stop_error_rate=stop_error,
+                force=force,
+            ),
             as_json=json_output,
         )
 

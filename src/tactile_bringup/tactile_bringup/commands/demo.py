@@ -18,7 +18,12 @@ from tactile_bringup.commands.live_trials import LiveSetup, LiveTrial, run_live_
 from tactile_bringup.commands.output import Output
 from tactile_bringup.commands.replay import ReplayReport, print_report, replay_and_compare
 from tactile_bringup.commands.simulate import make_bags
-from tactile_bringup.commands.train import TrainedModel, read_with_progress, train_models
+from tactile_bringup.commands.train import (
+    TrainedModel,
+    TrainRequest,
+    read_with_progress,
+    train_models,
+)
 from tactile_bringup.errors import BringupError
 from tactile_bringup.graph import Ports
 from tactile_bringup.plots import plot_spectra, plot_strain
@@ -54,9 +59,7 @@ def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> b
 
     output.say('[bold]2  Training and cross-validation[/bold]')
     found = read_with_progress(bags, output)
-    trained = train_models(
-        found, folder / 'models', output, classifier='knn', scaling=None, cross_validation={}
-    )
+    trained = train_models(found, TrainRequest(folder / 'models'), output)
 
     output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
     output.say('   in another session: the rig has been set up anew since the training')

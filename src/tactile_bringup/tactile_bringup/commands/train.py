@@ -5,14 +5,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tactile_bringup.bag_tables import BagTables, read_tables
 from tactile_bringup.commands.evaluate import evaluate_with_progress
 from tactile_bringup.commands.output import Output, make_output_folder
+from tactile_bringup.errors import BringupError
 from tactile_bringup.model_folder import model_path
+from tactile_bringup.running_tables import read_running_tables
 from tactile_bringup.tables import (
     CLASSIFIER_TITLES,
     SCALING_TITLES,
@@ -22,8 +24,10 @@ from tactile_bringup.tables import (
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import DEFAULT_SCALING
 from tactile_classifier.evaluation import Evaluation
+from tactile_classifier.manifest import Manifest
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
+from tactile_features.records import PROTOCOL_TEXTURE
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,7 @@ class TrainedModel:
     model_id: str
     table: FeatureTable
     evaluation: Evaluation
+    manifest: Manifest
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
@@ -41,28 +46,60 @@ class TrainedModel:
             'path': str(self.path),
             'model_id': self.model_id,
             'evaluation': self.evaluation.to_dict(),
+            'parts': [asdict(part) for part in self.manifest.parts],
+            'calibration': dict(self.manifest.calibration),
+            'false_alarm_rate': self.manifest.false_alarm_rate,
+            'stop_error_rate': self.manifest.stop_error_rate,
         }
 
 
-def run_train(
-    bags: Sequence[Path],
-    folder: Path,
-    *,
-    classifier: str,
-    scaling: str | None,
-    cross_validation: Mapping[str, int],
-    as_json: bool,
-) -> None:
+@dataclass(frozen=True)
+class TrainRequest:
+    """What is wanted of `tactile train`.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the model files go.
+    scaling : str or None
+        None: the default of the task.
+    running : str or None
+        Seconds of the window after which a texture model answers too, with commas.
+    force : bool
+        Whether files of an earlier training may be replaced.
+    """
+
+    folder: Path
+    classifier: str = 'knn'
+    scaling: str | None = None
+    cross_validation: Mapping[str, int] = field(default_factory=dict)
+    false_alarm_rate: float = 0.05
+    running: str | None = None
+    stop_error_rate: float = 0.05
+    force: bool = False
+
+    def running_seconds(self) -> list[float]:
+        """Return ``running`` as numbers.
+
+        Raises
+        ------
+        BringupError
+            When it is none.
+        """
+        try:
+            return [float(part) for part in (self.running or '').split(',') if part.strip()]
+        except ValueError:
+            raise BringupError(
+                f'--running is "{self.running}"; it must be seconds with commas between them, '
+                'such as 0.5,1,1.5'
+            ) from None
+
+
+def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
     """Train on bags and print what came out."""
     output = Output(as_json)
-    trained = train_models(
-        read_with_progress(bags, output),
-        folder,
-        output,
-        classifier=classifier,
-        scaling=scaling,
-        cross_validation=cross_validation,
-    )
+    request.running_seconds()  # a wrong text fails before the work
+    trained = train_models(read_with_progress(bags, output), request, output)
     output.result({'models': [model.to_dict() for model in trained]})
 
 
@@ -78,31 +115,74 @@ def read_with_progress(bags: Sequence[Path], output: Output) -> BagTables:
     return found
 
 
-def train_models(
-    found: BagTables,
-    folder: Path,
-    output: Output,
-    *,
-    classifier: str,
-    scaling: str | None,
-    cross_validation: Mapping[str, int],
-) -> list[TrainedModel]:
-    """Cross-validate the four classifiers on each table and write the chosen one's model."""
-    make_output_folder(folder)
+def train_models(found: BagTables, request: TrainRequest, output: Output) -> list[TrainedModel]:
+    """Cross-validate the four classifiers on each table and write the chosen one's model.
+
+    Raises
+    ------
+    BringupError
+        When a model file is there already and may not be replaced.
+    """
+    paths = {key: model_path(request.folder, *key) for key in found.tables}
+    there = [str(path) for path in paths.values() if path.exists()]
+    if there and not request.force:
+        raise BringupError(
+            f'{", ".join(there)} would be replaced: give another folder with --output, or --force'
+        )
+    make_output_folder(request.folder)
     models = []
     for (task, contact), table in found.tables.items():
-        evaluation = evaluate_with_progress(table, output, **cross_validation)
+        evaluation = evaluate_with_progress(table, output, **request.cross_validation)
         simulated = ', SIMULATED trials' if table.column('simulated').any() else ''
         output.say(accuracy_table(evaluation, f'{task}, {contact}{simulated}'))
         output.say(accuracy_caption(evaluation))
-        chosen = scaling or DEFAULT_SCALING[task]
-        score = evaluation.score(classifier, chosen)
-        trained = train(table, classifier, chosen, score=score)
-        path = model_path(folder, task, contact)
+        chosen = request.scaling or DEFAULT_SCALING[task]
+        seconds = request.running_seconds() if task == PROTOCOL_TEXTURE else []
+        trained = train(
+            table,
+            request.classifier,
+            chosen,
+            running=read_running_tables(table, seconds) if seconds else None,
+            false_alarm_rate=request.false_alarm_rate,
+            stop_error_rate=request.stop_error_rate,
+            score=evaluation.score(request.classifier, chosen),
+        )
+        path = paths[task, contact]
         model = write_model(path, trained)
+        for sentence in describe_answers(trained.manifest):
+            output.say(sentence)
         output.say(
-            f'{path}: {CLASSIFIER_TITLES[classifier]}, {SCALING_TITLES[chosen]}; '
+            f'{path}: {CLASSIFIER_TITLES[request.classifier]}, {SCALING_TITLES[chosen]}; '
             f'{model.model_id}\n'
         )
-        models.append(TrainedModel(path, model.model_id, table, evaluation))
+        models.append(TrainedModel(path, model.model_id, table, evaluation, trained.manifest))
     return models
+
+
+def describe_answers(manifest: Manifest) -> list[str]:
+    """Return what held-out trials say of probabilities, threshold and running answers."""
+    if 'reason' in manifest.calibration:
+        return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
+    whole, *running = manifest.parts
+    sentences = [
+        f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
+        f'before, {100 * whole.calibration_error_after:.1f} % after; unknown: above novelty '
+        f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false alarms; '
+        f'both by {manifest.calibration["split"]}'
+    ]
+    if running:
+        shares = ', '.join(
+            f'{part.sample_count / manifest.spec.rate_hz:g} s {100 * part.accuracy:.1f} %'
+            for part in running
+        )
+        threshold = running[0].stop_threshold
+        rule = (
+            f'decided early from a probability of {threshold:g}'
+            if threshold >= 0.0
+            else 'never decided early: these trials prove no threshold'
+        )
+        sentences.append(
+            f'running answers, accuracy held out: {shares}; {rule}, '
+            f'at {100 * manifest.stop_error_rate:g} % wrong answers'
+        )
+    return sentences
