@@ -3,9 +3,8 @@
 import dataclasses
 
 import pytest
-from tactile_msgs.msg import StrainBlock
 
-from tendon_sensor_driver import StrainStatus, TendonSensorConfig
+from tendon_sensor_driver import TendonSensorConfig
 
 
 def test_defaults_fit_the_usual_line_at_60_hz():
@@ -52,13 +51,3 @@ def test_what_a_sensor_does_not_have_is_not_looked_at():
 def test_every_field_is_described():
     for field in dataclasses.fields(TendonSensorConfig):
         assert field.metadata['description']
-
-
-def test_status_bits_are_those_of_the_message():
-    constants = {
-        name.removeprefix('STATUS_'): getattr(StrainBlock, name)
-        for name in dir(type(StrainBlock))
-        if name.startswith('STATUS_')
-    }
-    assert constants == {name: int(bit) for name, bit in StrainStatus.__members__.items()}
-    assert len(constants) == 7

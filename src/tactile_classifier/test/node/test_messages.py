@@ -1,0 +1,32 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
+import pytest
+from tactile_msgs.msg import Classification
+
+from tactile_classifier import records
+from tactile_classifier.conversions import classification_from_msg, classification_to_msg
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.records import Outcome
+
+
+def test_constants_are_those_of_the_message():
+    for outcome in Outcome:
+        assert outcome == getattr(Classification, f'OUTCOME_{outcome.name}')
+    for kind in ('VOTES', 'MARGIN', 'PROBABILITY'):
+        assert getattr(records, kind) == getattr(Classification, f'SCORE_{kind}')
+
+
+def test_record_has_the_fields_of_the_message(model_path, make_window):
+    fields = {f.name for f in dataclasses.fields(records.ClassificationResult)}
+    mirrored = {name.removesuffix('_ns') for name in fields} - {'frame_id'}
+    assert mirrored | {'header'} == set(Classification.get_fields_and_field_types())
+
+
+@pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}])
+def test_message_round_trip(model_path, make_window, changes):
+    result = TactileModel.load(model_path).classify(make_window(**changes))
+    message = classification_to_msg(result)
+    assert classification_from_msg(message) == result
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (10**9 + 2, 983_333_334)
