@@ -1,0 +1,52 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of simulated trials whose phases are found in the tension, not read from the events."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_bringup.bags import TactileBag
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.replay import recorded_config, replay_windows
+from tactile_bringup.simulated_bags import write_simulated_bag
+from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_features.records import FeatureConfig, Outcome
+
+WITHIN_NS = 50_000_000
+
+
+@pytest.fixture(scope='module')
+def texture_bag(tmp_path_factory):
+    plan = SimulationPlan('texture', 'abduction', 1, seed=8)
+    folder = tmp_path_factory.mktemp('bags')
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+
+def windows(path, phases):
+    with TactileBag(path) as bag:
+        config = dataclasses.replace(recorded_config(bag), phases=phases)
+        return replay_windows(bag, config, finish=True)
+
+
+def check_each_trial_is_found(path, phases):
+    stated, detected = windows(path, 'stated'), windows(path, phases)
+    assert len(stated) == len(detected)
+    for one, other in zip(stated, detected, strict=True):
+        assert one.outcome == other.outcome == Outcome.OK
+        assert abs(one.window_start_ns - other.window_start_ns) <= WITHIN_NS
+        assert other.trial_id.startswith('detected-')
+    return stated, detected
+
+
+def test_every_press_is_found(stiffness_bag):
+    stated, detected = check_each_trial_is_found(stiffness_bag, 'stiffness')
+    # In newtons: the tension relaxes by some hundredths of one within the tolerance.
+    np.testing.assert_allclose(
+        [w.values[1] for w in detected], [w.values[1] for w in stated], atol=0.1
+    )
+
+
+def test_every_glide_is_found(texture_bag):
+    check_each_trial_is_found(texture_bag, 'texture')
