@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from constants import build_tables, replace_tables
+from interfaces import build_page
 from numpy.typing import NDArray
 
 import tactile_sim
@@ -26,6 +27,7 @@ from tactile_sim.variation import Variation
 mpl.use('Agg')
 
 from matplotlib import pyplot as plt
+from phase_picture import draw_phases
 
 FloatArray = NDArray[np.float64]
 
@@ -43,8 +45,11 @@ def main() -> None:
     page.write_text(
         replace_tables(page.read_text(encoding='utf-8'), build_tables(config)), 'utf-8'
     )
+    interfaces = build_page(IMAGES.parents[1] / 'src' / 'tactile_msgs')
+    (IMAGES.parent / 'interfaces.md').write_text(interfaces, 'utf-8')
     draw_finger(IMAGES / 'simulated_finger.png')
     draw_glide(IMAGES / 'simulated_glide.png')
+    draw_phases(IMAGES / 'detected_phases.png')
 
 
 def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArray]:

@@ -13,7 +13,15 @@ import tactile_sim
 from tactile_bringup.parameter_tables import renew
 
 README = Path(__file__).resolve().parents[4] / 'README.md'
-UNITLESS = {'bool', 'string', 'uint8', 'uint32', 'std_msgs/Header', 'builtin_interfaces/Time'}
+UNITLESS = {
+    'bool',
+    'string',
+    'uint8',
+    'uint32',
+    'std_msgs/Header',
+    'builtin_interfaces/Time',
+    'Measure',
+}
 
 
 def test_parameter_tables_in_the_readme_are_those_of_the_code():
@@ -35,6 +43,17 @@ def test_constants_in_the_docs_are_those_of_the_simulator(monkeypatch):
     config = Path(tactile_sim.__file__).parent / 'config'
     assert constants.replace_tables(text, constants.build_tables(config)) == text, (
         'renew them: ./tactile run python docs/generate.py'
+    )
+
+
+def test_the_page_on_interfaces_is_that_of_the_definitions(monkeypatch):
+    docs, package = README.with_name('docs'), README.with_name('src') / 'tactile_msgs'
+    if not docs.is_dir():
+        pytest.skip('the packages are not in their own repository: no docs beside them')
+    monkeypatch.syspath_prepend(str(docs))
+    interfaces = importlib.import_module('interfaces')
+    assert interfaces.build_page(package) == (docs / 'interfaces.md').read_text(), (
+        'renew it: ./tactile run python docs/generate.py'
     )
 
 

@@ -1,0 +1,66 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The page on messages and actions, from the definitions themselves."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+_FIELD = re.compile(
+    r'^(?P<type>[\w/]+(\[\])?) +(?P<name>\w+)(=(?P<value>\S+))? *(# *(?P<comment>.*))?$'
+)
+_PARTS = {'msg': ('',), 'action': ('goal', 'result', 'feedback')}
+
+INTRODUCTION = """\
+# Messages and actions of `tactile_msgs`
+
+Made from the definitions in `src/tactile_msgs` by `docs/generate.py`. SI units throughout; what
+stands in brackets is the unit.
+"""
+
+
+def build_page(package: Path) -> str:
+    """Return the page on all interfaces below the folder of ``tactile_msgs``."""
+    parts = [INTRODUCTION]
+    for kind, title in (('msg', 'Messages'), ('action', 'Actions')):
+        parts.append(f'## {title}\n')
+        parts += [_build_section(path, kind) for path in sorted((package / kind).iterdir())]
+    return '\n'.join(parts)
+
+
+def _build_section(path: Path, kind: str) -> str:
+    lines = [f'### {path.stem}', '']
+    halves = path.read_text(encoding='utf-8').split('\n---\n')
+    for part, text in zip(_PARTS[kind], halves, strict=True):
+        about, fields, constants = _parse(text)
+        if part:
+            lines += [f'**{part}** {about}'.strip(), '']
+        elif about:
+            lines += [about, '']
+        if fields:
+            lines += ['| field | type | meaning |', '|---|---|---|', *fields, '']
+        if constants:
+            lines += ['| constant | value | meaning |', '|---|---|---|', *constants, '']
+    return '\n'.join(lines)
+
+
+def _parse(text: str) -> tuple[str, list[str], list[str]]:
+    """Return what stands above the first field, and the rows of fields and constants."""
+    about: list[str] = []
+    fields: list[str] = []
+    constants: list[str] = []
+    for line in filter(None, map(str.strip, text.splitlines())):
+        if line.startswith('#'):
+            if not fields and not constants:
+                about.append(line.lstrip('# '))
+            continue
+        match = _FIELD.match(line)
+        if match is None:
+            raise ValueError(f'cannot read {line!r}')
+        meaning = match['comment'] or ''
+        if match['value'] is None:
+            fields.append(f'| `{match["name"]}` | {match["type"]} | {meaning} |')
+        else:
+            constants.append(f'| `{match["name"]}` | `{match["value"]}` | {meaning} |')
+    return ' '.join(about), fields, constants
