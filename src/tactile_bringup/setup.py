@@ -10,7 +10,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test*']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'report/page.html']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -28,6 +28,7 @@ setup(
         'console_scripts': [
             'trial_runner_node = tactile_bringup.trial_runner_node:main',
             'bag_recorder_node = tactile_bringup.bag_recorder_node:main',
+            'bag_player_node = tactile_bringup.bag_player_node:main',
             'tactile = tactile_bringup.cli:main',
         ],
     },

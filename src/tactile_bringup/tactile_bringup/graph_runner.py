@@ -25,9 +25,11 @@ NODE_CLASSES = {
     'linear_guide_node': 'linear_guide_driver.linear_guide_node:LinearGuideNode',
     'tendon_actuator_node': 'linear_guide_driver.tendon_actuator_node:TendonActuatorNode',
     'tactile_features_node': 'tactile_features.tactile_features_node:TactileFeaturesNode',
+    'slip_detector_node': 'tactile_features.slip_detector_node:SlipDetectorNode',
     'tactile_classifier_node': 'tactile_classifier.tactile_classifier_node:TactileClassifierNode',
     'trial_runner_node': 'tactile_bringup.trial_runner_node:TrialRunnerNode',
     'bag_recorder_node': 'tactile_bringup.bag_recorder_node:BagRecorderNode',
+    'bag_player_node': 'tactile_bringup.bag_player_node:BagPlayerNode',
 }
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bringup.launch_arguments import LAUNCH_FILES, LaunchArgument
-from tactile_bringup.records import RecorderConfig, TrialConfig
+from tactile_bringup.records import PlayerConfig, RecorderConfig, TrialConfig
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.records import FeatureConfig
 from tendon_sensor_driver.records import TendonSensorConfig
@@ -29,6 +29,7 @@ NODES: dict[str, type] = {
     'tactile_features': FeatureConfig,
     'tactile_classifier': ClassifierConfig,
     'bag_recorder': RecorderConfig,
+    'bag_player': PlayerConfig,
 }
 
 

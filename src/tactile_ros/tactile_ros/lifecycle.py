@@ -36,7 +36,16 @@ class TactileNode(LifecycleNode):
         Frozen dataclass; see `tactile_ros.parameters`.
     node_options
         Passed on to `rclpy.lifecycle.LifecycleNode`.
+
+    Attributes
+    ----------
+    is_finished, has_failed : bool
+        Set by a node whose work comes to an end, as a recording does: its process ends
+        then, with 1 when it has failed.
     """
+
+    is_finished = False
+    has_failed = False
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(name, **node_options)

@@ -136,7 +136,7 @@ def _logger() -> Any:
 
 
 def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) -> int:
-    """Run one node until SIGINT or SIGTERM; return the process's exit code.
+    """Run one node until it is finished, or SIGINT or SIGTERM; return the process's exit code.
 
     With the parameter ``autostart`` (the default) the node configures and
     activates itself; a node that cannot, or whose callback raises, exits with 1.
@@ -158,9 +158,9 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
             node.take_down()
             return 1
         with NodeGroup([node]) as group:
-            while not stop.wait(0.2) and not group.ended.is_set():
+            while not (stop.wait(0.2) or group.ended.is_set() or node.is_finished):
                 pass
-        return 1 if group.error else 0
+        return 1 if group.error or node.has_failed else 0
     finally:
         rclpy.try_shutdown()
         ignore_signals()

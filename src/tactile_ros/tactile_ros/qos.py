@@ -31,3 +31,11 @@ EVENTS = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 """Trial events, latched: the depth holds all the events of one trial."""
+
+CLOCK = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""Time on ``/clock``: nobody wants what it was before; best-effort listeners fit, too."""
