@@ -341,4 +341,6 @@ def _read_facts(custom: dict[str, str]) -> dict[str, Any]:
         raise BagError(f'the facts in its metadata are no JSON: {error}') from error
     if not isinstance(facts, dict):
         raise BagError('the facts in its metadata are not a JSON object')
+    if not isinstance(facts.get('models', ''), str):
+        raise BagError('the facts in its metadata name no folder of models, but something else')
     return facts

@@ -270,6 +270,9 @@ class McapFile:
                         self._learn(opcode, data[start:end])
                     elif opcode == MESSAGE:
                         segment.counts[_message_start(data, start, end)[0]] += 1
+                unknown = sorted(segment.counts.keys() - self.topics.keys())
+                if unknown:
+                    raise BagError(f'messages are on channel {unknown[0]}, which nobody announced')
             self.counts += segment.counts
 
     def _drop_damaged_end(self) -> None:
@@ -289,8 +292,6 @@ class McapFile:
         for opcode, data, start, end in self._records(segment):
             if opcode == MESSAGE:
                 channel, received_at_ns = _message_start(data, start, end)
-                if channel not in self.topics:
-                    raise BagError(f'a message is on channel {channel}, which nobody announced')
                 if channel in channels:
                     times_ns.append(min(received_at_ns, 2**63 - 1))
                     starts.append(start)
