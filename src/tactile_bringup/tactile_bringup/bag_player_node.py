@@ -92,6 +92,7 @@ class BagPlayerNode(TactileNode):
 
     def _play(self) -> None:
         try:
+            self._wait_for_subscribers()
             if self._end.wait(self.config.start_delay_s) or not self._send_all():
                 return
             for publisher in self._outputs.values():
@@ -101,6 +102,14 @@ class BagPlayerNode(TactileNode):
             self.get_logger().error(f'{error}')
             self.has_failed = True
         self.is_finished = True
+
+    def _wait_for_subscribers(self) -> None:
+        end_s = time.monotonic() + self.config.subscriber_timeout_s
+        while (left_s := end_s - time.monotonic()) > 0:
+            if all(output.get_subscription_count() for output in self._outputs.values()):
+                return
+            if self._end.wait(min(left_s, CLOCK_PERIOD_S)):
+                return
 
     def _send_all(self) -> bool:
         """Send every message at its time; return whether that was not ended from outside."""

@@ -282,7 +282,14 @@ def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
         'tactile_bringup',
         'bag_player_node',
         PLAYER,
-        {'bag': str(path), 'rate': rate, **chosen},
+        {
+            'bag': str(path),
+            'rate': rate,
+            # The processes start with it, and not all as fast.
+            'subscriber_timeout_s': 60.0,
+            'start_delay_s': 3.0,
+            **chosen,
+        },
     )
     return LaunchPlan((*nodes, player), ends_with=player.path)
 

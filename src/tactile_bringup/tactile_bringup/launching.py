@@ -34,7 +34,12 @@ from tactile_bringup.launch_arguments import LAUNCH_FILES
 from tactile_bringup.launch_plans import LaunchPlan, RigDescription, plan_launch
 
 RIG_LINGERS_S = 3.0
-"""A simulated rig outlives the drivers that bring it to rest, as a real one does."""
+"""A simulated rig outlives the drivers that bring it to rest, as a real one does; one that
+nothing moves need not."""
+
+ENDS_WITHIN_S = '15'
+"""A trial that is ended brings the rig to rest first; with launch's own 5 s a busy computer
+could be too slow for that."""
 
 AFTER_END_S = 2.0
 """For what is still being computed when the node has ended that ends all."""
@@ -114,10 +119,11 @@ def _rig(rig: RigDescription) -> ExecuteProcess:
         cmd=[
             ExecutableInPackage(package='tactile_sim', executable='tactile_sim_rig'),
             *('--links', str(rig.links), '--seed', str(rig.seed)),
-            *('--linger', str(RIG_LINGERS_S), *mount),
+            *('--linger', str(RIG_LINGERS_S if mount else 0.0), *mount),
         ],
         name=rig.links.name,
         output='screen',
+        sigterm_timeout=ENDS_WITHIN_S,
     )
 
 
@@ -137,6 +143,7 @@ def _node(description: NodeDescription, log_level: str) -> Node:
         ],
         arguments=['--ros-args', '--log-level', log_level],
         output='screen',
+        sigterm_timeout=ENDS_WITHIN_S,
     )
 
 

@@ -150,9 +150,15 @@ class PlayerConfig:
         unit='1',
         range=(0.001, 1000.0),
     )
+    subscriber_timeout_s: float = _parameter(
+        0.0,
+        'how long to wait until every topic of the recording has a subscriber',
+        unit='s',
+        range=(0.0, 600.0),
+    )
     start_delay_s: float = _parameter(
         1.0,
-        'time between activation and the first message, for the nodes to find each other',
+        'time before the first message, for the nodes to find each other',
         unit='s',
         range=(0.0, 600.0),
     )

@@ -1,0 +1,84 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Two fingers by namespace, each on a simulated sensor that the launch file starts."""
+
+import unittest
+
+import pytest
+
+pytest.importorskip(
+    'launch_testing.actions', reason='launch_testing comes with an ordinary ROS 2, not from PyPI'
+)
+pytest.importorskip('skl2onnx', reason='skl2onnx, which models are trained with, is not installed')
+
+import launch_testing
+import launch_testing.asserts
+import launch_testing.markers
+from launched import Ear, launched, new_folder, trained_model, wait_for
+from rclpy.time import Time
+from tactile_msgs.msg import Classification, StrainBlock, TrialEvent
+
+from tactile_ros.qos import EVENTS
+
+FINGERS = ('index', 'middle')
+HAND = 'fingers:\n  index:\n  middle: {parameters: {tendon_sensor: {scale: -1.0}}}\n'
+CLASSIFIER = 'stiffness_flexion_classifier'
+HOLD_NS = 3_000_000_000
+
+
+@pytest.mark.launch_test
+@launch_testing.markers.keep_alive
+def generate_test_description():
+    folder = new_folder()
+    hand_file = folder / 'hand.yaml'
+    hand_file.write_text(HAND)
+    return launched(
+        'hand',
+        rig='simulated',
+        hand_file=str(hand_file),
+        model=str(trained_model(folder, 'stiffness')),
+        namespace='left',
+        log_level='warn',
+    )
+
+
+class TestHold(unittest.TestCase):
+    def test_each_finger_answers_for_itself(self):
+        topics = {}
+        for finger in FINGERS:
+            topics[f'left/{finger}/tendon_sensor/strain'] = StrainBlock
+            topics[f'left/{finger}/{CLASSIFIER}/classification'] = Classification
+        with Ear(topics) as ear:
+            ear.wait_for_publishers(*topics)
+            for finger in FINGERS:
+                self.hold(ear, finger)
+            for finger in FINGERS:
+                answers = ear.heard[f'left/{finger}/{CLASSIFIER}/classification']
+                self.assertEqual([a.trial_id for a in answers], [f'held by {finger}'])
+                self.assertEqual(answers[0].reason, '')
+
+    def hold(self, ear, finger):
+        """State a hold over the samples that are coming, as the mover of a finger does."""
+        strain = ear.heard[f'left/{finger}/tendon_sensor/strain']
+        publisher = ear.node.create_publisher(
+            TrialEvent, f'left/{finger}/trial_runner/events', EVENTS
+        )
+        wait_for(lambda: strain, lambda: f'no samples of {finger}')
+        start_ns = Time.from_msg(strain[-1].header.stamp).nanoseconds
+        for phase, after_ns in (('hold', 0), ('release', HOLD_NS), ('done', HOLD_NS + 1)):
+            event = TrialEvent(
+                trial_id=f'held by {finger}',
+                protocol=TrialEvent.PROTOCOL_STIFFNESS,
+                contact=TrialEvent.CONTACT_FLEXION,
+                phase=phase,
+                simulated=True,
+            )
+            event.header.stamp = Time(nanoseconds=start_ns + after_ns).to_msg()
+            publisher.publish(event)
+        ear.wait_for_messages(f'left/{finger}/{CLASSIFIER}/classification')
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_every_process_ends_with_zero(self, proc_info):
+        launch_testing.asserts.assertExitCodes(proc_info)
