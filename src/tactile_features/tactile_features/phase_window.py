@@ -16,6 +16,7 @@ from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_CONTACT,
     PHASE_GLIDE,
+    SET_TEXTURE_SPATIAL,
     STATUS_DEVICE_ERROR,
     STATUS_SATURATED,
     STATUS_STUCK,
@@ -26,6 +27,7 @@ from tactile_features.records import (
     TrialEvent,
 )
 from tactile_features.regression import compute_regression
+from tactile_features.spatial import compute_spatial
 from tactile_features.spec import stiffness_spec, texture_spec
 from tactile_features.spectrum import compute_spectrum
 from tactile_features.windows import SAMPLE, SampleBuffer, Samples
@@ -68,8 +70,9 @@ class PhaseWindow:
     """One finished glide or hold phase on its way to a window of features.
 
     Texture: the first ``texture_samples`` samples of the glide after its crop; they must
-    end before the crop at its end. Stiffness: all samples of the hold between
-    its crops.
+    end before the crop at its end; with ``texture_spatial``, as many samples as the path
+    takes at the speed that the glide's event states. Stiffness: all samples of the hold
+    between its crops.
 
     Parameters
     ----------
@@ -92,11 +95,15 @@ class PhaseWindow:
         self.end = end
         self._config = config
         self._is_texture = start.phase == PHASE_GLIDE
+        self._speed_m_s = 0.0
+        self._no_speed = ''
         if self._is_texture:
             self._spec = texture_spec(config)
             crop_start_s, crop_end_s = config.texture_crop_start_s, config.texture_crop_end_s
-            shortest_s = (config.texture_samples - 1) / config.rate_hz * (1 - RATE_TOLERANCE)
             self._wanted = config.texture_samples
+            if self._spec.feature_set == SET_TEXTURE_SPATIAL:
+                crop_start_s = self._cut_by_distance()
+            shortest_s = (self._wanted - 1) / config.rate_hz * (1 - RATE_TOLERANCE)
         else:
             self._spec = stiffness_spec(config)
             crop_start_s, crop_end_s = config.stiffness_settle_s, config.stiffness_crop_end_s
@@ -107,11 +114,26 @@ class PhaseWindow:
         self._to_ns = end.stamp_ns - round(crop_end_s * 1e9)
         self._shortest_ns = round(shortest_s * 1e9)
 
+    def _cut_by_distance(self) -> float:
+        """Set speed and number of samples; return the crop at the start [s]."""
+        speed_m_s = self.start.glide_speed_m_s
+        try:
+            self._wanted = self._config.spatial_window().sample_count(
+                speed_m_s, self._config.rate_hz
+            )
+        except FeatureError as error:
+            self._no_speed = str(error)
+            return 0.0
+        self._speed_m_s = speed_m_s
+        return self._config.spatial_crop_m / speed_m_s
+
     def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
         """Return the window, or None while a sample still to come could change it."""
         if self.end.phase == PHASE_ABORTED:
             reason = f'the trial was aborted: {self.end.message or "no reason given"}'
             return self.refuse(Outcome.ABORTED, reason)
+        if self._no_speed:
+            return self.refuse(Outcome.UNDEFINED, self._no_speed)
         if self._to_ns - self._from_ns < self._shortest_ns:
             reason = (
                 f'the {self.start.phase} leaves {(self._to_ns - self._from_ns) / 1e9:.3f} s '
@@ -177,6 +199,10 @@ class PhaseWindow:
         return self._window(Outcome.OK, '', samples, values)
 
     def _compute(self, samples: Samples) -> NDArray[np.float64]:
+        if self._speed_m_s:
+            window = self._config.spatial_window()
+            rate_hz = self._config.rate_hz
+            return compute_spatial(samples['tension_n'], self._speed_m_s, rate_hz, window)
         if self._is_texture:
             return compute_spectrum(samples['tension_n'])
         return compute_regression(samples['stamp_ns'], samples['tension_n'])
@@ -254,4 +280,5 @@ class PhaseWindow:
             interpolated_count=int(np.count_nonzero(samples['interpolated'])),
             status=int(np.bitwise_or.reduce(samples['status'])),
             frame_id=self._config.frame_id,
+            speed_m_s=self._speed_m_s,
         )

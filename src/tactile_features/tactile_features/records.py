@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_features.errors import FeatureError
+from tactile_features.spatial import SpatialWindow
 
 PROTOCOL_TEXTURE = 'texture'
 PROTOCOL_STIFFNESS = 'stiffness'
@@ -46,6 +47,7 @@ STATUS_RESYNCHRONISED = 16
 STATUS_RECONNECTED = 32
 
 SET_TEXTURE_SPECTRUM = 'texture_spectrum'
+SET_TEXTURE_SPATIAL = 'texture_spatial'
 SET_STIFFNESS_REGRESSION = 'stiffness_regression'
 
 
@@ -225,6 +227,30 @@ class FeatureConfig:
         unit='s',
         range=(0.0, 60.0),
     )
+    texture_features: str = _parameter(
+        SET_TEXTURE_SPECTRUM,
+        'features of a glide: amplitudes over a fixed time, or over a stretch of surface at any '
+        'sliding speed, which trial events must then state',
+        choices=(SET_TEXTURE_SPECTRUM, SET_TEXTURE_SPATIAL),
+    )
+    spatial_crop_m: float = _parameter(
+        0.009,
+        'with texture_spatial: path that is left out at the start of the glide',
+        unit='m',
+        range=(0.0, 2.0),
+    )
+    spatial_length_m: float = _parameter(
+        0.045,
+        'with texture_spatial: path over the surface that is one window',
+        unit='m',
+        range=(0.0001, 2.0),
+    )
+    spatial_finest_m: float = _parameter(
+        0.0005,
+        'with texture_spatial: finest scale; samples must not be further apart on the surface',
+        unit='m',
+        range=(0.00001, 0.5),
+    )
     running_samples: tuple[int, ...] = _parameter(
         (),
         'after so many samples of a texture window, features of these are published as running; '
@@ -303,6 +329,17 @@ class FeatureConfig:
                 f'phases is "{self.phases}"; it must be {PHASES_STATED}, {PROTOCOL_TEXTURE} '
                 f'or {PROTOCOL_STIFFNESS}'
             )
+        if self.texture_features not in (SET_TEXTURE_SPECTRUM, SET_TEXTURE_SPATIAL):
+            raise FeatureError(
+                f'texture_features is "{self.texture_features}"; it must be '
+                f'{SET_TEXTURE_SPECTRUM} or {SET_TEXTURE_SPATIAL}'
+            )
+        if self.running_samples and self.texture_features == SET_TEXTURE_SPATIAL:
+            raise FeatureError(
+                f'{SET_TEXTURE_SPATIAL} has no running windows; leave running_samples empty'
+            )
+        if self.texture_features == SET_TEXTURE_SPATIAL:
+            self.spatial_window()
         # A parameter file gives a list, which is no constant.
         object.__setattr__(self, 'running_samples', tuple(self.running_samples))
         counts = (MIN_RUNNING_SAMPLES - 1, *self.running_samples, self.texture_samples)
@@ -319,3 +356,13 @@ class FeatureConfig:
                 f'buffer_s is {self.buffer_s}, which cannot hold a window that ends '
                 f'{max(texture_s, stiffness_s):g} s after its phase began; raise buffer_s'
             )
+
+    def spatial_window(self) -> SpatialWindow:
+        """Return the stretch of surface that is one window of ``texture_spatial``.
+
+        Raises
+        ------
+        FeatureError
+            When the stretch is too short for its finest scale.
+        """
+        return SpatialWindow(self.spatial_length_m, self.spatial_finest_m)

@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 from tactile_features.errors import FeatureError
@@ -15,13 +16,16 @@ from tactile_features.records import (
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
     SET_STIFFNESS_REGRESSION,
+    SET_TEXTURE_SPATIAL,
     SET_TEXTURE_SPECTRUM,
     FeatureConfig,
 )
 from tactile_features.regression import REGRESSION_NAMES, REGRESSION_UNITS
+from tactile_features.spatial import SpatialWindow
 from tactile_features.spectrum import spectrum_names
 
 TEXTURE_VERSION = 1
+SPATIAL_VERSION = 1
 STIFFNESS_VERSION = 2
 
 
@@ -38,7 +42,7 @@ class FeatureSpec:
     rate_hz : float
         Nominal sample rate of the window [Hz].
     sample_count : int
-        Samples in a window; 0 where the phase decides.
+        Samples in a window; 0 where the phase or the sliding speed decides.
     names, units : tuple of str
         One a feature.
     parameters : mapping of str to float
@@ -117,6 +121,9 @@ class FeatureSpec:
 
 def texture_spec(config: FeatureConfig) -> FeatureSpec:
     """Return what the texture features of ``config`` are."""
+    if config.texture_features == SET_TEXTURE_SPATIAL:
+        crop = {'spatial_crop_m': config.spatial_crop_m}
+        return spatial_spec(config.rate_hz, config.spatial_window(), crop)
     return _texture(
         config.rate_hz,
         config.texture_samples,
@@ -134,6 +141,35 @@ def _texture(rate_hz: float, sample_count: int, parameters: dict[str, float]) ->
         names=names,
         units=('N',) * len(names),
         parameters=parameters,
+    )
+
+
+def spatial_spec(
+    rate_hz: float, window: SpatialWindow, parameters: Mapping[str, float] = MappingProxyType({})
+) -> FeatureSpec:
+    """Return what the features of a stretch of surface are.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Sample rate [Hz].
+    window : SpatialWindow
+    parameters : mapping of str to float, optional
+        How the window was cut from the phase.
+    """
+    names = window.names()
+    return FeatureSpec(
+        feature_set=SET_TEXTURE_SPATIAL,
+        version=SPATIAL_VERSION,
+        rate_hz=float(rate_hz),
+        sample_count=0,
+        names=names,
+        units=('N',) * len(names),
+        parameters={
+            'spatial_length_m': window.length_m,
+            'spatial_finest_m': window.finest_m,
+            **parameters,
+        },
     )
 
 

@@ -1,0 +1,288 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What a glide feels like over millimetres instead of seconds, so that its speed may change."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike, NDArray
+
+from tactile_features.errors import FeatureError
+
+QUANTILES = 13
+"""How many quantiles describe a distribution, from the least to the largest value."""
+
+GRID_PER_SCALE = 4
+"""Grid points to the finest scale."""
+
+KERNEL_REACH = 4
+"""How many finest scales the smoothing reaches to either side."""
+
+MAX_SAMPLES = 100_000
+"""Most samples in a window: 14 s at 7 kHz."""
+
+LARGEST_SHARE = 4
+"""The largest scale is at most the window's length over this. A second difference spans twice its
+scale: with more, the middle of the window alone would have one, and that knows a position."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SpatialWindow:
+    """A stretch of the surface, and the finest structure that is looked at.
+
+    Attributes
+    ----------
+    length_m : float
+        Path of the fingertip over the surface [m].
+    finest_m : float
+        Finest scale [m]: no structure with more than a cycle in twice this length counts.
+
+    Raises
+    ------
+    FeatureError
+        When the stretch is too short for its finest scale.
+    """
+
+    length_m: float
+    finest_m: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.finest_m * LARGEST_SHARE <= self.length_m < math.inf:
+            raise FeatureError(
+                f'the finest scale is {self.finest_m:g} m in a window of {self.length_m:g} m; '
+                f'it must be positive, and the window at least {LARGEST_SHARE} times as long'
+            )
+
+    @property
+    def scales(self) -> tuple[int, ...]:
+        """The scales in octaves from the finest one, as multiples of it."""
+        octaves = math.floor(math.log2(self.length_m / (LARGEST_SHARE * self.finest_m) + 1e-9))
+        return tuple(2**octave for octave in range(octaves + 1))
+
+    @property
+    def component_count(self) -> int:
+        """How many spatial frequencies there are, from one cycle in the window."""
+        return math.floor(self.length_m / (2.0 * self.finest_m) + 1e-9)
+
+    def sample_count(self, speed_m_s: float, rate_hz: float) -> int:
+        """Return how many samples cover the stretch at a sliding speed.
+
+        Raises
+        ------
+        FeatureError
+            When the speed is not known, so high that the finest scale falls between samples, or so
+            low that the window has too many of them.
+        """
+        if not (math.isfinite(speed_m_s) and speed_m_s > 0.0):
+            raise FeatureError(
+                'features over distance need the sliding speed, and it is not stated; '
+                'state glide_speed_m_s in the trial event'
+            )
+        step_m = speed_m_s / rate_hz
+        if step_m > self.finest_m * (1 + 1e-9):
+            raise FeatureError(
+                f'at {speed_m_s:g} m/s there is a sample every {step_m:.3g} m, and the finest '
+                f'scale is {self.finest_m:g} m; glide slower, or train with a coarser scale'
+            )
+        # In this order: a speed next to zero would make the quotient infinite.
+        if self.length_m > (MAX_SAMPLES - 1) * step_m:
+            raise FeatureError(
+                f'at {speed_m_s:g} m/s a window of {self.length_m:g} m has more than '
+                f'{MAX_SAMPLES} samples; glide faster, or make the window shorter'
+            )
+        return math.ceil(self.length_m / step_m - 1e-9) + 1
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the features in their order."""
+        levels = [f'q_{level:.3f}' for level in np.linspace(0.0, 1.0, QUANTILES)]
+        lengths_mm = [f'{1e3 * self.finest_m * scale:g}' for scale in self.scales]
+        groups = ['value', *(f'{what}__mm_{mm}' for what in _DIFFERENCES for mm in lengths_mm)]
+        return (
+            *(
+                f'tension__spatial_spectrum__per_m_{k / self.length_m:.3f}'
+                for k in range(1, self.component_count + 1)
+            ),
+            *(f'tension__spatial_{group}__{level}' for group in groups for level in levels),
+        )
+
+
+_DIFFERENCES = ('change', 'bend')
+
+
+def compute_spatial(
+    tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
+) -> NDArray[np.float64]:
+    """Return what does not depend on where the fingertip was, nor on how fast it slid.
+
+    Three kinds of features, all in newtons:
+
+    - amplitudes of the spatial frequencies 1, 2, ... cycles in the window, single-sided, with a
+      Hann window: what is periodic;
+    - quantiles of the tension about its mean, smoothed over the finest scale (Gaussian);
+    - at scales in octaves from the finest one, quantiles of the first differences over that
+      distance (*change*: steps) and of the second differences (*bend*: ridges and grooves):
+      what is not periodic. These are structure functions, with the distribution kept instead
+      of a moment.
+
+    None of them holds a position, so a shift of the path changes them by what enters and
+    leaves the window alone. Time enters through the speed alone.
+
+    Each window takes the same path whether it comes alone or in a batch, so that both give the
+    same bits.
+
+    Parameters
+    ----------
+    tension_n : array_like of shape (..., n)
+        Samples from the start of the window on [N]; n is `SpatialWindow.sample_count`.
+    speed_m_s : float
+        Sliding speed [m/s].
+    rate_hz : float
+        Sample rate [Hz].
+    window : SpatialWindow
+
+    Returns
+    -------
+    ndarray of shape (..., k)
+        In the order of `SpatialWindow.names` [N].
+
+    Raises
+    ------
+    FeatureError
+        When the speed does not fit the window, the number of samples is another one, or a value
+        is not finite.
+    """
+    tension = np.asarray(tension_n, dtype=np.float64)
+    count = window.sample_count(speed_m_s, rate_hz)
+    if tension.ndim == 0 or tension.shape[-1] != count:
+        raise FeatureError(
+            f'a window of {window.length_m:g} m at {speed_m_s:g} m/s has {count} samples; '
+            f'the shape is {tension.shape}'
+        )
+    if not np.isfinite(tension).all():
+        raise FeatureError('the tension holds values that are not finite')
+    maps = _maps(window, speed_m_s / rate_hz, count)
+    rows = np.ascontiguousarray(tension.reshape(-1, count))
+    out = np.array([_compute_one(row, window, maps) for row in rows])
+    if not np.isfinite(out).all():
+        raise FeatureError('the tension is too large for its features to be represented')
+    return out.reshape(*tension.shape[:-1], -1)
+
+
+class _Maps(NamedTuple):
+    """What takes samples to amplitudes and to the smoothed grid.
+
+    ``cosine`` and ``sine``: one row a spatial frequency. ``first`` and ``weights``: for each
+    grid point the first sample within reach and the weights of it and those after it.
+    """
+
+    cosine: NDArray[np.float64]
+    sine: NDArray[np.float64]
+    first: NDArray[np.intp]
+    weights: NDArray[np.float64]
+
+
+@lru_cache(maxsize=4)
+def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
+    # The samples cover a little more than the window: it lies in their middle.
+    at_m = step_m * np.arange(count)
+    at_m -= (at_m[-1] - window.length_m) / 2.0
+    inside = (at_m > 0.0) & (at_m < window.length_m)
+    hann = np.where(inside, np.sin(np.pi * at_m / window.length_m) ** 2, 0.0)
+    cycles = np.arange(1, window.component_count + 1)[:, None] / window.length_m
+    phase = 2.0 * np.pi * cycles * at_m
+    weight = 2.0 * hann / hann.sum()
+    # What is left of the mean after weighting would leak into the first component.
+    level = np.ones(count) / count
+    cosine, sine = weight * np.cos(phase), weight * np.sin(phase)
+    cosine -= cosine.sum(axis=1, keepdims=True) * level
+    sine -= sine.sum(axis=1, keepdims=True) * level
+    grid_m = np.arange(0.0, window.length_m * (1 + 1e-9), window.finest_m / GRID_PER_SCALE)
+    reach_m = KERNEL_REACH * window.finest_m
+    width = min(count, math.ceil(2.0 * reach_m / step_m) + 1)
+    first = np.minimum(np.searchsorted(at_m, grid_m - reach_m), count - width)
+    apart_m = at_m[first[:, None] + np.arange(width)] - grid_m[:, None]
+    weights = np.exp(-0.5 * (apart_m / window.finest_m) ** 2)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return _Maps(cosine, sine, first, weights)
+
+
+def _compute_one(
+    tension_n: NDArray[np.float64], window: SpatialWindow, maps: _Maps
+) -> NDArray[np.float64]:
+    with np.errstate(over='ignore', invalid='ignore'):
+        # Exact under a large offset, as in the spectrum over time.
+        change = tension_n - tension_n[0]
+        change -= change.mean()
+        amplitude = np.hypot(maps.cosine @ change, maps.sine @ change)
+        near = sliding_window_view(change, maps.weights.shape[1])[maps.first]
+        value = (maps.weights * near).sum(axis=1)
+        value -= value.mean()
+        parts = [value]
+        lags = [GRID_PER_SCALE * scale for scale in window.scales]
+        parts += [value[lag:] - value[:-lag] for lag in lags]
+        parts += [value[2 * lag :] - 2.0 * value[lag:-lag] + value[: -2 * lag] for lag in lags]
+        quantiles = [_quantiles(part) for part in parts]
+    return np.concatenate([amplitude, *quantiles])
+
+
+def compute_spatial_trials(
+    x: ArrayLike, rate_hz: float, speeds_m_s: ArrayLike, window: SpatialWindow
+) -> NDArray[np.float64]:
+    """Return the features of the middle of ready-cut glides, each at its own speed.
+
+    Parameters
+    ----------
+    x : array_like of shape (trials, samples)
+        Tension of each glide [N].
+    rate_hz : float
+        Sample rate [Hz].
+    speeds_m_s : array_like of shape (trials,)
+        Sliding speed of each [m/s].
+    window : SpatialWindow
+
+    Returns
+    -------
+    ndarray of shape (trials, k)
+
+    Raises
+    ------
+    FeatureError
+        When the shapes do not fit, a glide is shorter than the window or its speed does not
+        fit; the message names the trial.
+    """
+    tension = np.asarray(x, dtype=np.float64)
+    speeds = np.asarray(speeds_m_s, dtype=np.float64)
+    if tension.ndim != 2 or not len(tension) or speeds.shape != tension.shape[:1]:
+        raise FeatureError(
+            f'the trials have shape {tension.shape} and their speeds {speeds.shape}; '
+            'they must be (trials, samples) and (trials,)'
+        )
+    rows: list[NDArray[np.float64]] = []
+    try:
+        for row, speed_m_s in zip(tension, speeds.tolist(), strict=True):
+            middle = _middle(row, window.sample_count(speed_m_s, rate_hz))
+            rows.append(compute_spatial(middle, speed_m_s, rate_hz, window))
+    except FeatureError as error:
+        raise FeatureError(f'trial {len(rows)}: {error}') from error
+    return np.array(rows)
+
+
+def _middle(tension_n: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    if count > len(tension_n):
+        raise FeatureError(f'it has {len(tension_n)} samples, and its window {count}')
+    first = (len(tension_n) - count) // 2
+    middle: NDArray[np.float64] = tension_n[first : first + count]
+    return middle
+
+
+def _quantiles(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    ordered = np.sort(values)
+    place = np.linspace(0.0, len(ordered) - 1.0, QUANTILES)
+    quantiles: NDArray[np.float64] = np.interp(place, np.arange(len(ordered)), ordered)
+    return quantiles
