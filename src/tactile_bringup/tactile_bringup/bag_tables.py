@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactile_bringup.bags import EVENT, TactileBag
 from tactile_bringup.errors import BagError
@@ -28,6 +29,9 @@ from tactile_features.records import (
 )
 from tactile_features.spec import spec_for
 
+BLOCKS = 6
+"""Into how many parts the trials of a session are cut in the order of time, as many as folds."""
+
 
 @dataclass
 class LabelledWindows:
@@ -35,6 +39,7 @@ class LabelledWindows:
 
     windows: list[FeatureWindow] = field(default_factory=list)
     events: list[TrialEvent] = field(default_factory=list)
+    sources: list[tuple[str, str]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -109,6 +114,8 @@ def _collect(
         for trial_id, (event, *_) in events.items()
         if event.protocol == PROTOCOL_SLIP
     )
+    # A table has features of whole windows alone: measures would be made in vain.
+    config = replace(config, measures=False, running_samples=())
     for window in replay_windows(bag, config, namespace, finish=True):
         event = _event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
@@ -125,6 +132,7 @@ def _collect(
             group = found.setdefault(key, LabelledWindows())
             group.windows.append(window)
             group.events.append(event)
+            group.sources.append((str(bag.path), namespace))
 
 
 def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
@@ -147,15 +155,44 @@ def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEven
 
 def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> FeatureTable:
     events = group.events
+    labels = np.array([event.object_label for event in events])
+    session_ids = np.array([event.session_id for event in events])
+    starts_ns = np.array([window.window_start_ns for window in group.windows])
     return FeatureTable(
         values=np.array([window.values for window in group.windows]),
-        labels=np.array([event.object_label for event in events]),
+        labels=labels,
         spec=spec_for(task, spec_config),
         columns={
             'trial_id': np.array([event.trial_id for event in events]),
-            'session_id': np.array([event.session_id for event in events]),
+            'session_id': session_ids,
+            'trial_block': number_blocks(starts_ns, session_ids, labels),
             'contact': np.array([event.contact for event in events]),
             'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),
             'simulated': np.array([event.simulated for event in events]),
+            'bag': np.array([bag for bag, _ in group.sources]),
+            'namespace': np.array([namespace for _, namespace in group.sources]),
+            'window_start_ns': starts_ns,
+            'window_end_ns': np.array([window.window_end_ns for window in group.windows]),
         },
     )
+
+
+def number_blocks(
+    starts_ns: NDArray[np.int64], session_ids: NDArray[np.str_], labels: NDArray[np.str_]
+) -> NDArray[np.intp]:
+    """Return which sixth of its label's trials in its session each trial belongs to, from 0.
+
+    Trials that follow each other share wear, warmth and drift; with random folds they stand
+    on both sides. Held out in turn, these blocks keep neighbours together.
+
+    Parameters
+    ----------
+    starts_ns, session_ids, labels : ndarray of shape (trials,)
+    """
+    blocks = np.zeros(len(labels), dtype=np.intp)
+    for session in np.unique(session_ids):
+        for label in np.unique(labels):
+            (trials,) = np.nonzero((session_ids == session) & (labels == label))
+            in_order = trials[np.argsort(starts_ns[trials], kind='stable')]
+            blocks[in_order] = np.arange(len(trials)) * BLOCKS // max(len(trials), 1)
+    return blocks

@@ -199,8 +199,10 @@ def evaluate(
     group: Annotated[
         Optional[list[str]],
         typer.Option(
-            help='Hold out each group of trials that agree in this column, instead of random '
-            'folds; may be given several times.'
+            help='Beside random folds, hold out each group of trials that agree in this column, '
+            'in turn; several columns with commas between them: that agree in all. May be given '
+            'several times. Default for bags: session_id, or trial_block (a sixth of a session) '
+            'where there is one session only.'
         ),
     ] = None,
     folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
@@ -211,13 +213,21 @@ def evaluate(
             help='Only these features, separated by commas, as in --features slope,correlation.'
         ),
     ] = None,
+    report: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='Write a report with figures: a folder, or an HTML file, which needs no other.'
+        ),
+    ] = None,
     seed: SeedOption = 0,
     json_output: JsonOption = False,
 ) -> None:
-    """Cross-validate the four classifiers on recordings.
+    """Cross-validate the four classifiers on recordings, and write a report.
 
     On your own trials, real or simulated: the same features as the live node, every
-    classifier with and without scaling, and the split stated beside each number.
+    classifier with and without scaling, and the split stated beside each number. Random
+    folds, and beside them whole groups held out, such as sessions; learning curves; what
+    choosing features brings. The report has the paper's figures, made of your trials.
     """
     with refusals():
         from tactile_bringup.commands.evaluate import EvaluateRequest, run_evaluate
@@ -234,29 +244,7 @@ def evaluate(
                 repetitions=repetitions,
                 features=features,
                 seed=seed,
+                report=report,
             ),
             as_json=json_output,
         )
-
-
-def replay(
-    bag: Annotated[Path, typer.Argument(help='The recording.')],
-    models: Annotated[
-        Optional[Path],
-        typer.Option(help='Folder with the model files. Default: where the recording found them.'),
-    ] = None,
-    nodes: Annotated[
-        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
-    ] = True,
-    json_output: JsonOption = False,
-) -> None:
-    """Run a recording through features and classification again, and compare.
-
-    Prints *equal*, or the first difference from what was recorded; exits with 1 when
-    there is one.
-    """
-    with refusals():
-        from tactile_bringup.commands.replay import run_replay
-
-        equal = run_replay(bag, models, through_nodes=nodes, as_json=json_output)
-    raise typer.Exit(0 if equal else 1)

@@ -1,26 +1,29 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""The two plots that show what the finger felt: one trial in time, the spectra of the plates."""
+"""The two plots that show what the finger felt: one trial in time, the spectra of the plates.
+
+`draw_strain` and `draw_spectrum` draw on axes of whoever calls; the report does.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-matplotlib.use('Agg')
-import matplotlib.pyplot as plt
+TRACE_COLOUR = '#2a6fb0'
+MARK_COLOUR = '#c0392b'
 
-PHASE_COLOURS = {
-    'approach': '0.92',
-    'contact': '#cfe3f5',
-    'glide': '#d9f0d3',
-    'hold': '#d9f0d3',
-    'release': '#fbe3c8',
-    'return': '0.92',
+_PHASE_COLOURS = {
+    'contact': '#4a90d9',
+    'glide': '#5aae61',
+    'hold': '#5aae61',
+    'pull': '#5aae61',
+    'release': '#e08214',
 }
 
 
@@ -50,9 +53,24 @@ def plot_strain(
     line : tuple, optional
         Slope [N/s] and intercept [N] at the window's start, drawn over the window.
     """
-    figure, axes = plt.subplots(figsize=(9, 4), layout='constrained')
+    figure = Figure(figsize=(9, 4), layout='constrained')
+    axes = figure.subplots()
+    draw_strain(axes, time_s, tension_n, phases, window_s, line)
+    axes.set_title(title)
+    figure.savefig(path, dpi=130)
+
+
+def draw_strain(
+    axes: Axes,
+    time_s: NDArray[np.float64],
+    tension_n: NDArray[np.float64],
+    phases: Sequence[tuple[str, float, float]],
+    window_s: tuple[float, float] | None = None,
+    line: tuple[float, float] | None = None,
+) -> None:
+    """Draw what `plot_strain` draws; the parameters are the same."""
     for name, start, end in phases:
-        axes.axvspan(start, end, color=PHASE_COLOURS.get(name, '0.95'), lw=0)
+        shade_phase(axes, name, start, end)
         if end - start > 0.02 * (phases[-1][2] - phases[0][1]):
             axes.text(
                 (start + end) / 2,
@@ -63,29 +81,32 @@ def plot_strain(
                 va='top',
                 fontsize=9,
             )
-    axes.plot(time_s, tension_n, color='#1f4e79', lw=1)
+    axes.plot(time_s, tension_n, color=TRACE_COLOUR, lw=1)
     if window_s is not None:
         for at_s in window_s:
-            axes.axvline(at_s, color='#c00000', lw=0.8, ls='--')
+            axes.axvline(at_s, color=MARK_COLOUR, lw=0.8, ls='--')
         if line is None:
-            axes.plot([], [], color='#c00000', lw=0.8, ls='--', label='feature window')
+            axes.plot([], [], color=MARK_COLOUR, lw=0.8, ls='--', label='feature window')
         else:
             slope, intercept = line
             times = np.array(window_s)
             axes.plot(
                 times,
                 intercept + slope * (times - times[0]),
-                color='#c00000',
+                color=MARK_COLOUR,
                 lw=1.5,
                 label=f'least squares: {intercept:.2f} N {slope:+.3f} N/s',
             )
         axes.legend(loc='lower center', frameon=False)
-    axes.set(xlabel='time [s]', ylabel='tension [N]', title=title)
+    axes.set(xlabel='time [s]', ylabel='tension [N]')
     low, high = float(np.min(tension_n)), float(np.max(tension_n))
     axes.set_ylim(low - 0.05 * (high - low) - 1e-3, high + 0.15 * (high - low) + 1e-3)
     axes.set_xlim(phases[0][1], phases[-1][2])
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+
+
+def shade_phase(axes: Axes, name: str, start_s: float, end_s: float) -> None:
+    """Lay a phase's colour thinly over its time; grey where nothing is touched on purpose."""
+    axes.axvspan(start_s, end_s, color=_PHASE_COLOURS.get(name, '#909090'), alpha=0.18, lw=0)
 
 
 def plot_spectra(
@@ -106,19 +127,24 @@ def plot_spectra(
     title : str
     """
     rows = (len(spectra) + 1) // 2
-    figure, grid = plt.subplots(
-        rows, 2, figsize=(9, 1.5 * rows + 0.8), sharex=True, sharey=True, layout='constrained'
-    )
-    for axes, (label, amplitude_n) in zip(np.ravel(grid), spectra, strict=False):
-        # Logarithmic: the trend of creep is many times as high as the grooves' peaks. The first
-        # amplitude is that of the mean, which has been taken off.
-        axes.semilogy(frequency_hz[1:], 1e3 * amplitude_n[1:], color='#1f4e79', lw=1)
+    figure = Figure(figsize=(9, 1.5 * rows + 0.8), layout='constrained')
+    grid = np.ravel(figure.subplots(rows, 2, sharex=True, sharey=True))
+    for axes, (label, amplitude_n) in zip(grid, spectra, strict=False):
+        draw_spectrum(axes, frequency_hz, 1e3 * amplitude_n)
         axes.text(0.98, 0.9, label, transform=axes.transAxes, ha='right', va='top', weight='bold')
-        axes.grid(alpha=0.3)
-    for axes in np.ravel(grid)[len(spectra) :]:
+    for axes in grid[len(spectra) :]:
         axes.set_visible(False)
     figure.supxlabel('frequency [Hz]')
     figure.supylabel('amplitude [mN]')
     figure.suptitle(title)
     figure.savefig(path, dpi=130)
-    plt.close(figure)
+
+
+def draw_spectrum(
+    axes: Axes, frequency_hz: NDArray[np.float64], amplitude: NDArray[np.float64]
+) -> None:
+    """Draw one amplitude spectrum, in the unit of its amplitudes."""
+    # Logarithmic: the trend of creep is many times as high as the grooves' peaks. The first
+    # amplitude is that of the mean, which has been taken off.
+    axes.semilogy(frequency_hz[1:], amplitude[1:], color=TRACE_COLOUR, lw=1)
+    axes.grid(alpha=0.3)

@@ -18,7 +18,7 @@ from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 
 from tactile_bringup.errors import BringupError
-from tactile_bringup.plots import PHASE_COLOURS
+from tactile_bringup.plots import shade_phase
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulated_trials import (
     PlannedTrial,
@@ -39,7 +39,6 @@ from tactile_sim.variation import Variation
 FloatArray = NDArray[np.float64]
 
 MM = 1e3
-COLOURS = {**PHASE_COLOURS, 'pull': PHASE_COLOURS['glide']}
 SHAPE_STYLES = {
     'at rest': ('0.65', '-'),
     'start': ('#1f4e79', '-'),
@@ -326,7 +325,7 @@ def _texture_window(picture: TrialPicture) -> tuple[FloatArray, FloatArray]:
 def _shade_phases(axes: Axes, picture: TrialPicture) -> None:
     phases = picture.planned.phases
     for (name, start_s), (_, end_s) in pairwise(phases):
-        axes.axvspan(start_s, end_s, color=COLOURS.get(name, '0.95'), lw=0)
+        shade_phase(axes, name, start_s, end_s)
         if end_s - start_s > 0.03 * picture.times_s[-1]:
             axes.text(
                 (start_s + end_s) / 2,

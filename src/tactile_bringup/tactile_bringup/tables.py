@@ -21,26 +21,40 @@ SCALING_TITLES = {
 }
 
 
-def accuracy_table(evaluation: Evaluation, title: str) -> Table:
-    """Return accuracies [%] by classifier and scaling, with their spread."""
+def short_scaling(scaling: str) -> str:
+    """Return ``scaled`` or ``not scaled``."""
+    return SCALING_TITLES[scaling].partition(' (')[0]
+
+
+def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
+    """Return accuracies [%] by classifier and scaling, with their spread, and intervals."""
     scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
     table = Table(title=title, title_justify='left', title_style='bold')
     table.add_column('classifier')
     for scaling in scalings:
-        table.add_column(SCALING_TITLES[scaling], justify='right')
+        title = short_scaling(scaling) if intervals else SCALING_TITLES[scaling]
+        table.add_column(title, justify='right')
     for classifier in dict.fromkeys(score.classifier for score in evaluation.scores):
         cells = []
         for scaling in scalings:
             score = evaluation.score(classifier, scaling)
-            cells.append(f'{100 * score.mean:.1f} ± {100 * score.spread:.1f}')
+            cell = f'{100 * score.mean:.1f} ± {100 * score.spread:.1f}'
+            if intervals and not score.interval.reason:
+                low, high = score.interval.low, score.interval.high
+                cell += f'  ({100 * low:.0f} to {100 * high:.0f})'
+            cells.append(cell)
         table.add_row(CLASSIFIER_TITLES[classifier], *cells)
     return table
 
 
-def accuracy_caption(evaluation: Evaluation) -> str:
+def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     """Return what the numbers of `accuracy_table` are."""
-    return (
-        f'accuracy in %: {evaluation.split}, {evaluation.trials} trials; '
-        f'± standard deviation over {evaluation.scores[0].spread_of}; '
-        f'chance {100 * evaluation.chance:.1f}'
-    )
+    first = evaluation.scores[0]
+    parts = [
+        f'accuracy in %: {evaluation.split}, {evaluation.trials} trials',
+        f'± standard deviation over {first.spread_of}',
+        f'chance {100 * evaluation.chance:.1f}',
+    ]
+    if intervals and any(not score.interval.reason for score in evaluation.scores):
+        parts.insert(2, 'in brackets the 95 % interval')
+    return '; '.join(parts)

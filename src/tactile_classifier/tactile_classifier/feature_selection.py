@@ -152,9 +152,13 @@ class FoldSelection:
 
 
 def choose_counts(features: int) -> tuple[int, ...]:
-    """Return the numbers of features to choose from: about doubling, up to all of them."""
+    """Return the numbers of features to choose from: about doubling, and all of them.
+
+    From a twentieth of all to about half; of fewer than ten, each step.
+    """
     doubling = (1, 2, 5, 10, 20, 40, 80, 160, 320, 640)
-    return (*(count for count in doubling if count < features), features)
+    most = features - 1 if features < 10 else 0.6 * features
+    return (*(count for count in doubling if features / 20 <= count <= most), features)
 
 
 def compare_selection(

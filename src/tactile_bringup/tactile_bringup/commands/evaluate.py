@@ -1,9 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""`tactile evaluate`: cross-validated accuracy on archives and bags."""
+"""`tactile evaluate`: cross-validated accuracy on archives and bags, and the report."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,10 @@ import numpy as np
 from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
+from tactile_bringup.report.analysis import SetResult, analyse
+from tactile_bringup.report.build import report_path, write_report
+from tactile_bringup.report.recordings import RecordingSet, array_examples, bag_sets
+from tactile_bringup.report.sentences import summarise_set
 from tactile_bringup.tables import accuracy_caption, accuracy_table
 from tactile_classifier.archive import load_archive
 from tactile_classifier.dataset import FeatureTable, table_from_trials
@@ -33,25 +38,50 @@ class EvaluateRequest:
     repetitions: int
     features: str | None
     seed: int
+    report: Path | None = None
+
+    @property
+    def hold_out(self) -> tuple[tuple[str, ...], ...]:
+        """The columns of each grouped split."""
+        return tuple(
+            tuple(part.strip() for part in group.split(',') if part.strip())
+            for group in self.groups
+        )
 
 
 def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
-    """Evaluate each feature table of the recordings and print what came out."""
+    """Evaluate each set of the recordings, print what came out, write the report."""
     output = Output(as_json)
-    documents = []
-    for title, table in _tables(request):
-        evaluation = evaluate_with_progress(
-            table,
-            output,
-            folds=request.folds,
-            repetitions=request.repetitions,
-            hold_out=request.groups,
-            random_state=request.seed,
+    file = None if request.report is None else report_path(request.report)
+    with output.progress() as progress:
+        progress.add_task('reading', total=None)
+        sets = _read_sets(request)
+    results = analyse_with_progress(
+        sets,
+        output,
+        folds=request.folds,
+        repetitions=request.repetitions,
+        random_state=request.seed,
+    )
+    for result in results:
+        _print_result(result, output)
+    if file is not None:
+        write_report(file, results, request.recordings, _settings(request))
+        output.say(f'{file}: the same with figures, learning curves, and the paper beside it')
+    output.result({'sets': [result.to_dict() for result in results]})
+
+
+def analyse_with_progress(
+    sets: Sequence[RecordingSet], output: Output, **arguments: int
+) -> list[SetResult]:
+    """Run all analyses of all sets under one progress bar, on all cores."""
+    with output.progress() as progress:
+        bar = progress.add_task('evaluating', total=None)
+        return analyse(
+            sets,
+            progress=lambda done, total: progress.update(bar, completed=done, total=total),
+            **arguments,
         )
-        output.say(accuracy_table(evaluation, title))
-        output.say(accuracy_caption(evaluation))
-        documents.append({'title': title, **evaluation.to_dict()})
-    output.result({'evaluations': documents})
 
 
 def evaluate_with_progress(table: FeatureTable, output: Output, **arguments: Any) -> Evaluation:
@@ -66,27 +96,46 @@ def evaluate_with_progress(table: FeatureTable, output: Output, **arguments: Any
         )
 
 
-def _tables(request: EvaluateRequest) -> list[tuple[str, FeatureTable]]:
+def _print_result(result: SetResult, output: Output) -> None:
+    for evaluation in result.evaluations:
+        output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
+        output.say(accuracy_caption(evaluation, intervals=True))
+    for line in (*summarise_set(result), *result.not_done):
+        output.say(f'  {line}')
+    output.say()
+
+
+def _settings(request: EvaluateRequest) -> dict[str, str]:
+    names = ('task', 'channel', 'where', 'static_phase', 'features')
+    given = {name: getattr(request, name) for name in names}
+    return {
+        'folds': f'{request.folds}, dealt {request.repetitions} times',
+        'seed of the folds': str(request.seed),
+        **{name.replace('_', '-'): value for name, value in given.items() if value is not None},
+    }
+
+
+def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
     archives = [path for path in request.recordings if path.suffix == '.npz']
     if archives and len(request.recordings) > 1:
         raise BringupError('evaluate one archive at a time, or bags only')
     if archives:
-        return [_archive_table(archives[0], request)]
+        return [_archive_set(archives[0], request)]
     for name in ('channel', 'where', 'static_phase'):
         if getattr(request, name) is not None:
             option = name.replace('_', '-')
             raise BringupError(f'--{option} is for archives; a bag says itself what a trial is')
-    tables = []
-    for (task, contact), table in read_tables(request.recordings).tables.items():
-        if request.task in (None, task):
-            simulated = ', simulated' if table.column('simulated').any() else ''
-            tables.append((f'{task}, {contact}{simulated}', _select(table, request.features)))
+    tables = {
+        key: select_features(table, request.features)
+        for key, table in read_tables(request.recordings).tables.items()
+        if request.task in (None, key[0])
+    }
     if not tables:
         raise BringupError(f'the bags hold no {request.task} trials')
-    return tables
+    return bag_sets(tables, request.hold_out or None)
 
 
-def _archive_table(path: Path, request: EvaluateRequest) -> tuple[str, FeatureTable]:
+def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
     if request.task is None:
         raise BringupError(f'say what {path.name} is about: --task texture or --task stiffness')
     trials = load_archive(path, folds=request.folds)
@@ -104,7 +153,15 @@ def _archive_table(path: Path, request: EvaluateRequest) -> tuple[str, FeatureTa
     table = table_from_trials(request.task, trials, channel)
     if request.features is not None:
         title.append(request.features)
-    return ', '.join(title), _select(table, request.features)
+    return RecordingSet(
+        title=', '.join(title),
+        contact='',
+        simulated=bool(np.any(trials.columns.get('simulated', False))),
+        table=select_features(table, request.features),
+        hold_out=request.hold_out,
+        unit='raw',
+        examples=array_examples(table, trials.signal(channel), trials.rate_hz),
+    )
 
 
 def _value(text: str, columns: Any, column: str) -> object:
@@ -151,8 +208,14 @@ def parse_span(text: str) -> tuple[float, float]:
     return span
 
 
-def _select(table: FeatureTable, names: str | None) -> FeatureTable:
-    """Return the table with only the named features; the last part of a name is enough."""
+def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
+    """Return the table with only the named features; the last part of a name is enough.
+
+    Raises
+    ------
+    BringupError
+        When there is no such feature.
+    """
     if names is None:
         return table
     short = [name.rpartition('__')[2] for name in table.spec.names]

@@ -73,9 +73,11 @@ def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
     for text in ('stratified 6-fold, 10 times', 'not scaled', '100.0'):
         assert text in done.stdout
     done = tactile('evaluate', archive, '--task', 'texture', '--group', 'session', '--json')
-    (evaluation,) = json.loads(done.stdout)['evaluations']
-    assert evaluation['split'] == 'one session held out'
-    assert {score['scaling'] for score in evaluation['scores']} == {'standard', 'none'}
+    (found,) = json.loads(done.stdout)['sets']
+    plain, grouped = found['evaluations']
+    assert plain['split'] == 'stratified 6-fold, 10 times'
+    assert grouped['split'] == 'one session held out'
+    assert {score['scaling'] for score in grouped['scores']} == {'standard', 'none'}
 
 
 @pytest.mark.parametrize(
@@ -89,6 +91,7 @@ def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
         (['--task', 'texture', '--static-phase', '4'], 'START:STOP'),
         (['--task', 'texture', '--features', 'loudness'], 'loudness'),
         (['--task', 'texture', '--where', 'session=north'], 'north'),
+        (['--task', 'texture', '--report', '/proc/nowhere/r.html'], 'cannot write the report'),
     ],
 )
 def test_evaluate_refuses_with_one_sentence(archive, arguments, sentence):
@@ -115,10 +118,17 @@ def test_simulated_bags_become_models(tmp_path):
     assert 'SIMULATED' in done.stdout
     assert 'stiffness-flexion-tree-' in done.stdout
     assert (tmp_path / 'models' / 'stiffness_flexion.onnx').is_file()
-    done = tactile('evaluate', bag['path'], '--repetitions', 1, '--json')
-    (evaluation,) = json.loads(done.stdout)['evaluations']
-    assert evaluation['title'] == 'stiffness, flexion, simulated'
-    assert evaluation['trials'] == 30
+    report = tmp_path / 'reports'
+    options = ('--repetitions', 1, '--report', report, '--json')
+    done = tactile('evaluate', bag['path'], *options)
+    (found,) = json.loads(done.stdout)['sets']
+    assert found['title'] == 'stiffness, flexion, simulated'
+    assert found['trials'] == 30
+    assert [e['split'] for e in found['evaluations']] == [
+        'stratified 6-fold, 1 times',
+        'one trial_block held out',
+    ]
+    assert 'SIMULATED' in (report / 'report.html').read_text()
 
 
 def test_too_few_trials_to_train_on_are_refused(stiffness_bag, tmp_path):

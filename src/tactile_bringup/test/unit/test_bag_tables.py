@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_bringup.bag_tables import read_tables
+from tactile_bringup.bag_tables import number_blocks, read_tables
 from tactile_bringup.bags import EVENT, STRAIN, BagWriter, RecordedTopic, TactileBag
 from tactile_bringup.errors import BagError
 from tactile_bringup.simulated_trials import SAMPLES_PER_BLOCK
@@ -98,3 +98,20 @@ def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
                 writer.add_topic(RecordedTopic(name.strip('/'), type_name))
     with pytest.raises(BagError, match='other feature parameters'):
         read_tables([stiffness_bag, tmp_path / 'other'])
+
+
+def test_blocks_are_runs_of_each_labels_trials_in_time():
+    labels = np.array(['a', 'b'] * 12)
+    sessions = np.repeat(['s', 't'], 12)
+    starts_ns = np.arange(24)[::-1]  # the table's order need not be that of time
+    blocks = number_blocks(starts_ns, sessions, labels)
+    of_a = blocks[(labels == 'a') & (sessions == 's')]
+    assert of_a.tolist() == [5, 4, 3, 2, 1, 0]
+    assert number_blocks(starts_ns[:8], sessions[:8], labels[:8]).max() == 4
+
+
+def test_table_says_where_each_window_stands(stiffness_bag):
+    (table,) = read_tables([stiffness_bag]).tables.values()
+    assert set(table.column('bag')) == {str(stiffness_bag)}
+    assert (table.column('window_end_ns') - table.column('window_start_ns') > 3e9).all()
+    assert (np.diff(np.sort(table.column('window_start_ns'))) > 4e9).all()

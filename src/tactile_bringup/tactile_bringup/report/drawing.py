@@ -1,0 +1,115 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Figures as SVG inside a page: they take its colour of text, and it needs no other file."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+INK = '#1b1b1c'
+"""Stands for the page's colour of text, light or dark."""
+
+CLASSIFIER_COLOURS = {
+    'knn': '#2a78b8',
+    'svm_linear': '#d98c00',
+    'svm_rbf': '#c0392b',
+    'tree': '#3a9d5d',
+}
+"""Told apart with red-green blindness, too, and on white as on black."""
+
+_STYLE = {
+    'axes.edgecolor': INK,
+    'axes.facecolor': 'none',
+    'axes.labelcolor': INK,
+    'axes.spines.right': False,
+    'axes.spines.top': False,
+    'axes.titlesize': 9,
+    'figure.facecolor': 'none',
+    'font.size': 8.5,
+    'grid.color': INK,
+    'legend.frameon': False,
+    'savefig.transparent': True,
+    'svg.fonttype': 'none',
+    'svg.hashsalt': 'tactile',
+    'text.color': INK,
+    'xtick.color': INK,
+    'ytick.color': INK,
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of the report.
+
+    Attributes
+    ----------
+    svg : str
+        An element that may stand inside HTML.
+    caption : str
+        What one sees, in a sentence or two.
+    """
+
+    svg: str
+    caption: str
+
+
+def render(
+    draw: Callable[[Figure], None],
+    size_in: tuple[float, float],
+    caption: str,
+    *,
+    simulated: bool,
+) -> Drawing:
+    """Draw a figure and return it as SVG.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws on the empty figure that it is given.
+    size_in : tuple of float
+        Width and height [inch].
+    caption : str
+    simulated : bool
+        Whether what it shows comes from a simulation: then it says so all across.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=size_in, layout='constrained')
+        draw(figure)
+        if simulated:
+            figure.text(
+                0.5,
+                0.5,
+                'SIMULATED',
+                ha='center',
+                va='center',
+                rotation=25,
+                fontsize=9 * size_in[0],
+                alpha=0.07,
+                weight='bold',
+                zorder=10,
+            )
+        stream = io.StringIO()
+        figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
+    prefix = 'SIMULATED. ' if simulated else ''
+    return Drawing(_clean(stream.getvalue()), prefix + caption)
+
+
+def _clean(svg: str) -> str:
+    """Return the SVG element alone, in the page's colour of text, without what repeats."""
+    svg = svg[svg.index('<svg') :]
+    svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
+    # Names of groups would come again in the next figure; what is referred to is a hash.
+    svg = re.sub(r' id="(?![mp][0-9a-f]{10}")[^"]*"', '', svg)
+    svg = svg.replace(INK, 'currentColor')
+    svg = re.sub(r"font: ([^;\"]*?)'[^;\"]*(sans-serif)", r'font: \1\2', svg)
+    width = re.search(r'width="([\d.]+)pt" height="[\d.]+pt"', svg)
+    if width is not None:
+        style = f'style="min-width:{0.8 * float(width.group(1)):.0f}px"'
+        svg = svg.replace(width.group(0), style, 1)
+    return svg.replace('<svg ', '<svg role="img" ', 1)

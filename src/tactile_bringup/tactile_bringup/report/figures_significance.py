@@ -1,0 +1,101 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Rank-sum p-values as figures: per Fourier component, and as matrices of classes."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.drawing import INK, Drawing, render
+from tactile_bringup.report.figures_accuracy import draw_matrix
+
+LEVEL = 0.05
+"""The paper's line of significance (Fig. 9)."""
+
+_SMALLEST = 1e-16
+
+
+def count_above(result: SetResult) -> int:
+    """Return how many components above 0 Hz have a mean p over the line."""
+    return int(np.sum(result.significance.mean_p[1:] > LEVEL))
+
+
+def draw_mean_p(result: SetResult) -> Drawing:
+    """Draw the mean p-value of each Fourier component, after the paper's Fig. 9."""
+    spec = result.recordings.table.spec
+    frequency_hz = np.arange(len(spec.names)) * spec.rate_hz / spec.sample_count
+    mean_p = np.maximum(result.significance.mean_p, _SMALLEST)
+    above = result.significance.mean_p > LEVEL
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for chosen, colour in ((~above, '#2a78b8'), (above, '#c0392b')):
+            axes.semilogy(frequency_hz[chosen], mean_p[chosen], 'o', ms=3, color=colour)
+        axes.axhline(LEVEL, ls='--', lw=1, color=INK)
+        axes.set(xlabel='frequency [Hz]', ylabel='mean p over pairs of classes')
+        axes.grid(alpha=0.2, lw=0.5)
+
+    return render(
+        draw,
+        (6.2, 2.6),
+        f'{result.recordings.title}: rank-sum test of every two classes, mean p-value of each '
+        f'Fourier component, over all {len(result.recordings.table)} trials. '
+        f'{count_above(result)} of the {len(mean_p) - 1} components above 0 Hz lie over 0.05 '
+        '(dashes; red). Low means that the component alone tells most pairs of classes apart.',
+        simulated=result.recordings.simulated,
+    )
+
+
+def draw_p_matrices(result: SetResult) -> Drawing:
+    """Draw the p-value matrix of each stiffness feature, after the paper's Fig. 10."""
+    significance = result.significance
+    names = [name.rpartition('__')[2] for name in result.recordings.table.spec.names]
+    labels = significance.labels
+
+    def draw(figure: Figure) -> None:
+        panels = np.ravel(figure.subplots(1, len(names), sharey=True, squeeze=False))
+        for axes, name, p in zip(panels, names, significance.p, strict=True):
+            # Inverse, as in the paper: dark where classes differ.
+            draw_matrix(axes, 1.0 - p, lambda share: '')
+            for i, j in np.ndindex(p.shape):
+                if i != j:
+                    colour = 'white' if p[i, j] < 0.5 else '#222222'
+                    axes.text(
+                        j, i, _short(p[i, j]), ha='center', va='center', fontsize=6, color=colour
+                    )
+            axes.set_xticks(range(len(labels)), labels, rotation=90)
+            axes.set_yticks(range(len(labels)), labels)
+            axes.set_title(name)
+
+    pairs = list_similar(result)
+    return render(
+        draw,
+        (1.6 + 1.9 * len(names), 3.4),
+        f'{result.recordings.title}: p-values of the rank-sum test between every two objects, '
+        'dark where they differ. '
+        + (f'Over 0.05: {"; ".join(pairs)}.' if pairs else 'Every pair differs in each feature.'),
+        simulated=result.recordings.simulated,
+    )
+
+
+def list_similar(result: SetResult) -> list[str]:
+    """Return the pairs of classes that a feature does not tell apart, in words."""
+    significance = result.significance
+    found = []
+    for name, p in zip(result.recordings.table.spec.names, significance.p, strict=True):
+        pairs = [
+            f'{significance.labels[i]} and {significance.labels[j]} (p = {p[i, j]:.2g})'
+            for i, j in zip(*np.triu_indices(len(p), 1), strict=True)
+            if p[i, j] > LEVEL
+        ]
+        if pairs:
+            found.append(f'{name.rpartition("__")[2]} of {", ".join(pairs)}')
+    return found
+
+
+def _short(p: float) -> str:
+    if p >= 0.01:
+        return f'{p:.2f}'
+    return f'{p:.0e}'.replace('e-0', 'e-') if p > 0 else '0'

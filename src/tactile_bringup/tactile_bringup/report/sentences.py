@@ -1,0 +1,111 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What the numbers say, in sentences that follow from them by rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.figures_accuracy import distance_shares
+from tactile_bringup.report.published import AGREES, DISAGREES, UNTESTED, Comparison
+from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_classifier.estimators import CLASSIFIERS
+from tactile_classifier.evaluation import Score
+from tactile_classifier.intervals import Interval
+
+
+def tell_interval(interval: Interval) -> str:
+    """Return an interval of accuracies in %, or why there is none."""
+    if interval.reason:
+        return f'none: {interval.reason}'
+    return f'{100 * interval.low:.1f} to {100 * interval.high:.1f}'
+
+
+def tell_difference(interval: Interval) -> str:
+    """Return an interval of a difference in points."""
+    return (
+        'no spread'
+        if interval.reason
+        else f'{100 * interval.low:+.1f} to {100 * interval.high:+.1f}'
+    )
+
+
+def tell_score(score: Score) -> str:
+    """Return a score in one line: classifier, scaling, accuracy."""
+    return (
+        f'{CLASSIFIER_TITLES[score.classifier]}, {short_scaling(score.scaling)}: '
+        f'{100 * score.mean:.1f} %'
+    )
+
+
+def summarise_set(result: SetResult) -> list[str]:
+    """Return the findings on one set: best, scaling, groups, selection."""
+    best = max(result.plain.scores, key=lambda score: score.mean)
+    found = [
+        f'Best under {result.plain.split}: {tell_score(best)} (95 % '
+        f'interval {tell_interval(best.interval)}; chance {100 * result.plain.chance:.1f} %).'
+    ]
+    changes = {
+        name: result.plain.score(name, 'standard').mean - result.plain.score(name, 'none').mean
+        for name in CLASSIFIERS
+    }
+    largest = max(changes, key=lambda name: abs(changes[name]))
+    found.append(
+        f'Scaling moves {CLASSIFIER_TITLES[largest]} by {100 * changes[largest]:+.1f} '
+        'points, more than any other classifier.'
+    )
+    for evaluation in result.evaluations[1:]:
+        # The same classifier and scaling on both sides: the best there may be another one.
+        held_out = evaluation.score(best.classifier, best.scaling)
+        found.append(
+            f'With {evaluation.split}, {tell_score(held_out)}, which is '
+            f'{100 * (held_out.mean - best.mean):+.1f} points from plain folds.'
+        )
+    for split in dict.fromkeys(selection.split for selection in result.selections):
+        here = [selection for selection in result.selections if selection.split == split]
+        verdicts = [selection.verdict for selection in here]
+        found.append(
+            f'Keeping the features with the lowest mean p helps '
+            f'{verdicts.count("helps")} and hurts {verdicts.count("hurts")} of {len(here)} '
+            f'combinations of classifier and scaling ({split}).'
+        )
+    return found
+
+
+def summarise_comparison(comparisons: Sequence[Comparison]) -> str:
+    """Return how many of the paper's statements hold here."""
+    tested = [c for c in comparisons if c.verdict != UNTESTED]
+    agree = sum(c.verdict == AGREES for c in tested)
+    disagree = sum(c.verdict == DISAGREES for c in tested)
+    return (
+        f'Of {len(tested)} statements of the paper that these trials can test, {agree} agree, '
+        f'{disagree} do not, and {len(tested) - agree - disagree} agree in part.'
+    )
+
+
+def explain_scaling(result: SetResult) -> str:
+    """Return what happens to the RBF machine without scaling, from this set's numbers."""
+    names = [name.rpartition('__')[2] for name in result.recordings.table.spec.names]
+    shares = distance_shares(result)
+    largest = int(shares.argmax())
+    unscaled = result.plain.score('svm_rbf', 'none').mean
+    scaled = result.plain.score('svm_rbf', 'standard').mean
+    accuracies = [point.accuracy for point in result.units]
+    gains = {
+        name: result.plain.score(name, 'standard').mean - result.plain.score(name, 'none').mean
+        for name in CLASSIFIERS
+    }
+    others = ', '.join(
+        f'{CLASSIFIER_TITLES[name]} by {100 * gains[name]:+.1f}'
+        for name in CLASSIFIERS
+        if name != 'svm_rbf'
+    )
+    return (
+        f'{result.recordings.title}: unscaled, {names[largest]} makes up '
+        f'{100 * shares[largest]:.1f} % of the squared distance between trials. The RBF machine '
+        f'names {100 * unscaled:.1f} % unscaled and {100 * scaled:.1f} % scaled; unscaled, the '
+        f'choice of the unit of force alone moves it between {100 * min(accuracies):.1f} % and '
+        f'{100 * max(accuracies):.1f} %. Scaling moves it by {100 * gains["svm_rbf"]:+.1f} '
+        f'points, {others}.'
+    )
