@@ -24,6 +24,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'slip_detector_node = tactile_features.slip_detector_node:main',
             'tactile_features_node = tactile_features.tactile_features_node:main',
         ],
     },

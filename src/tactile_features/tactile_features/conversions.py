@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from tactile_features.records import FeatureWindow, Measure, Outcome, StrainBlock, TrialEvent
+from tactile_features.slip import Slip, SlipConfig
 
 
 def strain_block_from_msg(msg: Any) -> StrainBlock:
@@ -131,6 +132,26 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
             )
             for m in window.measures
         ],
+    )
+
+
+def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
+    """Return the ``tactile_msgs/Slip`` of a record."""
+    from builtin_interfaces.msg import Time
+    from std_msgs.msg import Header
+    from tactile_msgs.msg import Slip as SlipMsg
+
+    return SlipMsg(
+        header=Header(
+            stamp=Time(**_split_stamp(slip.stamp_ns)),
+            frame_id=config.frame_id,
+        ),
+        motion=slip.motion,
+        onset=Time(**_split_stamp(slip.onset_ns)),
+        statistic=slip.statistic,
+        tension_n=slip.tension_n,
+        trial_id=trial_id,
+        simulated=config.simulated,
     )
 
 

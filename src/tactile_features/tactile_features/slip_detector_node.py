@@ -1,0 +1,74 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The node around `SlipDetector`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
+
+from tactile_features.conversions import event_from_msg, slip_to_msg, strain_block_from_msg
+from tactile_features.records import PHASE_ABORTED, PHASE_DONE
+from tactile_features.records import TrialEvent as EventRecord
+from tactile_features.slip import SlipConfig, SlipDetector
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import run_node
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+
+class SlipDetectorNode(TactileNode):
+    """Publishes ``~/slip`` when a held object begins to slide.
+
+    It needs no trial; when one is under way, its name is passed on. It listens as soon as it
+    is configured, so that it knows the noise when it is activated.
+
+    Attributes
+    ----------
+    detector : SlipDetector or None
+        The core; None before the first configuration.
+    """
+
+    def __init__(self, node_name: str = 'slip_detector', **node_options: Any) -> None:
+        super().__init__(node_name, SlipConfig, **node_options)
+        self.detector: SlipDetector | None = None
+        self._publisher: Any = None
+        self._subscriptions_made: list[Any] = []
+        self._event: EventRecord | None = None
+
+    def set_up(self, config: SlipConfig) -> None:
+        detector = self.detector = SlipDetector(config)
+        self._event = None
+        self._publisher = self.create_lifecycle_publisher(Slip, '~/slip', RESULTS)
+        self._subscriptions_made = [
+            self.create_subscription(
+                StrainBlock,
+                'tendon_sensor/strain',
+                lambda msg: self._on_block(detector, msg),
+                STREAM,
+            ),
+            self.create_subscription(TrialEvent, 'trial_runner/events', self._on_event, EVENTS),
+        ]
+
+    def tear_down(self) -> None:
+        for subscription in self._subscriptions_made:
+            self.destroy_subscription(subscription)
+        self._subscriptions_made = []
+        if self._publisher is not None:
+            self.destroy_lifecycle_publisher(self._publisher)
+            self._publisher = None
+
+    def _on_event(self, msg: Any) -> None:
+        self._event = event_from_msg(msg)
+
+    def _on_block(self, detector: SlipDetector, msg: Any) -> None:
+        for slip in detector.add(strain_block_from_msg(msg)):
+            event = self._event
+            is_trial = event is not None and event.phase not in (PHASE_DONE, PHASE_ABORTED)
+            trial_id = event.trial_id if event is not None and is_trial else ''
+            self._publisher.publish(slip_to_msg(slip, self.config, trial_id))
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(SlipDetectorNode)

@@ -1,0 +1,255 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Measures of synthetic windows whose truth is known, and the reasons when there are none."""
+
+import dataclasses
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tactile_features import FeatureConfig, StrainBlock, TrialEvent, TrialFeatureExtractor
+from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.measures_pitch import find_ripple
+from tactile_features.measures_press import (
+    Press,
+    PressCalibration,
+    Value,
+    calibrate_presses,
+    find_object_stiffness,
+    measure_press,
+    measure_relaxation,
+)
+
+RATE_HZ = 60.0
+TIME_S = np.arange(180) / RATE_HZ
+CREEP_N = 8.0 + 4.7 * np.exp(-TIME_S / 3.8)
+
+
+def noise(seed=0, size=180, sigma_n=0.004):
+    return np.random.default_rng(seed).normal(0.0, sigma_n, size)
+
+
+def dips(frequency_hz, depth_n=0.3, width=0.2):
+    """A groove each period: the tension falls and recovers."""
+    phase = np.mod(TIME_S * frequency_hz + 0.3, 1.0)
+    return -depth_n * np.exp(-((phase - 0.5) ** 2) / (2 * (width / 2) ** 2))
+
+
+@pytest.mark.parametrize('frequency_hz', [1.7, 2.5, 3.75, 5.0, 8.0, 12.0])
+def test_the_frequency_of_a_ripple_lies_within_its_uncertainty(frequency_hz):
+    ripple = find_ripple(TIME_S, CREEP_N + dips(frequency_hz) + noise())
+    error_hz = ripple.frequency_hz - frequency_hz
+    assert abs(error_hz) < 3 * ripple.standard_uncertainty_hz
+    assert ripple.standard_uncertainty_hz < 0.004 * frequency_hz
+
+
+def test_a_sine_is_a_ripple_of_one_harmonic():
+    ripple = find_ripple(TIME_S, CREEP_N + 0.05 * np.sin(2 * np.pi * 3.3 * TIME_S) + noise())
+    assert ripple.harmonics == 1
+    assert ripple.frequency_hz == pytest.approx(3.3, abs=0.01)
+
+
+def test_edges_between_samples_do_not_double_the_pitch():
+    # 13.5 samples a period: the samples repeat after two periods only.
+    frequency_hz = RATE_HZ / 13.5
+    square = 0.3 * (np.mod(TIME_S * frequency_hz + 0.01, 1.0) < 0.3)
+    ripple = find_ripple(TIME_S, CREEP_N + square + noise())
+    assert ripple.frequency_hz == pytest.approx(frequency_hz, rel=0.005)
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_noise_drift_and_creep_have_no_ripple(seed):
+    walk = np.cumsum(noise(seed))
+    for tension_n in (noise(seed), walk, walk + noise(seed + 1), CREEP_N + noise(seed), CREEP_N):
+        with pytest.raises(UndefinedFeatureError, match='no periodic grooves'):
+            find_ripple(TIME_S, tension_n)
+
+
+def test_a_fast_sensor_measures_the_same_ripple():
+    time_s = np.arange(21_000) / 7000.0
+    tension_n = np.sin(2 * np.pi * 5.0 * time_s) + noise(size=len(time_s))
+    assert find_ripple(time_s, tension_n).frequency_hz == pytest.approx(5.0, rel=1e-3)
+
+
+def test_too_few_samples_have_no_ripple():
+    with pytest.raises(UndefinedFeatureError, match='too few'):
+        find_ripple(TIME_S[:20], CREEP_N[:20])
+
+
+def pull(free_n_m=2000.0, rise_n_m=3000.0, *, speed_m_s=0.003, touch_s=1.0, end_s=1.3, seed=0):
+    """Slack for 0.1 s, free, and from the touch on stiffer."""
+    time_s = np.arange(round(end_s * RATE_HZ) + 1) / RATE_HZ
+    pulled_s = np.clip(time_s, 0.1, end_s) - 0.1
+    pressed_s = np.clip(time_s, touch_s, end_s) - touch_s
+    tension_n = speed_m_s * (free_n_m * pulled_s + rise_n_m * pressed_s)
+    return time_s, tension_n + noise(seed, len(time_s)), speed_m_s
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_both_stiffnesses_lie_within_their_uncertainty(seed):
+    press = measure_press(*pull(seed=seed))
+    for value, truth in ((press.free, 2000.0), (press.contact, 3000.0)):
+        assert abs(value.value - truth) < 4 * value.standard_uncertainty
+        assert value.standard_uncertainty < 0.05 * truth
+
+
+def test_stiffnesses_cover_the_truth_as_often_as_they_say():
+    presses = [measure_press(*pull(seed=seed)) for seed in range(200)]
+    deviates = [(p.contact.value - 3000.0) / p.contact.standard_uncertainty for p in presses]
+    within = np.mean(np.abs(deviates) < 1.0)
+    assert 0.55 < within < 0.95
+
+
+def test_nothing_is_touched_in_a_free_pull():
+    with pytest.raises(UndefinedFeatureError, match='nothing was touched'):
+        measure_press(*pull(rise_n_m=0.0))
+
+
+def test_a_touch_too_late_for_a_slope_is_said():
+    with pytest.raises(UndefinedFeatureError, match='pull more slowly or sample faster'):
+        measure_press(*pull(touch_s=1.25, rise_n_m=30_000.0))
+
+
+def make_press(stiffness_n_m, free_n_m=2000.0, blocked=3.0, fingertip=0.05):
+    """What a linear finger answers to a spring."""
+    share = 1.0 / (1.0 + fingertip * free_n_m / stiffness_n_m)
+    rise = (blocked - 1) * free_n_m * share
+    return Press(Value(free_n_m, 1.0), Value(rise, 10.0))
+
+
+def test_a_calibrated_finger_tells_a_third_spring():
+    calibration = calibrate_presses([make_press(100.0), make_press(np.inf)], [100.0, np.inf])
+    assert calibration == pytest.approx(PressCalibration(3.0, 0.05))
+    # A stiffer finger, as on a cold day, measures the same object.
+    value = find_object_stiffness(make_press(250.0, free_n_m=2200.0), calibration)
+    assert value.value == pytest.approx(250.0)
+    assert value.standard_uncertainty > 0.0
+
+
+def test_a_rigid_object_is_too_stiff_to_be_told():
+    calibration = PressCalibration(3.0, 0.05)
+    with pytest.raises(UndefinedFeatureError, match='too stiff'):
+        find_object_stiffness(make_press(1e6), calibration)
+
+
+def test_a_calibration_needs_two_springs():
+    with pytest.raises(FeatureError, match='two different'):
+        calibrate_presses([make_press(100.0), make_press(100.0)], [100.0, 100.0])
+
+
+@pytest.mark.parametrize('time_s', [0.8, 2.0, 3.8])
+def test_the_time_of_a_relaxation_lies_within_its_uncertainty(time_s):
+    errors = []
+    for seed in range(20):
+        tension_n = 8.0 + 4.7 * np.exp(-TIME_S / time_s) + noise(seed)
+        value = measure_relaxation(TIME_S, tension_n)
+        errors.append((value.value - time_s) / value.standard_uncertainty)
+    assert np.max(np.abs(errors)) < 4.0
+    assert 0.4 < np.std(errors) < 1.6
+
+
+@pytest.mark.parametrize(
+    ('tension_n', 'why'),
+    [
+        (10.0 + noise(), 'does not relax'),
+        (10.0 - 0.5 * TIME_S + noise(), 'straight line'),
+        (8 + 2 * np.exp(-TIME_S / 0.1) + 3 * np.exp(-TIME_S / 2) + noise(), 'more than one'),
+    ],
+)
+def test_what_is_not_one_relaxation_has_no_time(tension_n, why):
+    with pytest.raises(UndefinedFeatureError, match=why):
+        measure_relaxation(TIME_S, tension_n)
+
+
+# -- through the extractor --------------------------------------------------------
+
+PERIOD_NS = 16_666_667
+
+
+def trial_event(time_s, phase, **fields):
+    return TrialEvent(
+        round(time_s * 1e9), 't', 's', 'stiffness', 'flexion', 'sponge', phase, **fields
+    )
+
+
+def press_trial():
+    """Blocks of a pull of 1.3 s and a hold of 4 s; events beside them."""
+    _, pulled, speed_m_s = pull()
+    held_s = np.arange(270) / RATE_HZ
+    held = pulled[77] * (0.6 + 0.4 * np.exp(-held_s / 3.0)) + noise(1, 270)
+    tension_n = np.concatenate([pulled[:78], held])
+    events = [
+        trial_event(0.0, 'contact', pull_speed_m_s=speed_m_s),
+        trial_event(1.3, 'hold', pull_speed_m_s=speed_m_s),
+        trial_event(5.3, 'release'),
+    ]
+    return tension_n, events
+
+
+def run(tension_n, events, config, cuts=(), status=0):
+    extractor = TrialFeatureExtractor(config)
+    windows = []
+    for item in events:
+        windows += extractor.add_event(item)
+    edges = [0, *cuts, len(tension_n)]
+    for a, b in pairwise(edges):
+        windows += extractor.add_block(
+            StrainBlock(a * PERIOD_NS, a, PERIOD_NS, tension_n[a:b], status=status)
+        )
+    (window,) = windows
+    return window
+
+
+def test_a_hold_measures_the_pull_before_it():
+    window = run(*press_trial(), FeatureConfig())
+    free, contact, relaxation = window.measures
+    assert [m.name for m in window.measures] == [
+        'free_stiffness',
+        'contact_stiffness',
+        'relaxation_time',
+    ]
+    assert [m.unit for m in window.measures] == ['N/m', 'N/m', 's']
+    assert free.value == pytest.approx(2000.0, rel=0.02)
+    assert contact.value == pytest.approx(3000.0, rel=0.05)
+    assert relaxation.value == pytest.approx(3.0, rel=0.02)
+
+
+def test_grouping_does_not_change_a_bit_of_the_measures():
+    tension_n, events = press_trial()
+    whole = run(tension_n, events, FeatureConfig())
+    assert run(tension_n, events, FeatureConfig(), cuts=(1, 2, 50, 77, 78, 79, 200)) == whole
+
+
+def test_without_its_pull_a_hold_says_why():
+    tension_n, events = press_trial()
+    free, contact, relaxation = run(tension_n, events[1:], FeatureConfig()).measures
+    assert free.reason == contact.reason == 'no pull into contact was seen'
+    assert (contact.value, contact.standard_uncertainty) == (0.0, 0.0)
+    assert relaxation.reason == ''
+
+
+def test_a_pull_of_unknown_speed_says_so():
+    tension_n, events = press_trial()
+    events[0] = dataclasses.replace(events[0], pull_speed_m_s=0.0)
+    assert 'how fast the tendon' in run(tension_n, events, FeatureConfig()).measures[0].reason
+
+
+def test_a_glide_measures_the_pitch_with_the_uncertainty_of_its_speed():
+    tension_n = np.concatenate([np.full(36, 12.0), CREEP_N + dips(3.75) + noise(), CREEP_N])
+    start = trial_event(0.0, 'glide', glide_speed_m_s=0.015)
+    events = [start, trial_event(5.0, 'release')]
+    exact = FeatureConfig(glide_speed_uncertainty=0.0)
+    (pitch,) = run(tension_n, events, exact).measures
+    assert (pitch.name, pitch.unit) == ('groove_pitch', 'm')
+    assert pitch.value == pytest.approx(0.004, rel=0.005)
+    (loose,) = run(tension_n, events, FeatureConfig(glide_speed_uncertainty=0.01)).measures
+    assert loose.standard_uncertainty == pytest.approx(
+        np.hypot(pitch.standard_uncertainty, 0.01 * pitch.value)
+    )
+    events[0] = dataclasses.replace(start, glide_speed_m_s=0.0)
+    assert 'how fast the finger' in run(tension_n, events, exact).measures[0].reason
+
+
+def test_measures_can_be_left_out():
+    assert run(*press_trial(), FeatureConfig(measures=False)).measures == ()

@@ -1,0 +1,145 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Falls of tension in a synthetic grip: which are slips, when, and which are none."""
+
+import dataclasses
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_features.errors import FeatureError
+from tactile_features.records import STATUS_SATURATED, STATUS_STUCK, StrainBlock
+from tactile_features.slip import SlipConfig, SlipDetector
+
+CONFIG = SlipConfig()
+PERIOD_NS = 16_666_667
+NOISE_N = 0.004
+START = 3_000  # the first sequence number: a stream need not begin at 0
+
+
+def grip(seconds=20.0, seed=0, rate_hz=60.0, noise_n=NOISE_N):
+    """A hold that creeps as the paper's does, with white noise."""
+    time_s = np.arange(round(seconds * rate_hz)) / rate_hz
+    noise = np.random.default_rng(seed).normal(0.0, noise_n, len(time_s))
+    return 8.0 + 4.7 * np.exp(-time_s / 3.8) + noise
+
+
+def slipping(at=900, fall_n=0.04, **options):
+    tension_n = grip(**options)
+    tension_n[at:] -= fall_n
+    return tension_n
+
+
+def block(tension_n, first=0, status=0, period_ns=PERIOD_NS):
+    sequence = START + first
+    return StrainBlock(sequence * period_ns, sequence, period_ns, tension_n, status=status)
+
+
+def detect(*blocks, config=CONFIG):
+    detector = SlipDetector(config)
+    return [slip for item in blocks for slip in detector.add(item)]
+
+
+def test_a_sudden_fall_is_a_slip_at_its_sample():
+    (slip,) = detect(block(slipping()))
+    onset = slip.onset_ns / PERIOD_NS - START
+    assert 898 <= onset <= 900  # before the first sample that fell
+    assert 0 <= slip.stamp_ns - slip.onset_ns <= 4 * PERIOD_NS
+    assert slip.motion == 'sliding'
+    assert slip.statistic > 1.0
+    assert slip.tension_n == pytest.approx(8.0 + 4.7 * np.exp(-15 / 3.8) - 0.04, abs=0.02)
+
+
+def test_creep_and_noise_are_no_slip():
+    assert detect(block(grip(seconds=600.0))) == []
+
+
+def test_a_rise_is_no_slip():
+    assert detect(block(slipping(fall_n=-0.04))) == []
+
+
+def test_a_fall_within_the_noise_is_missed_and_a_larger_one_is_not():
+    assert detect(block(slipping(fall_n=0.004))) == []
+    assert len(detect(block(slipping(fall_n=0.05)))) == 1
+
+
+def test_the_noise_is_that_of_the_stream():
+    assert detect(block(slipping(noise_n=0.04))) == []
+    assert len(detect(block(slipping(noise_n=0.04, fall_n=0.4)))) == 1
+
+
+def test_noise_that_is_not_white_raises_no_alarm():
+    wander = np.zeros(18_000)
+    for i, push in enumerate(np.random.default_rng(1).normal(0.0, NOISE_N, len(wander))):
+        wander[i] = 0.9 * wander[i - 1] + push
+    assert detect(block(grip(seconds=300.0) + wander)) == []
+
+
+def test_nothing_is_held_below_the_least_tension():
+    config = dataclasses.replace(CONFIG, min_tension_n=9.0)
+    assert detect(block(slipping()), config=config) == []
+
+
+def test_gripping_is_no_slip():
+    # Slack, pulled tight within half a second, and held.
+    pulled = np.concatenate([np.zeros(300), np.linspace(0.0, 12.7, 30), grip(seconds=10.0)])
+    noise = np.random.default_rng(2).normal(0.0, NOISE_N, len(pulled))
+    assert detect(block(pulled + noise)) == []
+
+
+@pytest.mark.parametrize('status', [STATUS_SATURATED, STATUS_STUCK])
+def test_samples_that_are_no_measurement_are_no_slip(status):
+    tension_n = grip()
+    tension_n[890:900] = 19.0
+    after = tension_n[900:] - 0.5
+    blocks = (
+        block(tension_n[:890]),
+        block(tension_n[890:900], 890, status),
+        block(after, 900),
+    )
+    assert detect(*blocks) == []
+
+
+def test_a_fall_behind_a_gap_is_no_slip():
+    tension_n = slipping()
+    assert detect(block(tension_n[:895]), block(tension_n[905:], 905)) == []
+
+
+def test_values_that_are_not_finite_are_no_slip():
+    tension_n = slipping()
+    tension_n[899] = np.nan
+    assert detect(block(tension_n)) == []
+
+
+def test_a_clock_set_back_begins_anew():
+    assert len(detect(block(slipping()), block(slipping()[:1000]))) == 2
+
+
+@given(cuts=st.lists(st.integers(1, 1199), max_size=30, unique=True))
+@settings(max_examples=25, deadline=None)
+def test_grouping_does_not_matter(cuts):
+    tension_n = slipping()
+    edges = [0, *sorted(cuts), len(tension_n)]
+    pieces = [block(tension_n[a:b], a) for a, b in pairwise(edges)]
+    assert detect(*pieces) == detect(block(tension_n))
+
+
+@given(cuts=st.lists(st.integers(1, 5999), max_size=30, unique=True))
+@settings(max_examples=10, deadline=None)
+def test_grouping_does_not_matter_to_a_fast_sensor(cuts):
+    tension_n = slipping(at=4500, fall_n=0.02, seconds=6.0, rate_hz=1000.0)
+    config = SlipConfig(rate_hz=1000.0)
+    edges = [0, *sorted(cuts), len(tension_n)]
+    pieces = [block(tension_n[a:b], a, period_ns=1_000_000) for a, b in pairwise(edges)]
+    whole = detect(block(tension_n, period_ns=1_000_000), config=config)
+    assert detect(*pieces, config=config) == whole
+    (slip,) = whole
+    assert slip.onset_ns == pytest.approx((START + 4500) * 1_000_000, abs=9_000_000)
+
+
+def test_a_value_out_of_range_is_refused():
+    with pytest.raises(FeatureError, match='threshold is 1'):
+        SlipConfig(threshold=1.0)
