@@ -18,7 +18,8 @@ from tactile_classifier.errors import DatasetError
 from tactile_classifier.records import TASKS
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import features_from_trials
-from tactile_features.spec import FeatureSpec
+from tactile_features.spatial import SpatialWindow, compute_spatial_trials
+from tactile_features.spec import FeatureSpec, spatial_spec
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,3 +137,34 @@ def table_from_trials(
     except FeatureError as error:
         raise DatasetError(f'no features from these trials: {error}') from error
     return FeatureTable(values, trials.label, spec, trials.columns)
+
+
+def table_over_distance(
+    trials: LabelledTrials,
+    window: SpatialWindow,
+    speeds_m_s: npt.NDArray[Any],
+    channel: int | None = None,
+) -> FeatureTable:
+    """Return the texture features over distance of one channel of ready-cut glides.
+
+    Parameters
+    ----------
+    trials : LabelledTrials
+        Each trial one glide, of which the middle is the window.
+    window : SpatialWindow
+    speeds_m_s : ndarray of shape (trials,)
+        Sliding speed of each trial [m/s].
+    channel : int or None
+        Which channel; None takes the mean of all.
+
+    Raises
+    ------
+    DatasetError
+        When the channel does not exist or a trial gives no features.
+    """
+    signal, rate_hz = trials.signal(channel), trials.rate_hz
+    try:
+        values = compute_spatial_trials(signal, rate_hz, speeds_m_s, window)
+    except FeatureError as error:
+        raise DatasetError(f'no features from these trials: {error}') from error
+    return FeatureTable(values, trials.label, spatial_spec(rate_hz, window), trials.columns)

@@ -17,6 +17,7 @@ from tactile_features.records import (
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
     SET_STIFFNESS_REGRESSION,
+    SET_TEXTURE_SPATIAL,
     SET_TEXTURE_SPECTRUM,
     FeatureConfig,
 )
@@ -29,6 +30,7 @@ SCALINGS = ('standard', 'none')
 
 TASKS = {
     SET_TEXTURE_SPECTRUM: PROTOCOL_TEXTURE,
+    SET_TEXTURE_SPATIAL: PROTOCOL_TEXTURE,
     SET_STIFFNESS_REGRESSION: PROTOCOL_STIFFNESS,
 }
 """The task of each feature set."""
@@ -116,7 +118,9 @@ class ClassifierConfig:
 
     model: str = _parameter('', 'path of the model file')
     task: str = _parameter(
-        'texture', 'what the model must have been trained for', choices=tuple(TASKS.values())
+        'texture',
+        'what the model must have been trained for',
+        choices=tuple(dict.fromkeys(TASKS.values())),
     )
     contact: str = _parameter(
         '',
@@ -126,6 +130,10 @@ class ClassifierConfig:
     rate_hz: float = _feature_parameter('rate_hz')
     texture_samples: int = _feature_parameter('texture_samples')
     texture_crop_start_s: float = _feature_parameter('texture_crop_start_s')
+    texture_features: str = _feature_parameter('texture_features')
+    spatial_crop_m: float = _feature_parameter('spatial_crop_m')
+    spatial_length_m: float = _feature_parameter('spatial_length_m')
+    spatial_finest_m: float = _feature_parameter('spatial_finest_m')
     stiffness_settle_s: float = _feature_parameter('stiffness_settle_s')
     stiffness_crop_end_s: float = _feature_parameter('stiffness_crop_end_s')
 
@@ -135,6 +143,10 @@ class ClassifierConfig:
             rate_hz=self.rate_hz,
             texture_samples=self.texture_samples,
             texture_crop_start_s=self.texture_crop_start_s,
+            texture_features=self.texture_features,
+            spatial_crop_m=self.spatial_crop_m,
+            spatial_length_m=self.spatial_length_m,
+            spatial_finest_m=self.spatial_finest_m,
             stiffness_settle_s=self.stiffness_settle_s,
             stiffness_crop_end_s=self.stiffness_crop_end_s,
             buffer_s=600.0,  # no model depends on it, and this allows every window
