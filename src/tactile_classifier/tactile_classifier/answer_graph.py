@@ -34,7 +34,7 @@ def add_probabilities(
 def add_novelty(graph: Graph, x: str, measure: NoveltyMeasure) -> str:
     """Add what `NoveltyMeasure.compute` gives for features, shape (windows, 1)."""
     rows = graph.add('Sub', x, graph.constant(measure.centre))
-    rows = graph.add('MatMul', rows, graph.constant(measure.whitening))
+    rows = graph.add('MatMul', rows, graph.constant(measure.transform))
     axes = graph.constant(np.array([1]))
     squares = graph.add('ReduceSumSquare', rows, axes, keepdims=1)
     squares = graph.add('Add', squares, graph.constant((measure.references**2).sum(axis=1)))

@@ -24,7 +24,7 @@ from tactile_classifier.estimators import (
     build_estimator,
     compute_raw_scores,
 )
-from tactile_classifier.novelty import NoveltyMeasure, compute_threshold
+from tactile_classifier.novelty import NoveltyMeasure, choose_metric, compute_threshold
 from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6
@@ -112,14 +112,32 @@ def hold_out_scores(
     return scores, true
 
 
-def hold_out_novelty(table: FeatureTable, fold: Indices) -> Matrix:
+def hold_out_novelty(table: FeatureTable, fold: Indices, metric: str) -> Matrix:
     """Return novelties, shape (trials,), by measures fitted on the other parts of the trials."""
     novelty = np.zeros(len(table))
     for i in np.unique(fold):
         inside = fold != i
-        measure = NoveltyMeasure.fit(table.values[inside], table.labels[inside], fold[inside])
+        measure = NoveltyMeasure.fit(
+            table.values[inside], table.labels[inside], fold[inside], metric
+        )
         novelty[fold == i] = measure.compute(table.values[fold == i])
     return novelty
+
+
+def fit_novelty(
+    table: FeatureTable, fold: Indices, false_alarm_rate: float
+) -> tuple[NoveltyMeasure, Matrix, float]:
+    """Return the measure fitted to all trials, the held-out novelties, and their threshold.
+
+    Raises
+    ------
+    ValueError
+        When there are too few trials for the rate.
+    """
+    metric = choose_metric(table.values, table.labels, fold)
+    novelty = hold_out_novelty(table, fold, metric)
+    threshold = compute_threshold(novelty, false_alarm_rate)
+    return NoveltyMeasure.fit(table.values, table.labels, fold, metric), novelty, threshold
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,8 +261,7 @@ def calibrate_part(
         When there are too few trials for the rate.
     """
     scores, true = hold_out_scores(table, classifier, scaling, fold)
-    novelty = hold_out_novelty(table, fold)
-    threshold = compute_threshold(novelty, false_alarm_rate)
+    measure, novelty, threshold = fit_novelty(table, fold, false_alarm_rate)
     probabilities = np.zeros(scores.shape)
     for i in np.unique(fold):
         others = Calibration.fit(scores[fold != i], true[fold != i])
@@ -252,7 +269,7 @@ def calibrate_part(
     uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
     return CalibratedPart(
         calibration=Calibration.fit(scores, true),
-        novelty=NoveltyMeasure.fit(table.values, table.labels, fold),
+        novelty=measure,
         novelty_threshold=threshold,
         error_before=compute_calibration_error(uncalibrated, true),
         error_after=compute_calibration_error(probabilities, true),

@@ -10,40 +10,47 @@ import math
 import numpy as np
 import numpy.typing as npt
 from sklearn.covariance import ledoit_wolf
+from sklearn.metrics import roc_auc_score
 
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
+
+METRICS = ('whitened', 'scaled', 'plain')
+"""Spaces that distances are taken in. Whitened by the covariance of the trials about the mean of
+their own label, shrunk after Ledoit and Wolf (2004): what differs between trials of one thing
+counts little, what hardly ever differs counts much. Scaled: the same feature by feature. Plain:
+the features as they are, which is right where all are amplitudes of one unit and noise is even.
+"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NoveltyMeasure:
     """Distance to the nearest training trial, against what is usual for that trial's label.
 
-    Features are whitened by the covariance of the trials about the mean of their
-    own label, shrunk after Ledoit and Wolf (2004): what differs between trials of one
-    thing counts little, what hardly ever differs counts much. The distance is divided by
-    the median distance that trials of the same label have to the nearest of another
-    part of the training. Mounting and temperature are in both as far as the training has
-    several sessions.
+    The distance is divided by the median distance that trials of the same label have to the
+    nearest of another part of the training, such as another session.
 
     Attributes
     ----------
     centre : ndarray of shape (k,)
         Mean of all training trials, in the features' units.
-    whitening : ndarray of shape (k, k)
+    transform : ndarray of shape (k, k)
+        From features to the space of the distance; see `METRICS`.
     references : ndarray of shape (trials, k)
-        The training trials, whitened.
+        The training trials in that space.
     usual : ndarray of shape (trials,)
         What the distance to each of them is divided by.
     """
 
     centre: Matrix
-    whitening: Matrix
+    transform: Matrix
     references: Matrix
     usual: Matrix
 
     @classmethod
-    def fit(cls, values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> NoveltyMeasure:
+    def fit(
+        cls, values: Matrix, labels: npt.NDArray[np.str_], fold: Indices, metric: str = 'whitened'
+    ) -> NoveltyMeasure:
         """Return the measure for training trials.
 
         A feature that never varies within a label has no scale and does not count.
@@ -54,31 +61,85 @@ class NoveltyMeasure:
         labels : ndarray of str, shape (trials,)
         fold : ndarray of int, shape (trials,)
             Part that each trial belongs to, such as its session.
+        metric : str
+            One of `METRICS`.
         """
         classes, owner = np.unique(labels, return_inverse=True)
-        means = np.stack([values[owner == i].mean(axis=0) for i in range(len(classes))])
-        residuals = values - means[owner]
-        spread = np.sqrt((residuals**2).mean(axis=0))
-        # Rounding of the mean is no spread.
-        varies = spread > 1e-12 * np.abs(values).max(axis=0)
-        whitening = np.zeros((values.shape[1], values.shape[1]))
-        if varies.any():
-            shrunk = ledoit_wolf(residuals[:, varies] / spread[varies], assume_centered=True)[0]
-            size, directions = np.linalg.eigh(shrunk)
-            used = np.ix_(varies, varies)
-            whitening[used] = directions / np.sqrt(size) / spread[varies][:, np.newaxis]
         centre = values.mean(axis=0)
-        references = (values - centre) @ whitening
+        transform = _fit_transform(values, owner, metric)
+        references = (values - centre) @ transform
         usual = [
             _usual_distance(references[owner == i], fold[owner == i]) for i in range(len(classes))
         ]
-        return cls(centre, whitening, references, np.array(usual)[owner])
+        return cls(centre, transform, references, np.array(usual)[owner])
 
     def compute(self, values: Matrix) -> Matrix:
         """Return the novelty of windows of shape (windows, k), one a window [1]."""
-        distance = _distances((values - self.centre) @ self.whitening, self.references)
+        return self._nearest(_distances((values - self.centre) @ self.transform, self.references))
+
+    def compute_without(self, values: Matrix, labels: npt.NDArray[np.str_], label: str) -> Matrix:
+        """Return the novelty as if the trials of one label had not been there.
+
+        Parameters
+        ----------
+        values : ndarray of shape (windows, k)
+        labels : ndarray of str, shape (trials,)
+            Of the training trials.
+        label : str
+        """
+        distance = _distances((values - self.centre) @ self.transform, self.references)
+        distance[:, labels == label] = np.inf
+        return self._nearest(distance)
+
+    def _nearest(self, distance: Matrix) -> Matrix:
         nearest = distance.argmin(axis=1)
         return np.asarray(distance[np.arange(len(distance)), nearest] / self.usual[nearest])
+
+
+def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> str:
+    """Return the metric that best tells trials of one label when it is left out.
+
+    On the training alone: parts are held out in turn, and in each part every label once has
+    no training trials; the area under the receiver operating characteristic, averaged,
+    decides. Of equal ones the first of `METRICS`.
+
+    Parameters
+    ----------
+    values, labels, fold
+        As in `NoveltyMeasure.fit`.
+    """
+    areas: dict[str, list[float]] = {metric: [] for metric in METRICS}
+    for metric, found in areas.items():
+        for i in np.unique(fold):
+            inside, outside = fold != i, fold == i
+            if not inside.any():
+                continue
+            measure = NoveltyMeasure.fit(values[inside], labels[inside], fold[inside], metric)
+            for label in np.unique(labels[outside]):
+                is_new = labels[outside] == label
+                if not is_new.all() and (labels[inside] != label).any():
+                    novelty = measure.compute_without(values[outside], labels[inside], label)
+                    found.append(float(roc_auc_score(is_new, novelty)))
+    return max(METRICS, key=lambda metric: np.mean(areas[metric] or [0.0]))
+
+
+def _fit_transform(values: Matrix, owner: Indices, metric: str) -> Matrix:
+    """Return the matrix from centred features to the space of a metric."""
+    means = np.stack([values[owner == i].mean(axis=0) for i in range(owner.max() + 1)])
+    residuals = values - means[owner]
+    spread = np.sqrt((residuals**2).mean(axis=0))
+    # Rounding of the mean is no spread.
+    varies = spread > 1e-12 * np.abs(values).max(axis=0)
+    if metric == 'plain':
+        return np.diag(varies.astype(np.float64))
+    scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=varies)
+    if metric == 'scaled' or not varies.any():
+        return np.diag(scale)
+    shrunk = ledoit_wolf(residuals[:, varies] * scale[varies], assume_centered=True)[0]
+    size, directions = np.linalg.eigh(shrunk)
+    transform = np.zeros((values.shape[1], values.shape[1]))
+    transform[np.ix_(varies, varies)] = scale[varies, np.newaxis] * directions / np.sqrt(size)
+    return transform
 
 
 def _distances(rows: Matrix, references: Matrix) -> Matrix:

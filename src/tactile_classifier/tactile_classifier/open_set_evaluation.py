@@ -17,7 +17,7 @@ from tactile_classifier.calibration import (
     compute_calibration_error,
     compute_uncalibrated,
     deal,
-    hold_out_novelty,
+    fit_novelty,
     hold_out_scores,
 )
 from tactile_classifier.dataset import FeatureTable
@@ -28,7 +28,6 @@ from tactile_classifier.estimators import (
     build_estimator,
     compute_raw_scores,
 )
-from tactile_classifier.novelty import NoveltyMeasure, compute_threshold
 
 
 @dataclasses.dataclass(frozen=True)
@@ -217,9 +216,8 @@ def _evaluate_part(
 def _fit_novelty(
     train: FeatureTable, test: FeatureTable, columns: Sequence[str], rate: float
 ) -> tuple[npt.NDArray[np.float64], float]:
-    fold = deal(train, columns).fold
-    threshold = compute_threshold(hold_out_novelty(train, fold), rate)
-    return NoveltyMeasure.fit(train.values, train.labels, fold).compute(test.values), threshold
+    measure, _, threshold = fit_novelty(train, deal(train, columns).fold, rate)
+    return measure.compute(test.values), threshold
 
 
 def _pool_unknown(

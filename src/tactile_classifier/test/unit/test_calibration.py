@@ -1,0 +1,111 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tactile_classifier.calibration import (
+    Calibration,
+    calibrate_part,
+    compute_calibration_error,
+    deal,
+    hold_out_novelty,
+    hold_out_scores,
+)
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError
+from tactile_features.records import FeatureConfig
+from tactile_features.spec import spec_for
+
+
+def draw(probabilities, seed):
+    """Return labels drawn with the stated probabilities."""
+    rng = np.random.default_rng(seed)
+    return (rng.random((len(probabilities), 1)) > probabilities.cumsum(axis=1)).sum(axis=1)
+
+
+def test_fit_finds_the_map_that_the_labels_were_drawn_with():
+    scores = np.random.default_rng(1).normal(size=(20_000, 4))
+    true_map = Calibration(1.7, 0.6)
+    found = Calibration.fit(scores, draw(true_map.compute(scores), 2))
+    assert found.slope == pytest.approx(1.7, rel=0.1)
+    assert found.bonus == pytest.approx(0.6, abs=0.1)
+    fresh = np.random.default_rng(3).normal(size=(20_000, 4))
+    true = draw(true_map.compute(fresh), 4)
+    assert compute_calibration_error(found.compute(fresh), true) < 0.02
+    assert compute_calibration_error(Calibration(8.0, 0.0).compute(fresh), true) > 0.1
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    arrays(np.float64, (3, 5), elements=st.floats(-50, 50)),
+    st.floats(1e-3, 1e3),
+    st.floats(0, 20),
+)
+def test_order_is_kept_and_probabilities_add_up_to_one(scores, slope, bonus):
+    probabilities = Calibration(slope, bonus).compute(scores)
+    np.testing.assert_allclose(probabilities.sum(axis=1), 1.0, atol=1e-12)
+    answer = scores.argmax(axis=1)
+    rows = np.arange(len(scores))
+    assert (probabilities[rows, answer] >= probabilities.max(axis=1) * (1 - 1e-15)).all()
+
+
+def test_a_classifier_without_a_mistake_claims_no_certainty():
+    true = np.arange(40) % 4
+    found = Calibration.fit(np.eye(4)[true], true)
+    highest = found.compute(np.eye(4))[0, 0]
+    assert 0.95 < highest < 0.99
+
+
+def test_calibration_error_of_known_numbers():
+    # Two bins: 0.9 stated and 3 of 4 right, 0.6 stated and 2 of 2 right.
+    stated = np.array([0.9] * 4 + [0.6] * 2)
+    probabilities = np.stack([stated, 1 - stated], axis=1)
+    true = np.array([0, 0, 0, 1, 0, 0])
+    error = compute_calibration_error(probabilities, true)
+    assert error == pytest.approx((4 * 0.15 + 2 * 0.4) / 6)
+
+
+def small(labels, sessions=None):
+    columns = {} if sessions is None else {'session_id': np.array(sessions)}
+    values = np.random.default_rng(0).normal(size=(len(labels), 3))
+    return FeatureTable(values, np.array(labels), spec_for('stiffness', FeatureConfig()), columns)
+
+
+def test_sessions_are_held_out_whole():
+    table = small(['a', 'b'] * 10, np.repeat(['s1', 's2', 's3', 's4', 's5'], 4))
+    dealt = deal(table)
+    assert (dealt.split, dealt.groups) == ('one session held out', 5)
+    assert len(set(zip(dealt.fold, table.column('session_id'), strict=True))) == 5
+    many = small(['a', 'b'] * 20, np.repeat([f's{i}' for i in range(10)], 4))
+    assert deal(many).split == 'session held out in 6 parts'
+    assert len(set(zip(deal(many).fold, many.column('session_id'), strict=True))) == 10
+
+
+def test_trials_are_dealt_where_sessions_do_not_allow_it():
+    assert deal(small(['a', 'b'] * 10)).split == 'stratified 6-fold over trials'
+    # Each label in one session only: with that held out, no model could know it.
+    apart = small(['a'] * 5 + ['b'] * 5, ['s1'] * 5 + ['s2'] * 5)
+    dealt = deal(apart)
+    assert (dealt.split, dealt.groups) == ('stratified 5-fold over trials', 0)
+    with pytest.raises(DatasetError, match='label "b" has one trial only'):
+        deal(small(['a', 'a', 'b']))
+
+
+def test_no_trial_is_judged_by_a_model_that_knew_it():
+    # Labels drawn at random: whoever is judged by its own neighbours looks right.
+    rng = np.random.default_rng(5)
+    table = small(rng.choice(['a', 'b'], 200))
+    fold = deal(table).fold
+    scores, true = hold_out_scores(table, 'tree', 'none', fold)
+    assert np.mean(scores.argmax(axis=1) == true) < 0.65
+    assert hold_out_novelty(table, fold, 'whitened').min() > 0.0
+
+
+def test_held_out_part_states_its_own_error(texture_table):
+    part = calibrate_part(texture_table, 'knn', 'none', deal(texture_table).fold, 0.1)
+    assert part.error_after < part.error_before + 0.02
+    assert np.mean(part.confidence < 0.0) == pytest.approx(0.1, abs=0.01)
+    assert part.wrong.shape == part.confidence.shape == (480,)

@@ -1,0 +1,46 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import json
+
+import numpy as np
+import pytest
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.open_set_evaluation import evaluate_open_set
+
+
+@pytest.fixture(scope='module')
+def few(texture_table):
+    """Return 4 labels, 30 trials each, from 3 sessions."""
+    return texture_table.take(np.arange(480).reshape(8, 60)[:4, :30].ravel())
+
+
+def test_textures_far_apart_are_all_found_out(few):
+    found = evaluate_open_set(few, 'knn', false_alarm_rate=0.1)
+    assert found.split == 'one session held out'
+    # Calibrated on half of what the model is fitted to, it is rather too careful.
+    assert found.realised_false_alarm_rate <= 0.12
+    assert len(found.group_false_alarm_rates) == 3
+    assert [unknown.label for unknown in found.unknown] == [f'plate {k}' for k in range(4)]
+    assert sum(unknown.trials for unknown in found.unknown) == 120
+    assert found.auroc > 0.9
+    assert found.miss_rate < 0.4
+    assert found.accuracy > 0.9
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_two_names_for_one_thing_cannot_be_told_apart(few):
+    twin = np.where(np.arange(120) % 2, 'twin', few.labels)
+    labels = np.where(few.labels == 'plate 0', twin, few.labels)
+    table = FeatureTable(few.values, labels, few.spec, few.columns)
+    found = {u.label: u for u in evaluate_open_set(table, 'tree').unknown}
+    assert found['twin'].auroc < 0.7
+    assert found['twin'].miss_rate > 0.8
+
+
+def test_too_few_labels_or_trials_are_refused(small_table):
+    with pytest.raises(EvaluationError, match='there are 2 labels'):
+        evaluate_open_set(small_table.take(small_table.labels != 'plate 2'), 'tree')
+    with pytest.raises(EvaluationError, match='99 are needed'):
+        evaluate_open_set(small_table, 'tree', false_alarm_rate=0.01)

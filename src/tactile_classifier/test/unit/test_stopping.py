@@ -1,0 +1,80 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.stopping import find_first_stop, fit_stop_threshold
+from tactile_classifier.stopping_evaluation import evaluate_stopping
+
+
+def test_first_stage_that_reaches_the_threshold_decides():
+    confidence = np.array([[0.9, 0.2, 0.1, -1.0], [0.1, 0.95, 0.3, 0.9]])
+    np.testing.assert_array_equal(find_first_stop(confidence, 0.9), [0, 1, 2, 1])
+
+
+def test_no_rule_from_too_few_trials():
+    # 0 of n wrong proves 5 % at confidence 1 - 0.1 / 20 from n = 104 on.
+    sure = np.ones((1, 104))
+    assert fit_stop_threshold(sure, np.zeros((1, 104), dtype=bool), 0.05) == 0.5
+    assert fit_stop_threshold(sure[:, 1:], np.zeros((1, 103), dtype=bool), 0.05) is None
+
+
+def test_threshold_is_the_lowest_that_is_good_enough():
+    # Answers stated at 0.75 are wrong half the time, those at 0.99 never.
+    confidence = np.repeat([[0.75, 0.99]], 500, axis=0).reshape(1, -1)
+    wrong = (np.arange(1000) % 4 == 0)[np.newaxis]
+    assert not wrong[confidence == 0.99].any()
+    assert wrong[confidence == 0.75].mean() == 0.5
+    assert fit_stop_threshold(confidence, wrong, 0.05) == 0.8
+    assert fit_stop_threshold(confidence, wrong, 0.3) == 0.5
+    assert fit_stop_threshold(confidence, ~wrong, 0.05) is None
+
+
+def test_bound_holds_as_often_as_stated():
+    # Three stages that grow surer and a world in which confidence is what it says. The
+    # rule must not exceed its error in more than a tenth of the calibrations.
+    rng = np.random.default_rng(7)
+
+    def draw(trials):
+        confidence = np.sort(rng.beta(2.0, 1.0, (3, trials)), axis=0)
+        return confidence, rng.random((3, trials)) > confidence
+
+    fresh, fresh_wrong = draw(100_000)
+    exceeded, found = [], 0
+    for _ in range(200):
+        threshold = fit_stop_threshold(*draw(600), 0.1)
+        if threshold is None:
+            exceeded.append(False)
+            continue
+        found += 1
+        stage = find_first_stop(fresh, threshold)
+        early = np.flatnonzero(stage < 3)
+        exceeded.append(fresh_wrong[stage[early], early].mean() > 0.1)
+    assert found > 100
+    assert np.mean(exceeded) <= 0.1
+
+
+def with_noise(table, amount, seed):
+    rng = np.random.default_rng(seed)
+    values = np.abs(table.values + amount * rng.normal(size=table.values.shape))
+    return FeatureTable(values, table.labels, table.spec, table.columns)
+
+
+def test_evaluation_counts_early_answers(texture_table):
+    texture_table = texture_table.take(texture_table.labels < 'plate 4')
+    running = {60: with_noise(texture_table, 0.02, 1), 120: with_noise(texture_table, 0.001, 2)}
+    found = evaluate_stopping(texture_table, running, 'knn', error_rates=(0.05, 0.0001))
+    assert found.seconds == (1.0, 2.0, 3.0)
+    assert found.accuracies[0] < found.accuracies[1]
+    rule, impossible = found.rules
+    assert rule.early_share > 0.5
+    assert rule.early_error <= rule.worst_part_error < 0.1
+    assert 1.0 <= rule.mean_s < 3.0
+    # Not even a trial without a mistake proves one wrong answer in ten thousand.
+    assert (impossible.early_share, impossible.mean_s) == (0.0, 3.0)
+    assert impossible.parts_without_rule == 3
+    assert impossible.accuracy == found.accuracies[-1]
+    with pytest.raises(EvaluationError, match='no running windows'):
+        evaluate_stopping(texture_table, {}, 'knn')
