@@ -16,7 +16,7 @@ from tactile_features.signal_phases import find_phases
 from tactile_features.sliding import SlidingSpectrum, sliding_spectrum
 from tactile_features.spatial import SpatialWindow, compute_spatial, compute_spatial_trials
 from tactile_features.spec import FeatureSpec, spec_for
-from tactile_features.spectrum import compute_spectrum
+from tactile_features.spectrum import compile_spectrum, compute_spectrum
 
 __all__ = [
     'FeatureConfig',
@@ -30,6 +30,7 @@ __all__ = [
     'TrialEvent',
     'TrialFeatureExtractor',
     'UndefinedFeatureError',
+    'compile_spectrum',
     'compute_regression',
     'compute_spatial',
     'compute_spatial_trials',

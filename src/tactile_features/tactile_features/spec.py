@@ -24,7 +24,7 @@ from tactile_features.regression import REGRESSION_NAMES, REGRESSION_UNITS
 from tactile_features.spatial import SpatialWindow
 from tactile_features.spectrum import spectrum_names
 
-TEXTURE_VERSION = 1
+TEXTURE_VERSION = 2
 SPATIAL_VERSION = 1
 STIFFNESS_VERSION = 2
 

@@ -85,7 +85,7 @@ def test_texture_is_the_spectrum_of_the_first_samples_after_the_crop():
     assert window.values.tobytes() == compute_spectrum(TENSION_N[23:35]).tobytes()
     assert (window.window_start_ns, window.window_end_ns) == (2_300_000_000, 3_400_000_000)
     assert (window.first_sequence, window.sample_count, window.interpolated_count) == (23, 12, 0)
-    assert (window.feature_set, window.feature_set_version) == ('texture_spectrum', 1)
+    assert (window.feature_set, window.feature_set_version) == ('texture_spectrum', 2)
     assert (window.rate_hz, window.frame_id, window.trial_id) == (10.0, 'cell_link', 't1')
     assert (window.contact, window.simulated, window.status) == ('flexion', False, 0)
 

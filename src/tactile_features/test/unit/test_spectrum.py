@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from tactile_features import FeatureError, compute_spectrum
 from tactile_features.spectrum import spectrum_names
+from tactile_features.spectrum_transform import make_plan, transform
 
 PI = np.longdouble('3.14159265358979323846264338327950288')
 
@@ -127,3 +128,53 @@ def test_names_give_the_frequency():
         'tension__spectrum__hz_1.000',
     )
     assert names[-1] == 'tension__spectrum__hz_30.000'
+
+
+OURS = [8, 10, 12, 18, 20, 60, 128, 150, 180, 300, 960]
+
+
+@pytest.mark.parametrize('n', OURS)
+@pytest.mark.parametrize('offset', [0.0, 1e6])
+def test_error_is_within_1e_15_of_the_largest_component(n, offset):
+    assert make_plan(n) is not None
+    rng = np.random.default_rng(n)
+    assert_close_to_reference(offset + rng.normal(size=n), 1e-15)
+
+
+@pytest.mark.parametrize('n', [6, 14, 179, 181, 182, 8192])
+def test_other_lengths_have_no_plan(n):
+    assert make_plan(n) is None
+
+
+@pytest.mark.parametrize('rows', [1, 15, 64, 65, 200])
+def test_the_place_in_a_large_batch_changes_no_bit(rows):
+    x = 5.0 + np.random.default_rng(rows).normal(size=(rows, 180))
+    whole = compute_spectrum(x)
+    for start, stop in ((0, 1), (rows - 1, rows), (rows // 3, rows)):
+        assert compute_spectrum(x[start:stop]).tobytes() == whole[start:stop].tobytes()
+
+
+def test_compiled_and_plain_transform_give_the_same_bits():
+    pytest.importorskip('numba', reason='numba compiles the transform, and is not installed')
+    from tactile_features.compiled_spectrum import compile_transform
+
+    plan = make_plan(180)
+    compiled = compile_transform(plan)
+    x = 1e3 + np.random.default_rng(9).normal(size=(37, 180))
+    for some in (x[:1], x[:16], x):
+        assert compiled(some)[0].tobytes() == transform(plan, some)[0].tobytes()
+
+
+@pytest.mark.parametrize('scale', [1e-300, 1e-160, 1e150, 1e300])
+@pytest.mark.parametrize('n', [60, 61])
+def test_extreme_magnitudes_neither_overflow_nor_vanish(scale, n):
+    x = np.random.default_rng(10).integers(-50, 50, n).astype(float)
+    expected = compute_spectrum(x)
+    np.testing.assert_allclose(compute_spectrum(x * scale) / scale, expected, rtol=1e-12)
+
+
+def test_one_bad_window_of_a_batch_is_refused():
+    x = np.ones((100, 180))
+    x[70, 3] = np.inf
+    with pytest.raises(FeatureError, match='not finite'):
+        compute_spectrum(x)
