@@ -34,6 +34,9 @@ TOPICS = {
     'twin': ('simulator_twin', 'run_twin'),
     'twin-speed': ('simulator_twin', 'run_twin_speed'),
     'messages': ('message_path', 'run_messages'),
+    'pitch': ('measures', 'run_pitch'),
+    'press': ('measures', 'run_press'),
+    'slip': ('slip', 'run_slip'),
     'rest': ('rest', 'run_rest'),
     'phases': ('phases', 'run_phases'),
     'phase-rest': ('phases', 'run_phase_rest'),
@@ -73,6 +76,9 @@ EPILOG = """topics:
   twin         against the same scene in MuJoCo: how far apart (needs mujoco)
   twin-speed   and at which speeds
   messages     latency from publish to the features node
+  pitch        pitch of simulated grooves: error, and coverage of its uncertainty
+  press        stiffness and relaxation of simulated objects: the same
+  slip         slip detector on simulated grips: misses, latency, false alarms
   rest         from a killed process or a cut cable to rest, on the simulated rig
   phases       of a trial, found in the tension: how often, how exactly (simulated)
   phase-rest      false ones, of a finger at rest
