@@ -51,6 +51,9 @@ SET_TEXTURE_SPATIAL = 'texture_spatial'
 SET_STIFFNESS_REGRESSION = 'stiffness_regression'
 
 
+MIN_DETECTION_HZ = 20.0
+"""Slowest sensor in whose tension phases are found."""
+
 MIN_RUNNING_SAMPLES = 30
 """Fewest samples of a running window: half a second at 60 Hz."""
 
@@ -292,7 +295,19 @@ class FeatureConfig:
         0.2,
         'with phases found in the tension: what it must rise above rest to begin a trial',
         unit='N',
-        range=(0.0, 1000.0),
+        range=(0.0001, 1e6),
+    )
+    detected_glide_speed_m_s: float = _parameter(
+        0.0,
+        'with phases found in the tension: sliding speed of their glides; 0: not known',
+        unit='m/s',
+        range=(0.0, 1.0),
+    )
+    detected_pull_speed_m_s: float = _parameter(
+        0.0,
+        'with phases found in the tension: speed of the tendon in the pull; 0: not known',
+        unit='m/s',
+        range=(0.0, 1.0),
     )
     detected_contact: str = _parameter(
         '',
@@ -317,22 +332,11 @@ class FeatureConfig:
 
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
-            if 'range' in item.metadata:
-                low, high = item.metadata['range']
-                value = getattr(self, item.name)
-                if not low <= value <= high:
-                    raise FeatureError(
-                        f'{item.name} is {value}; it must lie between {low} and {high}'
-                    )
-        if self.phases not in (PHASES_STATED, PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS):
+            self._check_field(item)
+        if self.phases != PHASES_STATED and self.rate_hz < MIN_DETECTION_HZ:
             raise FeatureError(
-                f'phases is "{self.phases}"; it must be {PHASES_STATED}, {PROTOCOL_TEXTURE} '
-                f'or {PROTOCOL_STIFFNESS}'
-            )
-        if self.texture_features not in (SET_TEXTURE_SPECTRUM, SET_TEXTURE_SPATIAL):
-            raise FeatureError(
-                f'texture_features is "{self.texture_features}"; it must be '
-                f'{SET_TEXTURE_SPECTRUM} or {SET_TEXTURE_SPATIAL}'
+                f'rate_hz is {self.rate_hz:g}; phases are found in a tension of at least '
+                f'{MIN_DETECTION_HZ:g} Hz'
             )
         if self.running_samples and self.texture_features == SET_TEXTURE_SPATIAL:
             raise FeatureError(
@@ -356,6 +360,17 @@ class FeatureConfig:
                 f'buffer_s is {self.buffer_s}, which cannot hold a window that ends '
                 f'{max(texture_s, stiffness_s):g} s after its phase began; raise buffer_s'
             )
+
+    def _check_field(self, item: dataclasses.Field[Any]) -> None:
+        value = getattr(self, item.name)
+        if 'range' in item.metadata:
+            low, high = item.metadata['range']
+            if not low <= value <= high:
+                raise FeatureError(f'{item.name} is {value}; it must lie between {low} and {high}')
+        choices = item.metadata.get('choices')
+        if choices and value not in choices:
+            allowed = ' or '.join(choice or 'empty' for choice in choices)
+            raise FeatureError(f'{item.name} is "{value}"; it must be {allowed}')
 
     def spatial_window(self) -> SpatialWindow:
         """Return the stretch of surface that is one window of ``texture_spatial``.

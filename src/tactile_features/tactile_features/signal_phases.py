@@ -326,16 +326,20 @@ class SignalPhases:
         return first + locate_bend(elapsed_s, np.array(self._tension_n[first:last]))
 
     def _event(self, phase: str, stamp_ns: int, message: str = '') -> TrialEvent:
+        config = self._config
+        is_texture = config.phases == PROTOCOL_TEXTURE
         return TrialEvent(
             stamp_ns=stamp_ns,
             trial_id=self._trial_id,
             session_id='',
-            protocol=self._config.phases,
-            contact=self._config.detected_contact,
+            protocol=config.phases,
+            contact=config.detected_contact,
             object_label='',
             phase=phase,
             message=message,
-            simulated=self._config.detected_simulated,
+            glide_speed_m_s=config.detected_glide_speed_m_s if is_texture else 0.0,
+            pull_speed_m_s=config.detected_pull_speed_m_s,
+            simulated=config.detected_simulated,
             detected=True,
         )
 

@@ -80,11 +80,24 @@ def test_a_held_tension_that_does_not_relax_is_a_hold():
 
 
 def test_what_is_known_is_in_the_events():
-    config = dataclasses.replace(STIFFNESS, detected_simulated=True)
+    config = dataclasses.replace(STIFFNESS, detected_simulated=True, detected_pull_speed_m_s=0.01)
     events = find(pull(step_n=0.0), config)
+    assert {(e.pull_speed_m_s, e.glide_speed_m_s) for e in events} == {(0.01, 0.0)}
     assert all(e.detected and e.simulated and e.contact == 'flexion' for e in events)
     assert {e.protocol for e in events} == {'stiffness'}
     assert {e.trial_id for e in events} == {f'detected-{events[0].stamp_ns}'}
+
+
+def test_a_known_sliding_speed_serves_the_features_that_need_one():
+    config = FeatureConfig(
+        phases='texture',
+        texture_features='texture_spatial',
+        detected_glide_speed_m_s=0.015,
+        measures=False,
+    )
+    (window,), _, events = run(config, blocks_of(pull(), Random(0)))
+    assert events[1].glide_speed_m_s == window.speed_m_s == 0.015
+    assert window.outcome == Outcome.OK
 
 
 def test_a_trial_without_a_glide_is_aborted_and_says_so():
@@ -228,6 +241,8 @@ def test_what_cannot_be_searched_is_refused():
         SignalPhases(FeatureConfig())
     with pytest.raises(FeatureError, match='phases'):
         FeatureConfig(phases='slip')
+    with pytest.raises(FeatureError, match='20 Hz'):
+        FeatureConfig(phases='texture', rate_hz=10.0)
     with pytest.raises(FeatureError, match='shapes'):
         find_phases(stamps(3), np.zeros(4), STIFFNESS)
     with pytest.raises(FeatureError, match='integer'):
