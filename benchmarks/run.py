@@ -18,7 +18,9 @@ from rich.table import Table
 
 TOPICS = {
     'spectrum': ('features', 'run_spectrum'),
+    'sliding': ('features', 'run_sliding'),
     'regression': ('features', 'run_regression'),
+    'significance': ('significance', 'run_significance'),
     'extractor': ('features', 'run_extractor'),
     'lines': ('decoding', 'run_lines'),
     'status': ('decoding', 'run_status'),
@@ -60,7 +62,9 @@ answers that differ. Where a bound is stated, exceeding it is a failure.
 
 EPILOG = """topics:
   spectrum     91 amplitudes of a texture window
+  sliding      91 amplitudes of the window that ends at every sample
   regression   slope, intercept, correlation of a stiffness window
+  significance rank-sum tests of all pairs of classes, all features
   extractor    sample blocks and events to windows
   lines        load-cell lines to readings
   status       Grbl status reports to positions

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tactile_features import FeatureError, compute_spectrum
+from tactile_features import FeatureError, compile_spectrum, compute_spectrum
 from tactile_features.spectrum import spectrum_names
 from tactile_features.spectrum_transform import make_plan, transform
 
@@ -178,3 +178,18 @@ def test_one_bad_window_of_a_batch_is_refused():
     x[70, 3] = np.inf
     with pytest.raises(FeatureError, match='not finite'):
         compute_spectrum(x)
+
+
+def test_after_compiling_the_same_bits_come_out():
+    pytest.importorskip('numba', reason='numba compiles the transform, and is not installed')
+    x = 5.0 + np.random.default_rng(11).normal(size=(40, 180))
+    x[3] = 4.0  # a constant and an extreme window take the careful path
+    x[4] *= 1e-300
+    before = compute_spectrum(x)
+    compile_spectrum(180)
+    assert compute_spectrum(x).tobytes() == before.tobytes()
+
+
+def test_only_lengths_with_a_plan_are_compiled():
+    with pytest.raises(FeatureError, match='181 samples'):
+        compile_spectrum(181)
