@@ -297,6 +297,13 @@ class FeatureConfig:
         unit='N',
         range=(0.0001, 1e6),
     )
+    detected_object_label: str = _parameter(
+        '',
+        'with phases found in the tension: what lies under the finger, in recordings to train on',
+    )
+    detected_session_id: str = _parameter(
+        '', 'with phases found in the tension: the session, in recordings to train on'
+    )
     detected_glide_speed_m_s: float = _parameter(
         0.0,
         'with phases found in the tension: sliding speed of their glides; 0: not known',

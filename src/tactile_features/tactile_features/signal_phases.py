@@ -331,10 +331,10 @@ class SignalPhases:
         return TrialEvent(
             stamp_ns=stamp_ns,
             trial_id=self._trial_id,
-            session_id='',
+            session_id=config.detected_session_id,
             protocol=config.phases,
             contact=config.detected_contact,
-            object_label='',
+            object_label=config.detected_object_label,
             phase=phase,
             message=message,
             glide_speed_m_s=config.detected_glide_speed_m_s if is_texture else 0.0,

@@ -80,8 +80,15 @@ def test_a_held_tension_that_does_not_relax_is_a_hold():
 
 
 def test_what_is_known_is_in_the_events():
-    config = dataclasses.replace(STIFFNESS, detected_simulated=True, detected_pull_speed_m_s=0.01)
+    config = dataclasses.replace(
+        STIFFNESS,
+        detected_simulated=True,
+        detected_pull_speed_m_s=0.01,
+        detected_object_label='apple',
+        detected_session_id='s7',
+    )
     events = find(pull(step_n=0.0), config)
+    assert {(e.object_label, e.session_id) for e in events} == {('apple', 's7')}
     assert {(e.pull_speed_m_s, e.glide_speed_m_s) for e in events} == {(0.01, 0.0)}
     assert all(e.detected and e.simulated and e.contact == 'flexion' for e in events)
     assert {e.protocol for e in events} == {'stiffness'}
