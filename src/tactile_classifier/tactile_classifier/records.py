@@ -127,6 +127,10 @@ class ClassifierConfig:
         'classify windows of this contact only; empty: of any',
         choices=('', *CONTACTS),
     )
+    vision_messages: bool = _parameter(
+        False,
+        'publish vision_msgs/Classification, too; that package must be installed',
+    )
     rate_hz: float = _feature_parameter('rate_hz')
     texture_samples: int = _feature_parameter('texture_samples')
     texture_crop_start_s: float = _feature_parameter('texture_crop_start_s')

@@ -13,8 +13,10 @@ from tactile_classifier.conversions import classification_to_msg
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.records import ClassifierConfig
+from tactile_classifier.vision import vision_class, vision_from_msg
 from tactile_features.conversions import feature_window_from_msg
 from tactile_features.spec import spec_for
+from tactile_ros.diagnostics import OK, Diagnostics, Health
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import RESULTS
@@ -25,6 +27,8 @@ class TactileClassifierNode(TactileNode):
 
     With a model that answers running windows, also ``~/running`` for these, while the
     window fills; the first decided answer of each trial goes to the log.
+
+    With the parameter ``vision_messages`` answers go to ``~/vision_classification``, too.
 
     Configuring loads the model; one that does not fit the parameters is refused.
 
@@ -51,25 +55,28 @@ class TactileClassifierNode(TactileNode):
         self.running_count = 0
         self._publisher: Any = None
         self._running_publisher: Any = None
+        self._vision_publisher: Any = None
+        self._diagnostics: Diagnostics | None = None
         self._inputs: list[Any] = []
         self._decided_trial: tuple[str, int] | None = None
 
     def set_up(self, config: ClassifierConfig) -> None:
         model = self.model = load_fitting_model(config)
-        self._publisher = self.create_lifecycle_publisher(
-            Classification, '~/classification', RESULTS
-        )
+        self._publisher = self.create_result_publisher(Classification, '~/classification')
+        if config.vision_messages:
+            self._vision_publisher = self.create_result_publisher(
+                vision_class(), '~/vision_classification'
+            )
         self._subscribe('tactile_features/features', self._on_features, model)
         if model.running_samples:
-            self._running_publisher = self.create_lifecycle_publisher(
-                Classification, '~/running', RESULTS
-            )
+            self._running_publisher = self.create_result_publisher(Classification, '~/running')
             self._subscribe('tactile_features/running_features', self._on_running, model)
             counts = ', '.join(map(str, model.running_samples))
             self.get_logger().info(
                 f'{model.model_id} answers running windows: the parameter running_samples of the '
                 f'feature node should be [{counts}]'
             )
+        self._diagnostics = Diagnostics(self, lambda: model.model_id, self._assess)
         self.get_logger().info(f'{model.model_id} knows {", ".join(model.labels)}')
 
     def _subscribe(
@@ -84,10 +91,13 @@ class TactileClassifierNode(TactileNode):
     def tear_down(self) -> None:
         while self._inputs:
             self.destroy_subscription(self._inputs.pop())
-        for publisher in (self._publisher, self._running_publisher):
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
+        for publisher in (self._publisher, self._running_publisher, self._vision_publisher):
             if publisher is not None:
                 self.destroy_lifecycle_publisher(publisher)
-        self._publisher = self._running_publisher = None
+        self._publisher = self._running_publisher = self._vision_publisher = None
 
     def _on_features(self, model: TactileModel, message: Any) -> None:
         if not self.is_active:
@@ -97,7 +107,10 @@ class TactileClassifierNode(TactileNode):
         if not model.accepts(window) or not self.config.takes_contact(window.contact):
             self.ignored_count += 1
             return
-        self._publisher.publish(classification_to_msg(model.classify(window)))
+        answer = classification_to_msg(model.classify(window))
+        self._publisher.publish(answer)
+        if self._vision_publisher is not None:
+            self._vision_publisher.publish(vision_from_msg(answer))
         self.published_count += 1
 
     def _on_running(self, model: TactileModel, message: Any) -> None:
@@ -117,6 +130,19 @@ class TactileClassifierNode(TactileNode):
                 f'{result.label} after {seconds:.2f} s of the window, '
                 f'probability {max(result.scores):.3f} (trial {result.trial_id})'
             )
+
+    def _assess(self) -> Health:
+        return Health(
+            OK,
+            'the model is loaded',
+            {
+                'windows': self.seen_count,
+                'answers': self.published_count,
+                'windows for others': self.ignored_count,
+                'running answers': self.running_count,
+                'active': self.is_active,
+            },
+        )
 
 
 def load_fitting_model(config: ClassifierConfig) -> TactileModel:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
@@ -18,9 +19,10 @@ from tactile_features.conversions import (
 from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import PHASE_ABORTED, FeatureConfig, FeatureWindow, Outcome
 from tactile_features.records import StrainBlock as StrainRecord
+from tactile_ros.diagnostics import OK, WARN, Diagnostics, Health
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
-from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.qos import EVENTS, STREAM
 
 
 class TactileFeaturesNode(TactileNode):
@@ -45,12 +47,15 @@ class TactileFeaturesNode(TactileNode):
         self._running_publisher: Any = None
         self._event_publisher: Any = None
         self._subscriptions_made: list[Any] = []
+        self._diagnostics: Diagnostics | None = None
+        self._window_counts: Counter[Outcome] = Counter()
+        self._assessed_blocks = 0
 
     def set_up(self, config: FeatureConfig) -> None:
         extractor = self.extractor = TrialFeatureExtractor(config)
-        self._publisher = self.create_lifecycle_publisher(TactileFeatures, '~/features', RESULTS)
-        self._running_publisher = self.create_lifecycle_publisher(
-            TactileFeatures, '~/running_features', RESULTS
+        self._publisher = self.create_result_publisher(TactileFeatures, '~/features')
+        self._running_publisher = self.create_result_publisher(
+            TactileFeatures, '~/running_features'
         )
         self._event_publisher = self.create_lifecycle_publisher(
             TrialEvent, '~/detected_events', EVENTS
@@ -69,6 +74,7 @@ class TactileFeaturesNode(TactileNode):
                 EVENTS,
             ),
         ]
+        self._diagnostics = Diagnostics(self, lambda: '', self._assess)
 
     def stop(self) -> None:
         # After an interrupt there is no one left to publish to.
@@ -76,6 +82,9 @@ class TactileFeaturesNode(TactileNode):
             self._publish(self.extractor.finish())
 
     def tear_down(self) -> None:
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
         self._subscriptions_made = []
@@ -98,8 +107,27 @@ class TactileFeaturesNode(TactileNode):
                 self.get_logger().warning(
                     f'no features of trial {window.trial_id}: {window.reason}'
                 )
+            if not window.running:
+                self._window_counts[window.outcome] += 1
             publisher = self._running_publisher if window.running else self._publisher
             publisher.publish(feature_window_to_msg(window))
+
+    def _assess(self) -> Health:
+        extractor = self.extractor
+        blocks = extractor.block_count if extractor is not None else 0
+        is_fed, self._assessed_blocks = blocks > self._assessed_blocks, blocks
+        windows = self._window_counts
+        return Health(
+            OK if is_fed else WARN,
+            'samples come in' if is_fed else 'no samples on tendon_sensor/strain',
+            {
+                'blocks': blocks,
+                'events': extractor.event_count if extractor is not None else 0,
+                'windows': sum(windows.values()),
+                'windows without features': sum(windows.values()) - windows[Outcome.OK],
+                'active': self.is_active,
+            },
+        )
 
 
 def main() -> int:

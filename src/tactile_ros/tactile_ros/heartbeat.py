@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Empty
@@ -26,7 +27,9 @@ class HeartbeatPublisher:
     def __init__(self, node: Node, is_well: Callable[[], bool]) -> None:
         self._node, self._is_well = node, is_well
         self._publisher = node.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
-        self._timer = node.create_timer(PERIOD_S, self._beat)
+        # The heart beats by the computer's time, however fast that of a recording passes.
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(PERIOD_S, self._beat, clock=clock)
 
     def close(self) -> None:
         """Take timer and publisher away."""
