@@ -61,10 +61,13 @@ class PressCalibration(NamedTuple):
         Slope on a rigid object over the free slope [1].
     fingertip : float
         Stiffness that the fingertip has while the tendon is held, over the free slope [1].
+    scatter : float
+        Relative standard deviation of the rise from press to press: place, friction [1].
     """
 
     blocked: float
     fingertip: float
+    scatter: float
 
 
 def measure_press(elapsed_s: FloatArray, tension_n: FloatArray, speed_m_s: float) -> Press:
@@ -147,9 +150,11 @@ def _find_touch(elapsed_s: FloatArray, tension_n: FloatArray, most_n: float) -> 
     for here in range(_FREE_SAMPLES, n):
         time, values = elapsed_s[:here], tension_n[:here]
         line = _fit_line(time, values)
-        ahead = values.mean() + line.slope * (elapsed_s[here:] - time.mean())
-        above = tension_n[here:] - ahead
-        if above[-1] > _KINK_SHARE * most_n and (above > _KINK_SIGMAS * line.scatter).all():
+        ahead_s = elapsed_s[here:] - time.mean()
+        above = tension_n[here:] - (values.mean() + line.slope * ahead_s)
+        # The line itself is the less certain, the farther it leads.
+        spread = line.scatter * np.sqrt(1 + 1 / here + (line.lever * ahead_s) ** 2)
+        if above[-1] > _KINK_SHARE * most_n and (above > _KINK_SIGMAS * spread).all():
             return here
     return n
 
@@ -173,7 +178,7 @@ def find_object_stiffness(press: Press, calibration: PressCalibration) -> Value:
     """
     (free, free_u), (rise, rise_u) = press
     share = rise / ((calibration.blocked - 1) * free)
-    share_u = share * math.hypot(rise_u / rise, free_u / free)
+    share_u = share * math.hypot(rise_u / rise, free_u / free, calibration.scatter)
     if share + 2 * share_u >= 1:
         raise UndefinedFeatureError(
             'the object is too stiff for this finger: its slope is that on a rigid one'
@@ -190,7 +195,8 @@ def calibrate_presses(
     """Return the calibration from presses on springs of known stiffness [N/m].
 
     Each press gives free / rise = (1 + fingertip free / k) / (blocked - 1): a straight line
-    in free / k, fitted by least squares. A rigid object has k = inf.
+    in free / k, fitted by least squares. A rigid object has k = inf. Several presses on each
+    spring tell how far they scatter.
 
     Raises
     ------
@@ -206,7 +212,10 @@ def calibrate_presses(
     level = float(answer.mean() - slope * softness.mean())
     if not (slope > 0 and level > 0):
         raise FeatureError('the slope does not rise with the stiffness of the springs')
-    return PressCalibration(1 + 1 / level, slope / level)
+    line = level + slope * softness
+    squares = float(np.sum((answer / line - 1) ** 2))
+    scatter = math.sqrt(squares / max(len(answer) - 2, 1))
+    return PressCalibration(1 + 1 / level, slope / level, scatter)
 
 
 def measure_relaxation(elapsed_s: FloatArray, tension_n: FloatArray) -> Value:
