@@ -379,6 +379,15 @@ class FeatureConfig:
             allowed = ' or '.join(choice or 'empty' for choice in choices)
             raise FeatureError(f'{item.name} is "{value}"; it must be {allowed}')
 
+    def without_detection(self) -> FeatureConfig:
+        """Return these parameters as if phases were stated: what windows can share."""
+        found = {
+            item.name: item.default
+            for item in dataclasses.fields(self)
+            if item.name.startswith('detected_')
+        }
+        return dataclasses.replace(self, phases=PHASES_STATED, **found)
+
     def spatial_window(self) -> SpatialWindow:
         """Return the stretch of surface that is one window of ``texture_spatial``.
 

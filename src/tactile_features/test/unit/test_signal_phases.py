@@ -243,6 +243,12 @@ def test_a_clock_set_back_within_a_trial_forgets_it():
     assert events[2].stamp_ns < 2 * 10**9
 
 
+def test_parameters_of_the_search_alone_can_be_left_out_of_a_comparison():
+    one = dataclasses.replace(STIFFNESS, detected_object_label='apple', detected_rise_n=1.0)
+    assert one.without_detection() == FeatureConfig()
+    assert dataclasses.replace(one, max_gap_samples=2).without_detection() != FeatureConfig()
+
+
 def test_what_cannot_be_searched_is_refused():
     with pytest.raises(FeatureError, match='phases'):
         SignalPhases(FeatureConfig())
