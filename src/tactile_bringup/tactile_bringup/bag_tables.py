@@ -22,11 +22,13 @@ from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_DONE,
     PROTOCOL_SLIP,
+    SET_TEXTURE_SPATIAL,
     FeatureConfig,
     FeatureWindow,
     Outcome,
     TrialEvent,
 )
+from tactile_features.spatial import SpatialWindow
 from tactile_features.spec import spec_for
 
 BLOCKS = 6
@@ -58,11 +60,17 @@ class BagTables:
     left_out: tuple[str, ...]
 
 
-def read_tables(paths: Sequence[Path]) -> BagTables:
+def read_tables(paths: Sequence[Path], over: SpatialWindow | None = None) -> BagTables:
     """Read the labelled trials of bags, by task and kind of contact.
 
     Every finger (namespace) of a bag counts. The features come from the same object
     as in the live node.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    over : SpatialWindow, optional
+        Texture features over this stretch of surface, whatever set was recorded.
 
     Raises
     ------
@@ -75,8 +83,8 @@ def read_tables(paths: Sequence[Path]) -> BagTables:
     left_out: list[str] = []
     for path in paths:
         with TactileBag(path) as bag:
-            bag_config = recorded_config(bag)
-            if config is not None and bag_config != config:
+            bag_config = _over_distance(recorded_config(bag), over)
+            if config and bag_config.without_detection() != config.without_detection():
                 raise BagError(
                     f'{path} was recorded with other feature parameters than {paths[0]}; '
                     'train on each of them alone'
@@ -96,6 +104,18 @@ def read_tables(paths: Sequence[Path]) -> BagTables:
         if group.windows
     }
     return BagTables(tables, tuple(left_out))
+
+
+def _over_distance(config: FeatureConfig, over: SpatialWindow | None) -> FeatureConfig:
+    if over is None:
+        return config
+    return replace(
+        config,
+        texture_features=SET_TEXTURE_SPATIAL,
+        spatial_length_m=over.length_m,
+        spatial_finest_m=over.finest_m,
+        running_samples=(),
+    )
 
 
 def _collect(

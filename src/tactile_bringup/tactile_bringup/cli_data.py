@@ -43,6 +43,15 @@ def simulate(
             'and temperature.',
         ),
     ] = 1,
+    speed: Annotated[
+        Optional[list[float]],
+        typer.Option(
+            min=1,
+            max=200,
+            help='Sliding speed over the plate in mm/s; give it several times for a bag of each. '
+            'Default: 15.',
+        ),
+    ] = None,
     seed: SeedOption = 1,
     description: Annotated[
         Optional[Path],
@@ -85,6 +94,7 @@ def simulate(
                 description=description,
                 jobs=jobs,
                 plot=plot,
+                speeds_m_s=tuple(mm_s / 1e3 for mm_s in dict.fromkeys(speed or ())),
             ),
             as_json=json_output,
         )
@@ -130,6 +140,13 @@ def train(
             help='Share of wrong answers among those that are decided before the window is full.',
         ),
     ] = 0.05,
+    over: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Texture: features over this stretch of surface instead of over time, for any '
+            'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option('--force', help='Replace model files of an earlier training.')
     ] = False,
@@ -164,7 +181,46 @@ def train(
                 running=running,
                 stop_error_rate=stop_error,
                 force=force,
+                over=over,
             ),
+            as_json=json_output,
+        )
+
+
+def robustness(
+    report: Annotated[
+        Path,
+        typer.Option('--report', '-o', help='Report to write: a folder, or an HTML file.'),
+    ],
+    contact: Annotated[Contact, typer.Option(help='How the finger touches.')] = Contact.flexion,
+    description: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='Folder with your own finger, rig, plates or objects: YAML files laid over '
+            'those of the package.'
+        ),
+    ] = None,
+    seed: SeedOption = 1,
+    jobs: Annotated[
+        int, typer.Option(help='How many processes simulate; -1: one for each core.')
+    ] = -1,
+    json_output: JsonOption = False,
+) -> None:
+    """Find out on **simulated** trials how good sensor and rig must be.
+
+    Noise, drift, lost samples, jitter, glide speed, contact depth and sample rate are made
+    worse one at a time: accuracy of a model that was trained under good conditions, and of
+    one that was trained under the bad ones. Takes a minute or two.
+    """
+    with refusals():
+        from tactile_bringup.commands.robustness import run_robustness
+
+        run_robustness(
+            report,
+            contact=contact.value,
+            description=description,
+            seed=seed,
+            jobs=jobs,
             as_json=json_output,
         )
 
@@ -194,6 +250,20 @@ def evaluate(
         typer.Option(
             help='Part of each trial that counts, in seconds, as in --static-phase 1:5. '
             'Default: all of it.'
+        ),
+    ] = None,
+    over: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Texture: features over this stretch of surface instead of over time, for any '
+            'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+        ),
+    ] = None,
+    speed_column: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Column of the archive with the sliding speeds, for --over; its name ends in '
+            'the unit, _mm_s or _m_s. A bag states them itself.'
         ),
     ] = None,
     group: Annotated[
@@ -245,6 +315,8 @@ def evaluate(
                 features=features,
                 seed=seed,
                 report=report,
+                over=over,
+                speed_column=speed_column,
             ),
             as_json=json_output,
         )

@@ -109,6 +109,7 @@ def write_simulated_bag(
         When a description does not fit.
     """
     catalogue = catalogue or Catalogue(None)
+    trial_config = plan.configure(trial_config)
     planned = plan_trial(trial_config, plan.request, catalogue)
     facts = {
         'simulated': True,

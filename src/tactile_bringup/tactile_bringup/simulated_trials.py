@@ -9,7 +9,7 @@ result, so that it can run in another process or on another computer.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -122,6 +122,8 @@ class SimulationPlan:
         The same seed gives the same bag.
     sessions : int
         How often the rig is set up anew; trials of a session share its deviations.
+    glide_speed_m_s : float or None
+        Speed over the plate [m/s]; None: as the trials are configured.
     """
 
     protocol: str
@@ -129,10 +131,20 @@ class SimulationPlan:
     trials_per_label: int
     seed: int
     sessions: int = 1
+    glide_speed_m_s: float | None = None
 
     @property
     def name(self) -> str:
-        return f'{self.protocol}_{self.contact}'
+        name = f'{self.protocol}_{self.contact}'
+        if self.glide_speed_m_s is None:
+            return name
+        return f'{name}_{1e3 * self.glide_speed_m_s:g}mm_s'
+
+    def configure(self, config: TrialConfig) -> TrialConfig:
+        """Return the configuration with this plan's speed over the plate."""
+        if self.glide_speed_m_s is None:
+            return config
+        return replace(config, glide_speed_m_s=self.glide_speed_m_s)
 
     @property
     def request(self) -> TrialRequest:

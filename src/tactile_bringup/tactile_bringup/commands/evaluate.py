@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.commands.output import Output
@@ -19,9 +20,12 @@ from tactile_bringup.report.build import report_path, write_report
 from tactile_bringup.report.recordings import RecordingSet, array_examples, bag_sets
 from tactile_bringup.report.sentences import summarise_set
 from tactile_bringup.tables import accuracy_caption, accuracy_table
-from tactile_classifier.archive import load_archive
-from tactile_classifier.dataset import FeatureTable, table_from_trials
+from tactile_classifier.archive import LabelledTrials, load_archive
+from tactile_classifier.dataset import FeatureTable, table_from_trials, table_over_distance
 from tactile_classifier.evaluation import Evaluation, evaluate
+from tactile_features.errors import FeatureError
+from tactile_features.records import PROTOCOL_TEXTURE
+from tactile_features.spatial import SpatialWindow
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,8 @@ class EvaluateRequest:
     features: str | None
     seed: int
     report: Path | None = None
+    over: str | None = None
+    speed_column: str | None = None
 
     @property
     def hold_out(self) -> tuple[tuple[str, ...], ...]:
@@ -106,7 +112,7 @@ def _print_result(result: SetResult, output: Output) -> None:
 
 
 def _settings(request: EvaluateRequest) -> dict[str, str]:
-    names = ('task', 'channel', 'where', 'static_phase', 'features')
+    names = ('task', 'channel', 'where', 'static_phase', 'over', 'speed_column', 'features')
     given = {name: getattr(request, name) for name in names}
     return {
         'folds': f'{request.folds}, dealt {request.repetitions} times',
@@ -121,13 +127,14 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
         raise BringupError('evaluate one archive at a time, or bags only')
     if archives:
         return [_archive_set(archives[0], request)]
-    for name in ('channel', 'where', 'static_phase'):
+    for name in ('channel', 'where', 'static_phase', 'speed_column'):
         if getattr(request, name) is not None:
             option = name.replace('_', '-')
             raise BringupError(f'--{option} is for archives; a bag says itself what a trial is')
+    over = parse_over(request.over)
     tables = {
         key: select_features(table, request.features)
-        for key, table in read_tables(request.recordings).tables.items()
+        for key, table in read_tables(request.recordings, over).tables.items()
         if request.task in (None, key[0])
     }
     if not tables:
@@ -150,7 +157,12 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         start_s, stop_s = parse_span(request.static_phase)
         trials = trials.between(start_s, stop_s)
         title.append(f'{start_s:g} to {stop_s:g} s')
-    table = table_from_trials(request.task, trials, channel)
+    over = parse_over(request.over)
+    if over is None:
+        table = table_from_trials(request.task, trials, channel)
+    else:
+        title.append(f'over {request.over} mm')
+        table = table_over_distance(trials, over, _speeds_m_s(request, trials), channel)
     if request.features is not None:
         title.append(request.features)
     return RecordingSet(
@@ -162,6 +174,41 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         unit='raw',
         examples=array_examples(table, trials.signal(channel), trials.rate_hz),
     )
+
+
+def _speeds_m_s(request: EvaluateRequest, trials: LabelledTrials) -> NDArray[np.float64]:
+    """Return the sliding speed of each trial, in the unit that its column's name says."""
+    if request.task != PROTOCOL_TEXTURE:
+        raise BringupError('--over is for texture; a hold goes nowhere')
+    name = request.speed_column
+    if name is None or name not in trials.columns or trials.columns[name].dtype.kind not in 'fiu':
+        raise BringupError(
+            'name the column with the sliding speeds as numbers, as in --speed-column '
+            f'speed_mm_s; there are: {", ".join(trials.columns) or "none"}'
+        )
+    for ending, unit_m_s in (('_mm_s', 1e-3), ('_m_s', 1.0)):
+        if name.endswith(ending):
+            return trials.columns[name].astype(np.float64) * unit_m_s
+    raise BringupError(f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s')
+
+
+def parse_over(text: str | None) -> SpatialWindow | None:
+    """Return the window that ``LENGTH:FINEST`` in millimetres says; None for None.
+
+    Raises
+    ------
+    BringupError
+        When it is not of that form, or the window is too short for its finest scale.
+    """
+    if text is None:
+        return None
+    length, _, finest = text.partition(':')
+    try:
+        return SpatialWindow(float(length) / 1e3, float(finest) / 1e3)
+    except FeatureError as error:
+        raise BringupError(f'--over: {error}') from error
+    except ValueError as error:
+        raise BringupError(f'--over: "{text}" is not LENGTH:FINEST in mm, as in 45:0.5') from error
 
 
 def _value(text: str, columns: Any, column: str) -> object:

@@ -14,7 +14,7 @@ from tactile_bringup.errors import BagError, BringupError
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulated_bags import SimulatedBag, count_trials, write_simulated_bag
 from tactile_bringup.simulated_trials import SimulationPlan
-from tactile_features.records import FeatureConfig
+from tactile_features.records import PROTOCOL_TEXTURE, FeatureConfig
 from tactile_sim.catalogue import Catalogue
 
 
@@ -31,6 +31,7 @@ class SimulateRequest:
     description: Path | None
     jobs: int
     plot: Path | None
+    speeds_m_s: tuple[float, ...] = ()
 
 
 def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
@@ -43,19 +44,27 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
         )
     if request.jobs == 0:
         raise BringupError('--jobs is 0; it must be a number of processes, or -1 for all cores')
+    if request.speeds_m_s and request.protocol != PROTOCOL_TEXTURE:
+        raise BringupError('--speed is for texture: nothing else glides over a plate')
     catalogue = Catalogue(request.description)
     labels = catalogue.labels(request.protocol)
     plans = [
         SimulationPlan(
-            request.protocol, contact, request.trials_per_label, request.seed, request.sessions
+            request.protocol,
+            contact,
+            request.trials_per_label,
+            request.seed,
+            request.sessions,
+            speed_m_s,
         )
         for contact in request.contacts
+        for speed_m_s in request.speeds_m_s or (None,)
     ]
     total = sum(count_trials(plan, catalogue) for plan in plans)
     output.say(
         f'SIMULATED {request.protocol} trials, {" and ".join(request.contacts)}: {total} in all; '
         f'{len(plans)} x {request.sessions} x {request.trials_per_label} '
-        f'(contacts, sessions, trials) on each of {", ".join(labels)}'
+        f'(bags, sessions, trials) on each of {", ".join(labels)}'
     )
     started = time.monotonic()
     bags = make_bags(request.folder, plans, output, catalogue=catalogue, jobs=request.jobs)
@@ -67,7 +76,8 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
     if request.plot is not None:
         from tactile_bringup.simulation_plots import plot_simulated_trial
 
-        plot_simulated_trial(request.plot, plans[0], TrialConfig(simulated=True), catalogue)
+        config = plans[0].configure(TrialConfig(simulated=True))
+        plot_simulated_trial(request.plot, plans[0], config, catalogue)
         output.say(f'{request.plot}: one of them as a figure')
     output.result(
         {
@@ -77,6 +87,7 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
                     'path': str(bag.path),
                     'protocol': plan.protocol,
                     'contact': plan.contact,
+                    'glide_speed_m_s': plan.glide_speed_m_s,
                     'sessions': plan.sessions,
                     'trials_per_label_and_session': plan.trials_per_label,
                     'trials': bag.trials,

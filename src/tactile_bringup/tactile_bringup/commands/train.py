@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_bringup.bag_tables import BagTables, read_tables
-from tactile_bringup.commands.evaluate import evaluate_with_progress
+from tactile_bringup.commands.evaluate import evaluate_with_progress, parse_over
 from tactile_bringup.commands.output import Output, make_output_folder
 from tactile_bringup.errors import BringupError
 from tactile_bringup.model_folder import model_path
@@ -28,6 +28,7 @@ from tactile_classifier.manifest import Manifest
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
 from tactile_features.records import PROTOCOL_TEXTURE
+from tactile_features.spatial import SpatialWindow
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ class TrainRequest:
     running: str | None = None
     stop_error_rate: float = 0.05
     force: bool = False
+    over: str | None = None
 
     def running_seconds(self) -> list[float]:
         """Return ``running`` as numbers.
@@ -98,16 +100,20 @@ class TrainRequest:
 def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
     """Train on bags and print what came out."""
     output = Output(as_json)
-    request.running_seconds()  # a wrong text fails before the work
-    trained = train_models(read_with_progress(bags, output), request, output)
+    over = parse_over(request.over)
+    if request.running_seconds() and over is not None:  # wrong texts fail before the work
+        raise BringupError('features over distance have no running answers: leave --running out')
+    trained = train_models(read_with_progress(bags, output, over), request, output)
     output.result({'models': [model.to_dict() for model in trained]})
 
 
-def read_with_progress(bags: Sequence[Path], output: Output) -> BagTables:
+def read_with_progress(
+    bags: Sequence[Path], output: Output, over: SpatialWindow | None = None
+) -> BagTables:
     """Read the bags' feature tables; say which trials are left out."""
     with output.progress() as progress:
         progress.add_task('extracting features', total=None)
-        found = read_tables(bags)
+        found = read_tables(bags, over)
     for sentence in found.left_out[:5]:
         output.say(f'left out: {sentence}')
     if len(found.left_out) > 5:
