@@ -381,7 +381,7 @@ class FeatureConfig:
 
     def without_detection(self) -> FeatureConfig:
         """Return these parameters as if phases were stated: what windows can share."""
-        found = {
+        found: dict[str, Any] = {
             item.name: item.default
             for item in dataclasses.fields(self)
             if item.name.startswith('detected_')
