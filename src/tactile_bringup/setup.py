@@ -15,6 +15,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', sorted(glob('launch/*.launch.py'))),
+        (f'share/{package_name}/layouts', sorted(glob('layouts/*'))),
         (f'share/{package_name}/udev', sorted(glob('udev/*.rules'))),
     ],
     install_requires=['setuptools'],
