@@ -103,12 +103,7 @@ def _compile(n: int, count: int, shape: tuple[tuple[int, int, int], ...]) -> Cal
             if r5:
                 _stage(z, w5, r5, g5, s5, other, one, part, -1)
             _mirror(z, half, top, part, done, mirror)
-            _untangle(z, turns, top, part, done, mirror, power, high)
-            for q in range(_LANES):
-                z[centre + q] = 0.0
-            for k in range(top + 1):
-                for q in range(_LANES):
-                    z[centre + q] += z[power + k * _LANES + q] + z[high + k * _LANES + q]
+            _untangle(z, turns, top, part, done, mirror, power, high, centre)
             for t in range(lanes):
                 energy[begin + t] = z[centre + t]
             for q in range((2 * top + 2) * _LANES):
@@ -119,7 +114,7 @@ def _compile(n: int, count: int, shape: tuple[tuple[int, int, int], ...]) -> Cal
                 for k in range(half - top):
                     out[begin + t, half - k] = z[high + k * _LANES + t]
 
-    compiled: Callable[..., None] = njit(cache=True, **_OPTIONS)(run)
+    compiled: Callable[..., None] = njit(**_OPTIONS)(run)
     return compiled
 
 
@@ -289,11 +284,20 @@ def _mirror(z: Any, half: Any, top: Any, part: Any, done: Any, mirror: Any) -> N
 
 @_inline
 def _untangle(
-    z: Any, turns: Any, top: Any, part: Any, done: Any, mirror: Any, power: Any, high: Any
+    z: Any,
+    turns: Any,
+    top: Any,
+    part: Any,
+    done: Any,
+    mirror: Any,
+    power: Any,
+    high: Any,
+    centre: Any,
 ) -> None:
     for q in range(_LANES):
         z[power + q] = 0.0
         z[high + q] = _square_nyquist(z[done + q], z[done + part + q])
+        z[centre + q] = z[high + q]
     for k in range(1, top + 1):
         cosine, sine = turns[2 * k], turns[2 * k + 1]
         for q in range(_LANES):
@@ -304,3 +308,4 @@ def _untangle(
             )
             z[power + k * _LANES + q] = low_square
             z[high + k * _LANES + q] = high_square
+            z[centre + q] += low_square + high_square
