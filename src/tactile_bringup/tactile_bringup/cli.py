@@ -10,7 +10,7 @@ import sys
 import typer
 
 from tactile_bringup.cli_bags import repair, replay
-from tactile_bringup.cli_data import evaluate, simulate, train
+from tactile_bringup.cli_data import evaluate, robustness, simulate, train
 from tactile_bringup.cli_rig import check, demo, devices, hand, rig, sense, trials
 
 app = typer.Typer(
@@ -29,6 +29,7 @@ for command in (
     simulate,
     train,
     evaluate,
+    robustness,
     replay,
     repair,
     trials,

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import math
 import re
@@ -98,6 +99,12 @@ class Catalogue:
     def rig(self) -> Rig:
         """The rig around the finger."""
         return self._rig
+
+    def with_rig(self, rig: Rig) -> Catalogue:
+        """Return the same fingers, plates and objects on another rig."""
+        other = copy.copy(self)
+        object.__setattr__(other, '_rig', rig)
+        return other
 
     def plate(self, label: str) -> Plate:
         """The texture plate of this label; DescriptionError if there is none."""

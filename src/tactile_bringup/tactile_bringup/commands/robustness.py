@@ -1,0 +1,46 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""`tactile robustness`: how good sensor and rig must be, on simulated trials."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tactile_bringup.commands.output import Output
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.report.build import report_path
+from tactile_bringup.report.figures_robustness import build_robustness_page, tell_axis
+from tactile_bringup.robustness import Study, describe, list_axes, run_study
+from tactile_sim.catalogue import Catalogue
+
+
+def run_robustness(
+    report: Path,
+    *,
+    contact: str,
+    description: Path | None,
+    seed: int,
+    jobs: int,
+    as_json: bool,
+) -> None:
+    """Run the study, print a line an axis, write the report."""
+    output = Output(as_json)
+    file = report_path(report)
+    study, catalogue = Study(contact=contact, seed=seed), Catalogue(description)
+    with output.progress() as progress:
+        bar = progress.add_task('simulating conditions', total=None)
+        points = run_study(
+            study,
+            catalogue,
+            jobs=jobs,
+            progress=lambda done, total: progress.update(bar, completed=done, total=total),
+        )
+    axes = list_axes(catalogue.rig().load_cell, TrialConfig(simulated=True))
+    document = describe(study, catalogue, points)
+    output.say(f'SIMULATED trials, {contact}; {document["split"]}')
+    for axis in axes:
+        for line in tell_axis(axis, points):
+            output.say(f'  {line}')
+    file.write_text(build_robustness_page(axes, points, document), encoding='utf-8')
+    output.say(f'{file}: the same as a figure')
+    output.result(document)

@@ -1,0 +1,453 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""How accuracy falls as conditions get worse, one at a time, on simulated trials.
+
+What the sensor does (noise, drift, lost samples, jitter) is laid over the same clean motion;
+for other speeds, depths and sample rates the motion is simulated anew. Features come from the
+extractor of the live node. Training and tests are in different sessions: the rig is set up
+anew between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.simulated_trials import PlannedTrial, plan_trial
+from tactile_bringup.trial_protocols import TrialRequest, glide_speed_m_s
+from tactile_classifier.estimators import DEFAULT_SCALING, build_estimator
+from tactile_features.extractor import TrialFeatureExtractor
+from tactile_features.records import (
+    PROTOCOL_STIFFNESS,
+    PROTOCOL_TEXTURE,
+    FeatureConfig,
+    Outcome,
+    StrainBlock,
+    TrialEvent,
+)
+from tactile_sim.catalogue import Catalogue
+from tactile_sim.description import LoadCell
+from tactile_sim.fast_trials import STEPS_PER_SAMPLE, simulate_motion
+from tactile_sim.scene import build_scene
+from tactile_sim.sensing import read_tension
+from tactile_sim.variation import draw_variation
+
+FloatArray = NDArray[np.float64]
+
+CLASSIFIER = 'knn'
+"""With the default scaling of its task: what `tactile train` writes when nothing is asked for."""
+
+_GLIDE_S = 4.2  # long enough for the window at any speed, where the plate is
+_BRIDGED = 'lost samples, gaps bridged'
+_LOST = (0.0, 0.003, 0.01, 0.03, 0.1)
+_EPOCH_NS = 1_600_000_000_000_000_000
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """What the sensor does to the same motion; None keeps what the rig's description says.
+
+    Attributes
+    ----------
+    noise_n, drift_n_rt_s : float or None
+        Standard deviation of noise [N], random walk of the zero in a root second [N].
+    lost : float
+        Share of samples that are lost, each on its own [1].
+    jitter : float
+        Standard deviation of the time of sampling, of which the stamps know nothing, in
+        periods [1].
+    """
+
+    noise_n: float | None = None
+    drift_n_rt_s: float | None = None
+    lost: float = 0.0
+    jitter: float = 0.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One condition: how the trial runs, how fast is sampled, what the sensor does.
+
+    Gaps of up to ``max_gap_samples`` are bridged; see `FeatureConfig`.
+    """
+
+    axis: str
+    value: float
+    glide_speed_m_s: float | None = None
+    depth: float = 1.0
+    rate_hz: float | None = None
+    max_gap_samples: int = 0
+    sensing: Sensing = field(default_factory=Sensing)
+
+    @property
+    def motion(self) -> tuple[float | None, float, float | None]:
+        """What must be simulated anew when it differs."""
+        return self.glide_speed_m_s, self.depth, self.rate_hz
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One thing that gets worse.
+
+    Attributes
+    ----------
+    name, unit : str
+    settings : tuple of Setting
+    nominal : float
+        Its value where the others are varied.
+    trains_elsewhere : bool
+        Whether a model that was trained at the nominal value can be asked at all: it refuses
+        another sample rate.
+    """
+
+    name: str
+    unit: str
+    settings: tuple[Setting, ...]
+    nominal: float
+    trains_elsewhere: bool = True
+
+
+@dataclass(frozen=True)
+class Point:
+    """What was found in one condition.
+
+    Attributes
+    ----------
+    nominal, matched : float or None
+        Share of all tested trials that were named correctly by a model that was trained at the
+        nominal condition, and by one that was trained in this one [1]; None: there is none.
+    refused : float
+        Share of tested trials that gave no features [1].
+    """
+
+    protocol: str
+    axis: str
+    value: float
+    nominal: float | None
+    matched: float | None
+    refused: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """Which simulated trials are made.
+
+    Attributes
+    ----------
+    train_sessions, test_sessions : int
+        The sessions of the tests follow those of the training.
+    train_trials, test_trials : int
+        Of each label in each session.
+    """
+
+    contact: str = 'flexion'
+    seed: int = 1
+    train_sessions: int = 3
+    test_sessions: int = 3
+    train_trials: int = 8
+    test_trials: int = 4
+
+
+def list_axes(cell: LoadCell, config: TrialConfig) -> tuple[Axis, ...]:
+    """Return what is varied, around the rig's own values."""
+    steps = (1.0, 3.0, 10.0, 30.0)
+
+    def sensed(name: str, values: Sequence[float], key: str) -> tuple[Setting, ...]:
+        return tuple(Setting(name, v, sensing=Sensing(**{key: v})) for v in values)
+
+    return (
+        Axis(
+            'noise',
+            'N',
+            sensed('noise', [cell.noise_n * s for s in steps], 'noise_n'),
+            cell.noise_n,
+        ),
+        Axis(
+            'drift',
+            'N/√s',
+            sensed('drift', [cell.drift_n_rt_s * s**2 for s in steps], 'drift_n_rt_s'),
+            cell.drift_n_rt_s,
+        ),
+        Axis('lost samples', 'share', sensed('lost samples', _LOST, 'lost'), 0.0),
+        Axis(
+            _BRIDGED,
+            'share',
+            tuple(
+                Setting(
+                    'lost samples, gaps bridged',
+                    lost,
+                    max_gap_samples=3,
+                    sensing=Sensing(lost=lost),
+                )
+                for lost in _LOST
+            ),
+            0.0,
+        ),
+        Axis('jitter', 'periods', sensed('jitter', (0.0, 0.1, 0.3, 0.6), 'jitter'), 0.0),
+        Axis(
+            'glide speed',
+            'm/s',
+            tuple(
+                Setting('glide speed', speed, glide_speed_m_s=speed)
+                for speed in (0.005, 0.010, 0.0135, config.glide_speed_m_s, 0.0165)
+            ),
+            config.glide_speed_m_s,
+        ),
+        Axis(
+            'contact depth',
+            'of nominal pull',
+            tuple(Setting('contact depth', d, depth=d) for d in (0.8, 0.9, 1.0, 1.1)),
+            1.0,
+        ),
+        Axis(
+            'sample rate',
+            'Hz',
+            tuple(Setting('sample rate', r, rate_hz=r) for r in (15.0, 30.0, cell.rate_hz, 120.0)),
+            cell.rate_hz,
+            trains_elsewhere=False,
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class _Features:
+    """Features of some trials; ``answered`` marks those of all trials that have any."""
+
+    values: FloatArray
+    labels: NDArray[np.str_]
+    answered: NDArray[np.bool_]
+    all_labels: NDArray[np.str_]
+
+
+def run_study(
+    study: Study,
+    catalogue: Catalogue,
+    *,
+    jobs: int | None = -1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Point]:
+    """Simulate all conditions and return what the classifiers make of them."""
+    axes = list_axes(catalogue.rig().load_cell, TrialConfig(simulated=True))
+    work = []
+    for protocol in (PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS):
+        by_motion: dict[tuple[float | None, float, float | None], list[Setting]] = {}
+        for axis in axes:
+            for setting in axis.settings:
+                if protocol == PROTOCOL_TEXTURE or axis.name != 'glide speed':
+                    by_motion.setdefault(setting.motion, []).append(setting)
+        work += [(protocol, tuple(settings)) for settings in by_motion.values()]
+    found: dict[tuple[str, str, float], tuple[_Features, _Features]] = {}
+    done = Parallel(n_jobs=jobs, return_as='generator')(
+        delayed(make_features)(study, catalogue, protocol, settings) for protocol, settings in work
+    )
+    for i, ((protocol, settings), features) in enumerate(zip(work, done, strict=True)):
+        for setting, pair in zip(settings, features, strict=True):
+            found[protocol, setting.axis, setting.value] = pair
+        progress(i + 1, len(work))
+    points = []
+    for protocol in (PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS):
+        usual = found[protocol, 'contact depth', 1.0][0]
+        for axis in axes:
+            for setting in axis.settings:
+                pair = found.get((protocol, axis.name, setting.value))
+                if pair is not None:
+                    trained = usual if axis.trains_elsewhere else None
+                    points.append(_judge(protocol, setting, trained, *pair))
+    return points
+
+
+def _judge(
+    protocol: str, setting: Setting, usual: _Features | None, train: _Features, test: _Features
+) -> Point:
+    return Point(
+        protocol,
+        setting.axis,
+        setting.value,
+        None if usual is None else score(protocol, usual, test),
+        score(protocol, train, test),
+        float(1.0 - test.answered.mean()),
+    )
+
+
+def score(protocol: str, train: _Features, test: _Features) -> float | None:
+    """Return the share of all tested trials named correctly; None: nothing to train on."""
+    if len(train.labels) < 3 or len(np.unique(train.labels)) < 2:
+        return None
+    if not len(test.labels):
+        return 0.0
+    estimator = build_estimator(CLASSIFIER, DEFAULT_SCALING[protocol])
+    estimator.fit(train.values, train.labels)
+    right = np.sum(estimator.predict(test.values) == test.labels)
+    return float(right / len(test.all_labels))
+
+
+def make_features(
+    study: Study, catalogue: Catalogue, protocol: str, settings: Sequence[Setting]
+) -> list[tuple[_Features, _Features]]:
+    """Return features to train on and to test on, for settings that share their motion."""
+    config, features, catalogue = _configure(study, catalogue, settings[0])
+    parts: list[list[list[tuple[str, list[FloatArray | None]]]]] = [[[], []] for _ in settings]
+    for label in catalogue.labels(protocol):
+        for session in range(study.train_sessions + study.test_sessions):
+            is_test = session >= study.train_sessions
+            count = study.test_trials if is_test else study.train_trials
+            trials = CleanTrials(protocol, label, study, config, catalogue, session, count)
+            for i, setting in enumerate(settings):
+                policy = replace(features, max_gap_samples=setting.max_gap_samples)
+                rows = trials.extract(setting.sensing, policy)
+                parts[i][is_test].append((label, rows))
+    return [(_gather(train), _gather(test)) for train, test in parts]
+
+
+def _configure(
+    study: Study, catalogue: Catalogue, setting: Setting
+) -> tuple[TrialConfig, FeatureConfig, Catalogue]:
+    usual = TrialConfig(simulated=True)
+    speed_m_s = setting.glide_speed_m_s or usual.glide_speed_m_s
+    depth = f'{study.contact}_displacement_m'
+    config = replace(
+        usual,
+        glide_speed_m_s=speed_m_s,
+        glide_length_m=min(usual.glide_length_m, speed_m_s * _GLIDE_S),
+        **{depth: getattr(usual, depth) * setting.depth},
+    )
+    rate_hz = setting.rate_hz or catalogue.rig().load_cell.rate_hz
+    features = FeatureConfig()
+    window_s = features.texture_samples / features.rate_hz
+    features = replace(
+        features, rate_hz=rate_hz, texture_samples=round(window_s * rate_hz), measures=False
+    )
+    return config, features, _with_rate(catalogue, rate_hz)
+
+
+@lru_cache(maxsize=8)
+def _with_rate(catalogue: Catalogue, rate_hz: float) -> Catalogue:
+    rig = catalogue.rig()
+    if rate_hz == rig.load_cell.rate_hz:
+        return catalogue
+    return catalogue.with_rig(replace(rig, load_cell=replace(rig.load_cell, rate_hz=rate_hz)))
+
+
+class CleanTrials:
+    """The motion of some trials of one label in one session, to be sensed in several ways."""
+
+    def __init__(
+        self,
+        protocol: str,
+        label: str,
+        study: Study,
+        config: TrialConfig,
+        catalogue: Catalogue,
+        session: int,
+        count: int,
+    ) -> None:
+        self._draw = (catalogue, study.contact, protocol, label, study.seed, session, count, 0)
+        request = TrialRequest(protocol, study.contact)
+        self.planned: PlannedTrial = plan_trial(config, request, catalogue)
+        self._event = TrialEvent(
+            0,
+            'trial',
+            str(session),
+            protocol,
+            study.contact,
+            label,
+            '',
+            simulated=True,
+            glide_speed_m_s=glide_speed_m_s(config, request),
+        )
+        scene = build_scene(protocol, label, study.contact, catalogue)
+        self._cell = scene.rig.load_cell
+        variation, _ = draw_variation(*self._draw)
+        phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE
+        motion = simulate_motion(scene, self.planned.timeline, replace(variation, phase=phase))
+        self._times_s = motion.sample_times_s
+        self._sensed_n = motion.sensed_n
+
+    def sense(self, sensing: Sensing) -> FloatArray:
+        """Return the readings, shape (trials, samples) [N]; NaN where a trial failed."""
+        variation, generators = draw_variation(*self._draw)
+        cell = self._cell
+        if sensing.noise_n is not None:
+            cell = replace(cell, noise_n=sensing.noise_n)
+        if sensing.drift_n_rt_s is not None:
+            cell = replace(cell, drift_n_rt_s=sensing.drift_n_rt_s)
+        clean_n = self._sensed_n
+        if sensing.jitter:
+            clean_n = np.array(
+                [self._shake(row, sensing.jitter, i) for i, row in enumerate(clean_n)]
+            )
+        return read_tension(cell, clean_n, variation.sensor_bias_n, generators)
+
+    def _shake(self, clean_n: FloatArray, jitter: float, trial: int) -> FloatArray:
+        """Return what is sampled a little too early or late, from a spline through the samples."""
+        if not np.isfinite(clean_n).all():
+            return clean_n
+        times_s = self._times_s
+        late = jitter * np.random.default_rng([trial, 1]).standard_normal(len(times_s))
+        at_s = np.clip(times_s + late * self._cell.period_s, times_s[0], times_s[-1])
+        return np.asarray(CubicSpline(times_s, clean_n)(at_s))
+
+    def extract(self, sensing: Sensing, config: FeatureConfig) -> list[FloatArray | None]:
+        """Return the features of each trial, or None where there are none."""
+        rows: list[FloatArray | None] = []
+        for i, tension_n in enumerate(self.sense(sensing)):
+            kept = np.isfinite(tension_n)
+            kept &= np.random.default_rng([i, 2]).random(len(kept)) >= sensing.lost
+            rows.append(self._extract_one(tension_n, kept, config))
+        return rows
+
+    def _extract_one(
+        self, tension_n: FloatArray, kept: NDArray[np.bool_], config: FeatureConfig
+    ) -> FloatArray | None:
+        extractor = TrialFeatureExtractor(config)
+        for phase, at_s in self.planned.phases:
+            stamp_ns = _EPOCH_NS + round(at_s * 1e9)
+            extractor.add_event(replace(self._event, stamp_ns=stamp_ns, phase=phase))
+        period_ns = round(1e9 / config.rate_hz)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]])))
+        windows = []
+        for first, end in edges.reshape(-1, 2).tolist():
+            stamp_ns = _EPOCH_NS + round(first * 1e9 / config.rate_hz)
+            windows += extractor.add_block(
+                StrainBlock(stamp_ns, first, period_ns, tension_n[first:end])
+            )
+        windows += extractor.finish()
+        usable = [window.values for window in windows if window.outcome == Outcome.OK]
+        return usable[0] if usable else None
+
+
+def _gather(parts: Sequence[tuple[str, list[FloatArray | None]]]) -> _Features:
+    rows = [row for _, some in parts for row in some]
+    labels = np.array([label for label, some in parts for _ in some])
+    answered = np.array([row is not None for row in rows])
+    values = [row for row in rows if row is not None]
+    width = len(values[0]) if values else 0
+    return _Features(
+        np.array(values).reshape(len(values), width), labels[answered], answered, labels
+    )
+
+
+def describe(study: Study, catalogue: Catalogue, points: Sequence[Point]) -> dict[str, Any]:
+    """Return the study as what JSON can hold."""
+    axes = list_axes(catalogue.rig().load_cell, TrialConfig(simulated=True))
+    return {
+        'simulated': True,
+        'study': asdict(study),
+        'classifier': CLASSIFIER,
+        'scaling': DEFAULT_SCALING,
+        'split': (
+            f'trained on sessions 0 to {study.train_sessions - 1}, tested on the '
+            f'{study.test_sessions} after them'
+        ),
+        'description_sha256': catalogue.digest,
+        'axes': [{'name': axis.name, 'unit': axis.unit, 'nominal': axis.nominal} for axis in axes],
+        'points': [asdict(point) for point in points],
+    }
