@@ -66,6 +66,19 @@ def stiffness_table():
 
 
 @pytest.fixture(scope='session')
+def running_tables(texture_table):
+    """Return 4 labels of whole windows, and what their first 1 and 2 s might give."""
+    table = texture_table.take(texture_table.labels < 'plate 4')
+    rng = np.random.default_rng(11)
+
+    def blur(size_n):
+        values = np.abs(table.values + size_n * rng.normal(size=table.values.shape))
+        return FeatureTable(values, table.labels, table.spec, table.columns)
+
+    return table, {60: blur(0.005), 120: blur(0.001)}
+
+
+@pytest.fixture(scope='session')
 def model_path(small_table, tmp_path_factory):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
     path = tmp_path_factory.mktemp('models') / 'texture.onnx'
@@ -80,7 +93,7 @@ def make_window(small_table):
     def make(trial=0, **changes):
         fields = {
             'feature_set': 'texture_spectrum',
-            'feature_set_version': 1,
+            'feature_set_version': small_table.spec.version,
             'trial_id': f'trial-{trial}',
             'contact': 'flexion',
             'simulated': False,

@@ -13,8 +13,10 @@ from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
+from tactile_classifier.model_file import write_model
 from tactile_classifier.records import ClassifierConfig, Outcome
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode, load_fitting_model
+from tactile_classifier.training import train
 from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_ros.qos import RESULTS
@@ -53,6 +55,23 @@ class Graph:
             lambda: (
                 self.features.get_subscription_count()
                 and self.peer.count_publishers('tactile_classifier/classification')
+            ),
+            'discovery',
+        )
+
+    def listen_running(self):
+        self.running_answers = []
+        self.peer.create_subscription(
+            Classification, 'tactile_classifier/running', self.running_answers.append, RESULTS
+        )
+        self.running_features = self.peer.create_publisher(
+            TactileFeatures, 'tactile_features/running_features', RESULTS
+        )
+        self.connect()
+        self.spin_until(
+            lambda: (
+                self.running_features.get_subscription_count()
+                and self.peer.count_publishers('tactile_classifier/running')
             ),
             'discovery',
         )
@@ -105,6 +124,33 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
     assert 'rate in Hz is 100.0' in answers[1].reason
     assert (graph.node.ignored_count, graph.node.published_count) == (2, 4)
     assert graph.node.model.model_id == model.model_id
+
+
+def test_running_windows_are_answered_on_a_topic_of_their_own(
+    make_graph, running_tables, tmp_path, make_window, capfd
+):
+    table, running = running_tables
+    path = tmp_path / 'running.onnx'
+    model = write_model(path, train(table, 'knn', running=running))
+    graph = make_graph(model=str(path))
+    assert graph.node.bring_up()
+    graph.listen_running()
+    windows = [
+        make_window(values=running.get(count, table).values[0], running=True, sample_count=count)
+        for count in (60, 90, 120)
+    ]
+    for window in windows:
+        graph.running_features.publish(feature_window_to_msg(window))
+    graph.features.publish(feature_window_to_msg(make_window(values=table.values[0])))
+    graph.spin_until(lambda: graph.answers and len(graph.running_answers) == 2, 'the answers')
+    answers = [classification_from_msg(message) for message in graph.running_answers]
+    assert answers == [model.classify(windows[0]), model.classify(windows[2])]
+    assert all(answer.running and answer.decided for answer in answers)
+    assert not classification_from_msg(graph.answers[0]).running
+    assert graph.node.running_count == 2
+    log = capfd.readouterr().err
+    assert 'the parameter running_samples of the feature node should be [60, 120]' in log
+    assert log.count('plate 0 after') == 1  # the first decided answer alone
 
 
 def test_nothing_is_answered_while_inactive(make_graph, model_path, make_window):

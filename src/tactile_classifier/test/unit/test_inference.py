@@ -59,8 +59,8 @@ def test_probabilities_add_up_to_one(small_table, tmp_path, make_window, classif
         ({'outcome': FeatureOutcome.GAP, 'reason': '3 samples are missing'}, '3 samples are'),
         ({'outcome': FeatureOutcome.ABORTED}, 'the window ended with ABORTED'),
         (
-            {'feature_set_version': 2},
-            'version of the feature set is 2; the model was',
+            {'feature_set_version': 99},
+            'version of the feature set is 99; the model was',
         ),
         ({'rate_hz': 100.0}, 'rate in Hz is 100.0; the model was trained on 60.0'),
         ({'sample_count': 90}, 'window in samples is 90; the model was trained on 180'),

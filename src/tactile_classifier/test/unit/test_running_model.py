@@ -1,0 +1,192 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Model files that answer before the window is full, and that may say "unknown"."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from onnx import TensorProto, helper, numpy_helper
+
+from tactile_classifier.conversions import classification_from_msg, classification_to_msg
+from tactile_classifier.errors import DatasetError, ModelFileError
+from tactile_classifier.estimators import CLASSIFIERS, compute_raw_scores
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.manifest import Manifest
+from tactile_classifier.model_file import write_model
+from tactile_classifier.onnx_container import open_container, seal
+from tactile_classifier.records import Outcome
+from tactile_classifier.training import train
+
+
+@pytest.fixture(scope='module')
+def table(running_tables):
+    return running_tables[0]
+
+
+@pytest.fixture(scope='module')
+def running(running_tables):
+    return running_tables[1]
+
+
+@pytest.fixture(scope='module', params=CLASSIFIERS)
+def trained(request, table, running):
+    return train(table, request.param, running=running)
+
+
+@pytest.fixture(scope='module')
+def model(trained, tmp_path_factory):
+    return write_model(tmp_path_factory.mktemp('running') / 'm.onnx', trained)
+
+
+def test_every_part_answers_as_scikit_learn_does(trained, model):
+    assert model.running_samples == (60, 120)
+    for part in trained.parts:
+        rows = (0.6 * part.values + 0.4 * part.values[::-1])[:100]
+        found = model.compute(rows, part.sample_count)
+        raw = compute_raw_scores(part.estimator, rows)
+        np.testing.assert_allclose(found.scores, part.calibration.compute(raw), atol=1e-12)
+        np.testing.assert_allclose(found.novelty, part.novelty.compute(rows), rtol=1e-9)
+        assert model.predict(rows, part.sample_count) == list(part.estimator.predict(rows))
+    with pytest.raises(KeyError):
+        model.compute(rows, 90)
+
+
+def test_running_windows_change_nothing_for_whole_ones(trained, model, table, tmp_path):
+    alone = write_model(tmp_path / 'm.onnx', train(table, trained.manifest.classifier))
+    for one, two in zip(alone.compute(table.values), model.compute(table.values), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_running_window_is_decided_by_its_probability(model, running, make_window):
+    threshold = model.manifest.parts[1].stop_threshold
+    # A tree is as sure of every answer; on these trials that proves no threshold.
+    assert (threshold > 0.0) == (model.manifest.classifier != 'tree')
+    seen = set()
+    for trial in range(0, 240, 7):
+        window = make_window(values=running[60].values[trial], running=True, sample_count=60)
+        assert model.accepts(window)
+        result = model.classify(window)
+        assert (result.running, result.error_rate) == (True, 0.05)
+        is_known = result.outcome == Outcome.LABEL
+        assert is_known == (result.novelty <= result.novelty_threshold)
+        assert result.decided == (is_known and max(result.scores) >= threshold > 0.0)
+        assert classification_from_msg(classification_to_msg(result)) == result
+        seen.add(result.decided)
+    assert (True in seen) == (threshold > 0.0)
+    assert not model.accepts(make_window(running=True, sample_count=90))
+
+
+@pytest.mark.parametrize('sample_count', [60, 180])
+def test_what_is_unlike_all_training_is_unknown(model, table, make_window, sample_count):
+    values = table.values[0] + 1.0
+    is_running = sample_count < 180
+    result = model.classify(
+        make_window(values=values, running=is_running, sample_count=sample_count)
+    )
+    assert (result.outcome, result.label) == (Outcome.UNKNOWN, '')
+    assert result.novelty > result.novelty_threshold > 0.0
+    assert 'unlike all that the model was trained on' in result.reason
+    assert len(result.scores) == 4
+    assert result.false_alarm_rate == 0.05
+    assert result.decided is not is_running  # a whole window is all there is
+
+
+def test_running_window_without_features_is_not_decided(model, make_window):
+    window = make_window(values=np.full(91, np.nan), running=True, sample_count=60)
+    result = model.classify(window)
+    assert (result.outcome, result.decided) == (Outcome.NO_FEATURES, False)
+
+
+def test_manifest_states_rates_and_how_they_were_found(trained):
+    manifest = Manifest.from_json(trained.manifest.to_json())
+    assert manifest == trained.manifest
+    assert manifest.calibration == {'split': 'one session held out', 'groups': 3, 'trials': 240}
+    assert (manifest.false_alarm_rate, manifest.stop_error_rate) == (0.05, 0.05)
+    assert manifest.score_kind == 'probability'
+    assert [part.sample_count for part in manifest.parts] == [0, 60, 120]
+
+
+def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path):
+    table = stiffness_table.take(np.r_[0:6, 12:18, 24:30])
+    trained = train(table, 'svm_linear')
+    assert trained.manifest.calibration == {
+        'reason': '18 trials cannot bound false alarms at 0.05; 19 are needed'
+    }
+    model = write_model(tmp_path / 'm.onnx', trained)
+    found = model.compute(table.values)
+    expected = compute_raw_scores(trained.estimator, table.values)
+    np.testing.assert_allclose(found.scores, expected, atol=1e-12)
+    assert (model.manifest.score_kind, len(found.novelty)) == ('margin', 0)
+
+
+def test_rates_and_running_tables_are_checked(table, running):
+    with pytest.raises(ValueError, match='a rate is 0'):
+        train(table, 'tree', false_alarm_rate=0.0)
+    with pytest.raises(DatasetError, match='table of 60 samples is not of the same trials'):
+        train(table, 'tree', running={60: running[60].take(np.arange(239))})
+    few = np.r_[0:4, 60:64, 120:124]
+    with pytest.raises(DatasetError, match='running answers need calibrated ones: 12 trials'):
+        train(table.take(few), 'tree', running={60: running[60].take(few)})
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ({'parts': []}, 'its parts have'),
+        ({'parts': 3}, 'no valid entry "parts"'),
+        ({'sample_count': 60}, r'its parts have \[60, 60, 120\]'),
+        ({'sample_count': True}, 'no valid entry "sample_count"'),
+        ({'novelty_threshold': float('inf')}, 'no valid entry "novelty_threshold"'),
+        ({'novelty_threshold': float('nan')}, 'no valid entry "novelty_threshold"'),
+        ({'more': 1}, 'no valid entry "parts"'),
+        ({'stop_error_rate': 2.0}, 'a rate that is not between 0 and 1'),
+    ],
+)
+def test_tampered_parts_are_refused(trained, change, message):
+    document = json.loads(trained.manifest.to_json())
+    if set(change) <= {'parts', 'stop_error_rate'}:
+        document.update(change)
+    else:
+        document['parts'][0].update(change)
+    with pytest.raises(ModelFileError, match=message):
+        Manifest.from_json(json.dumps(document))
+
+
+def test_novelty_that_the_graph_does_not_give_is_refused(model, trained, tmp_path, table):
+    data = (tmp_path / 'm.onnx').with_suffix('.onnx')
+    write_model(data, train(table, 'tree'))
+    manifest = Manifest.from_json(open_container(data.read_bytes()))
+    part = dataclasses.replace(manifest.parts[0], novelty_threshold=-1.0)
+    manifest = dataclasses.replace(manifest, parts=(part,))
+    import onnx
+
+    graph = onnx.load_model_from_string(data.read_bytes())
+    del graph.metadata_props[:]
+    with pytest.raises(ModelFileError, match='does not lead from features to answer, scores'):
+        TactileModel(seal(graph.SerializeToString(), manifest.to_json()))
+
+
+def test_file_of_format_version_1_still_answers(small_table, make_window):
+    fields = json.loads(train(small_table, 'svm_linear').manifest.to_json())
+    for name in ('parts', 'calibration', 'false_alarm_rate', 'stop_error_rate'):
+        del fields[name]
+    fields.update(format_version=1, score_kind='margin')
+    weights = np.zeros((91, 3))
+    weights[:, 1] = 1.0
+    node = helper.make_node('MatMul', ['features', 'w'], ['scores'])
+    shapes = {'features': [None, 91], 'scores': [None, 3]}
+    info = [helper.make_tensor_value_info(n, TensorProto.DOUBLE, s) for n, s in shapes.items()]
+    constants = [numpy_helper.from_array(weights, 'w')]
+    graph = helper.make_graph([node], 'g', info[:1], info[1:], constants)
+    file = helper.make_model(graph, opset_imports=[helper.make_opsetid('', 18)], ir_version=8)
+    model = TactileModel(seal(file.SerializeToString(), json.dumps(fields)))
+    result = model.classify(make_window())
+    assert (result.outcome, result.label) == (Outcome.LABEL, 'plate 1')
+    assert (result.score_kind, result.novelty, result.false_alarm_rate) == ('margin', -1.0, -1.0)
+    assert result.decided
+    assert not model.accepts(make_window(running=True, sample_count=60))
