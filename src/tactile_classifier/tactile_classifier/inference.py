@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +25,10 @@ __all__ = ['ClassificationResult', 'TactileModel']
 
 MAX_MODEL_BYTES = 64 * 2**20
 """Larger files are not read [byte]."""
+
+MAX_INFERENCE_BYTES = 256 * 2**20
+"""Most that the models of a process take together while they answer [byte]: a graph of a
+few bytes can ask for any amount."""
 
 ROWS_AT_ONCE = 64
 """Kernels take memory in proportion to rows."""
@@ -270,6 +275,18 @@ class TactileModel:
                 raise ModelFileError('its graph gives answers that are none of its labels')
 
 
+@lru_cache(maxsize=1)
+def _limit_memory() -> None:
+    """Give all models of this process one arena of `MAX_INFERENCE_BYTES`."""
+    import onnxruntime
+
+    kind = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
+    memory = onnxruntime.OrtMemoryInfo('Cpu', kind, 0, onnxruntime.OrtMemType.DEFAULT)
+    default = -1  # of onnxruntime: how it grows, and in which steps
+    limits = onnxruntime.OrtArenaCfg(MAX_INFERENCE_BYTES, default, default, default)
+    onnxruntime.create_and_register_allocator(memory, limits)
+
+
 def _open_session(data: bytes) -> Any:
     import onnxruntime
 
@@ -277,7 +294,15 @@ def _open_session(data: bytes) -> Any:
     options.intra_op_num_threads = 1  # one row: a thread pool costs more than it brings
     options.inter_op_num_threads = 1
     options.log_severity_level = 4  # what goes wrong comes as an exception
+    _limit_memory()
+    options.add_session_config_entry('session.use_env_allocators', '1')
     try:
-        return onnxruntime.InferenceSession(data, options, providers=['CPUExecutionProvider'])
+        return onnxruntime.InferenceSession(
+            data,
+            options,
+            providers=['CPUExecutionProvider'],
+            # It computes what is constant while loading, in memory that nobody limits.
+            disabled_optimizers=['ConstantFolding'],
+        )
     except Exception as error:
         raise ModelFileError(f'onnxruntime cannot load its graph: {error}') from error

@@ -139,6 +139,8 @@ def _check_node(data: bytes, depth: int) -> None:
                     _check_sparse(_content(content))
     if domain not in _ALLOWED_DOMAINS:
         raise ModelFileError(f'it uses the custom operator {domain}:{op_type}, which is refused')
+    if op_type == 'Loop':
+        raise ModelFileError('it uses the operator Loop, which need not end, and is refused')
 
 
 def _check_sparse(data: bytes) -> None:
