@@ -114,7 +114,7 @@ def _compile(n: int, count: int, shape: tuple[tuple[int, int, int], ...]) -> Cal
                 for k in range(half - top):
                     out[begin + t, half - k] = z[high + k * _LANES + t]
 
-    compiled: Callable[..., None] = njit(**_OPTIONS)(run)
+    compiled: Callable[..., None] = njit(cache=True, **_OPTIONS)(run)
     return compiled
 
 
