@@ -9,10 +9,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from tactile_bringup.bags import join_topic
 from tactile_bringup.errors import BringupError
+from tactile_bringup.plain_yaml import parse_plain_yaml, read_text
+
+MAX_BYTES = 2**20
+"""Longest file of parameters that is read [byte]."""
 
 
 def read_parameters(
@@ -36,8 +38,8 @@ def read_parameters(
         When the file is not of ROS's form, or an entry is for none of these nodes.
     """
     try:
-        document = yaml.safe_load(path.read_text())
-    except (OSError, yaml.YAMLError) as error:
+        document = parse_plain_yaml(read_text(path, MAX_BYTES))
+    except BringupError as error:
         raise BringupError(f'cannot read the parameters in {path}: {error}') from error
     if not isinstance(document, dict):
         raise BringupError(f'{path} is no ROS parameter file: node names are expected on top')

@@ -71,3 +71,19 @@ thumb:
 def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, message):
     with pytest.raises(BringupError, match=message):
         read_parameters(parameter_file(text), NAMES)
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('a: &x {ros__parameters: {b: 1}}\nc: *x', 'aliases'),
+        ('[' * 100_000, 'nested deeper'),
+        ('!!python/object/apply:os.system ["true"]', 'no YAML'),
+        (' ' * (2**20 + 1), 'larger than'),
+    ],
+)
+def test_hostile_file_is_refused_with_a_sentence(tmp_path, text, reason):
+    path = tmp_path / 'params.yaml'
+    path.write_text(text)
+    with pytest.raises(BringupError, match=reason):
+        read_parameters(path, ['a'])
