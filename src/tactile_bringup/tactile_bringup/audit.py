@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tactile_bringup.bags import EVENT, STRAIN, TactileBag
+from tactile_bringup.bags import EVENT, EVENT_TOPIC, STRAIN, TactileBag
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_features.phase_window import RATE_TOLERANCE
 from tactile_features.records import (
@@ -439,7 +439,7 @@ def audit_open_bag(bag: TactileBag) -> list[Audit]:
             decoded = message.decode()
             if message.type_name == STRAIN:
                 audits += auditor.add_block(strain_block_from_msg(decoded))
-            else:
+            elif message.topic.endswith(EVENT_TOPIC.name):  # and not what was found in the signal
                 audits += auditor.add_event(event_from_msg(decoded))
         audits += auditor.finish()
     return audits

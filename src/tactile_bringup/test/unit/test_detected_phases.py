@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_bringup.bags import TactileBag
+from tactile_bringup.audit import audit_bag
+from tactile_bringup.bags import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, BagWriter, TactileBag
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.replay import recorded_config, replay_windows
 from tactile_bringup.simulated_bags import write_simulated_bag
@@ -50,3 +51,22 @@ def test_every_press_is_found(stiffness_bag):
 
 def test_every_glide_is_found(texture_bag):
     check_each_trial_is_found(texture_bag, 'texture')
+
+
+def test_an_audit_goes_by_the_stated_trials_where_others_were_found_beside_them(
+    stiffness_bag, tmp_path
+):
+    both = tmp_path / 'both'
+    with TactileBag(stiffness_bag) as bag, BagWriter(both, bag.facts) as writer:
+        found_topic = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
+        strain, stated, found = map(writer.add_topic, (STRAIN_TOPIC, EVENT_TOPIC, found_topic))
+        for message in bag.messages(STRAIN, EVENT):
+            if message.type_name == EVENT:
+                later_ns = message.received_at_ns + 10_000_000
+                writer.write_raw(stated, message.received_at_ns, message.data)
+                renamed = message.data.replace(b'stiffness_flexion-', b'detected__flexion-')
+                assert renamed != message.data
+                writer.write_raw(found, later_ns, renamed)
+            else:
+                writer.write_raw(strain, message.received_at_ns, message.data)
+    assert audit_bag(both) == audit_bag(stiffness_bag)
