@@ -144,7 +144,8 @@ def draw_spectrum(
     axes: Axes, frequency_hz: NDArray[np.float64], amplitude: NDArray[np.float64]
 ) -> None:
     """Draw one amplitude spectrum, in the unit of its amplitudes."""
-    # Logarithmic: the trend of creep is many times as high as the grooves' peaks. The first
-    # amplitude is that of the mean, which has been taken off.
-    axes.semilogy(frequency_hz[1:], amplitude[1:], color=TRACE_COLOUR, lw=1)
+    # Logarithmic: the trend of creep is many times as high as the grooves' peaks. At zero is
+    # the amplitude of the mean, which has been taken off.
+    above = frequency_hz > 0
+    axes.semilogy(frequency_hz[above], amplitude[above], color=TRACE_COLOUR, lw=1)
     axes.grid(alpha=0.3)

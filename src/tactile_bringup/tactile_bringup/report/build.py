@@ -10,6 +10,7 @@ from pathlib import Path
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report import figures_accuracy, figures_signals, sentences
 from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.components import find_components
 from tactile_bringup.report.drawing import Drawing
 from tactile_bringup.report.figures_significance import draw_mean_p, draw_p_matrices
 from tactile_bringup.report.page import Page
@@ -18,7 +19,6 @@ from tactile_bringup.report.published import compare_with_paper
 from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
 from tactile_classifier.evaluation import Evaluation
 from tactile_classifier.feature_selection import SelectionResult
-from tactile_features.records import PROTOCOL_TEXTURE
 
 TITLE = 'Touch through the tendon: evaluation'
 FILE_NAME = 'report.html'
@@ -151,21 +151,22 @@ def _add_figures(page: Page, heading: str, drawings: Iterator[Drawing]) -> None:
 
 def _significance(results: Sequence[SetResult]) -> Iterator[Drawing]:
     for result in results:
+        components = find_components(result.recordings.table.spec)
         if result.units:
             yield draw_p_matrices(result)
-        elif len(result.recordings.table.spec.names) > 2:
-            yield draw_mean_p(result)
+        elif components is not None:
+            yield draw_mean_p(result, components)
 
 
 def _signals(results: Sequence[SetResult]) -> Iterator[Drawing]:
     for result in results:
         recordings = result.recordings
-        whole = recordings.table.task == PROTOCOL_TEXTURE
-        if recordings.examples and whole:
-            yield figures_signals.draw_textures(result)
+        components = find_components(recordings.table.spec)
+        if recordings.examples and components is not None:
+            yield figures_signals.draw_textures(result, components)
         if recordings.trial is not None:
             yield figures_signals.draw_trial(result, recordings.trial)
-        if recordings.examples and not whole:
+        if recordings.examples and result.units:
             yield figures_signals.draw_holds(result)
 
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from tactile_bringup.plots import MARK_COLOUR, TRACE_COLOUR, draw_spectrum, draw_strain
 from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.components import Components
 from tactile_bringup.report.drawing import Drawing, render
 from tactile_bringup.report.recordings import TrialExample
 
@@ -16,11 +17,10 @@ PAPER_TRIAL = (-0.90, 12.62, -0.99)
 """Slope [N/s], intercept [N] and correlation of the flexion trial of the paper's Fig. 7."""
 
 
-def draw_textures(result: SetResult) -> Drawing:
+def draw_textures(result: SetResult, components: Components) -> Drawing:
     """Draw one window a texture without its mean, and its spectrum, after the paper's Fig. 6."""
     recordings = result.recordings
-    table, spec = recordings.table, recordings.table.spec
-    frequency_hz = np.arange(len(spec.names)) * spec.rate_hz / spec.sample_count
+    table = recordings.table
     factor, unit = (1e3, 'mN') if recordings.unit == 'N' else (1.0, recordings.unit)
 
     def draw(figure: Figure) -> None:
@@ -31,11 +31,12 @@ def draw_textures(result: SetResult) -> Drawing:
             axes.plot(example.time_s, signal, color=TRACE_COLOUR, lw=0.8)
             axes.set_ylabel(table.labels[example.row], rotation=0, ha='right', va='center')
             axes.grid(alpha=0.2, lw=0.5)
-            draw_spectrum(spectrum, frequency_hz, factor * table.values[example.row])
+            amplitudes = factor * table.values[example.row, components.columns]
+            draw_spectrum(spectrum, components.frequency, amplitudes)
         left[0].set_title(f'signal without its mean [{unit}]')
         right[0].set_title(f'amplitude [{unit}]')
         left[-1].set_xlabel('time [s]')
-        right[-1].set_xlabel('frequency [Hz]')
+        right[-1].set_xlabel(components.title)
 
     return render(
         draw,

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.components import Components
 from tactile_bringup.report.drawing import INK, Drawing, render
 from tactile_bringup.report.figures_accuracy import draw_matrix
 
@@ -17,24 +18,18 @@ LEVEL = 0.05
 _SMALLEST = 1e-16
 
 
-def count_above(result: SetResult) -> int:
-    """Return how many components above 0 Hz have a mean p over the line."""
-    return int(np.sum(result.significance.mean_p[1:] > LEVEL))
-
-
-def draw_mean_p(result: SetResult) -> Drawing:
+def draw_mean_p(result: SetResult, components: Components) -> Drawing:
     """Draw the mean p-value of each Fourier component, after the paper's Fig. 9."""
-    spec = result.recordings.table.spec
-    frequency_hz = np.arange(len(spec.names)) * spec.rate_hz / spec.sample_count
-    mean_p = np.maximum(result.significance.mean_p, _SMALLEST)
-    above = result.significance.mean_p > LEVEL
+    all_mean_p = result.significance.mean_p[components.columns]
+    mean_p = np.maximum(all_mean_p, _SMALLEST)
+    above = all_mean_p > LEVEL
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         for chosen, colour in ((~above, '#2a78b8'), (above, '#c0392b')):
-            axes.semilogy(frequency_hz[chosen], mean_p[chosen], 'o', ms=3, color=colour)
+            axes.semilogy(components.frequency[chosen], mean_p[chosen], 'o', ms=3, color=colour)
         axes.axhline(LEVEL, ls='--', lw=1, color=INK)
-        axes.set(xlabel='frequency [Hz]', ylabel='mean p over pairs of classes')
+        axes.set(xlabel=components.title, ylabel='mean p over pairs of classes')
         axes.grid(alpha=0.2, lw=0.5)
 
     return render(
@@ -42,7 +37,7 @@ def draw_mean_p(result: SetResult) -> Drawing:
         (6.2, 2.6),
         f'{result.recordings.title}: rank-sum test of every two classes, mean p-value of each '
         f'Fourier component, over all {len(result.recordings.table)} trials. '
-        f'{count_above(result)} of the {len(mean_p) - 1} components above 0 Hz lie over 0.05 '
+        f'{int(above.sum())} of the {len(mean_p)} components above zero lie over 0.05 '
         '(dashes; red). Low means that the component alone tells most pairs of classes apart.',
         simulated=result.recordings.simulated,
     )

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.components import find_components
 from tactile_classifier.estimators import CLASSIFIERS, SCALINGS
 from tactile_features.records import PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE
 
@@ -99,7 +100,7 @@ def compare_with_paper(results: Sequence[SetResult]) -> list[Comparison]:
         _compare(
             'Besides 0 Hz, only few Fourier components have a mean p above 0.05',
             f'{100 * FEW:.0f} % of them at most',
-            textures,
+            [r for r in textures if find_components(r.recordings.table.spec)],
             lambda r: f'{100 * _share_above(r):.0f} %',
             lambda r: _share_above(r) <= FEW,
         )
@@ -184,8 +185,10 @@ def _rbf_deficit(result: SetResult, scaling: str) -> float:
 
 
 def _share_above(result: SetResult) -> float:
-    mean_p = result.significance.mean_p[1:]
-    return float((mean_p > SIMILAR_LEVEL).mean())
+    components = find_components(result.recordings.table.spec)
+    if components is None:
+        return 0.0
+    return float((result.significance.mean_p[components.columns] > SIMILAR_LEVEL).mean())
 
 
 def _unlike_paper(result: SetResult) -> list[tuple[str, str, str]]:

@@ -12,6 +12,7 @@ from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report.analysis import analyse, in_unit
 from tactile_bringup.report.build import build_page, report_path, write_report
+from tactile_bringup.report.components import find_components
 from tactile_bringup.report.drawing import INK, render
 from tactile_bringup.report.page import Page
 from tactile_bringup.report.published import compare_with_paper
@@ -217,3 +218,15 @@ def test_page_escapes_whatever_it_is_given():
     assert '<i>' not in text
     assert '&lt;title&gt;' in text
     assert 'a &amp; b' in text
+
+
+def test_components_are_known_by_the_names_of_the_features():
+    spec = spec_for('texture', FeatureConfig())
+    components = find_components(spec)
+    np.testing.assert_allclose(components.frequency, np.arange(1, 91) / 3, atol=1e-3)
+    assert components.columns.tolist() == list(range(1, 91))
+    over_distance = spec_for('texture', FeatureConfig(texture_features='texture_spatial'))
+    found = find_components(over_distance)
+    assert found.title == 'spatial frequency [cycles/mm]'
+    assert found.frequency[0] == pytest.approx(1 / 45, rel=1e-3)
+    assert find_components(spec_for('stiffness', FeatureConfig())) is None
