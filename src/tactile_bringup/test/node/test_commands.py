@@ -44,7 +44,21 @@ def archive(tmp_path):
 
 @pytest.mark.parametrize(
     'command',
-    ['', 'demo', 'simulate', 'train', 'evaluate', 'trials', 'replay', 'rig', 'devices', 'check'],
+    [
+        '',
+        'demo',
+        'simulate',
+        'train',
+        'evaluate',
+        'robustness',
+        'trials',
+        'replay',
+        'rig',
+        'sense',
+        'hand',
+        'devices',
+        'check',
+    ],
 )
 def test_help_reads_like_a_manual(command):
     done = tactile(*([command] if command else []), '--help')
@@ -186,6 +200,10 @@ def test_trials_on_what_is_not_there_are_refused(tmp_path):
         (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'brings its own ports'),
         (['rig', '--models', 'nowhere'], 'no model files'),
         (['rig', '--simulated', '--params', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['sense', '--model', 'nowhere'], 'no model files in nowhere'),
+        (['hand'], 'name the fingers'),
+        (['hand', '--fingers', '2nd'], 'no name for a finger'),
+        (['hand', '--hand-file', 'nowhere.yaml'], 'nowhere.yaml'),
         (['evaluate', 'nowhere.npz', '--task', 'texture'], 'does not exist'),
         (['evaluate', 'a.npz', 'b.npz', '--task', 'texture'], 'one archive at a time'),
     ],
@@ -220,20 +238,33 @@ def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
     assert 'Traceback' not in done.stderr
 
 
-def test_rig_runs_and_records_until_interrupted(tmp_path):
-    bag = tmp_path / 'bag'
+@pytest.mark.parametrize(
+    ('command', 'bags'),
+    [
+        (['rig'], ['']),
+        (['sense', '--phases', 'stiffness'], ['']),
+        (['hand', '--fingers', 'index,middle', '--namespace', 'left'], ['index', 'middle']),
+    ],
+    ids=['rig', 'sense', 'hand'],
+)
+def test_nodes_run_and_record_until_interrupted(command, bags, tmp_path):
+    recording = tmp_path / 'recording'
+    arguments = [*command, '--simulated', '--record', str(recording)]
     process = subprocess.Popen(
-        [sys.executable, '-c', PROGRAM, 'rig', '--simulated', '--record', str(bag)],
+        [sys.executable, '-c', PROGRAM, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
     try:
-        assert 'SIMULATED rig running' in process.stdout.readline()
+        line = process.stdout.readline()
+        assert 'SIMULATED' in line
+        assert 'running: ' in line
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=20)
+        _, errors = process.communicate(timeout=60)
     finally:
         process.kill()
     assert process.returncode == 0, errors
-    assert (bag / 'metadata.yaml').exists()
-    shutil.rmtree(bag)
+    for bag in bags:
+        assert (recording / bag / 'metadata.yaml').exists()
+    shutil.rmtree(recording)
