@@ -5,6 +5,7 @@
 Imports of the work are inside the functions: ``--help`` must not wait for ROS.
 """
 
+import os
 import sys
 
 import typer
@@ -44,6 +45,8 @@ for command in (
 
 def main() -> int:
     """Entry point of the console script."""
+    # Nobody else on the network moves our rig, nor hears it, unless the environment says so.
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
         app()
     except KeyboardInterrupt:
