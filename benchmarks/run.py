@@ -40,6 +40,8 @@ TOPICS = {
     'press': ('measures', 'run_press'),
     'slip': ('slip', 'run_slip'),
     'rest': ('rest', 'run_rest'),
+    'speeds': ('speeds', 'run_speeds'),
+    'simulated-speeds': ('speeds', 'run_simulated_speeds'),
     'phases': ('phases', 'run_phases'),
     'phase-rest': ('phases', 'run_phase_rest'),
     'phase-features': ('phases', 'run_phase_features'),
@@ -84,6 +86,8 @@ EPILOG = """topics:
   press        stiffness and relaxation of simulated objects: the same
   slip         slip detector on simulated grips: misses, latency, false alarms
   rest         from a killed process or a cut cable to rest, on the simulated rig
+  speeds       texture at a speed never seen, on recordings (needs the archive)
+  simulated-speeds  the same on simulated plates
   phases       of a trial, found in the tension: how often, how exactly (simulated)
   phase-rest      false ones, of a finger at rest
   phase-features  accuracy with them, beside stated ones (simulated)
