@@ -4,6 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
+from rosbags.interfaces import QosDurability
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
 from tactile_bringup.bags import (
     EVENT,
@@ -13,6 +15,7 @@ from tactile_bringup.bags import (
     BagWriter,
     TactileBag,
     join_topic,
+    message_store,
 )
 from tactile_bringup.errors import BagError
 
@@ -143,3 +146,36 @@ def test_recording_of_another_message_definition_is_refused(bag_path):
     path.write_text(text.replace(digest, 'RIHS01_' + '0' * 64))
     with pytest.raises(BagError, match='another definition'):
         TactileBag(bag_path)
+
+
+@pytest.mark.parametrize('storage', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize('compression', list(CompressionMode))
+def test_bags_of_another_writer_are_read(tmp_path, storage, compression):
+    """However rosbags stores and packs them."""
+    store = message_store()
+    writer = Writer(tmp_path / 'bag', version=9, storage_plugin=storage)
+    if compression == CompressionMode.STORAGE and storage == StoragePlugin.SQLITE3:
+        pytest.skip('SQLite has no compression of its own')
+    writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        strain = writer.add_connection('/tendon_sensor/strain', STRAIN, typestore=store)
+        event = writer.add_connection('/trial_runner/events', EVENT, typestore=store)
+        for i in range(20):
+            writer.write(strain, i, store.serialize_cdr(block(store, i, [1.5] * 9), STRAIN))
+    with TactileBag(tmp_path / 'bag') as bag:
+        assert bag.recovered == ''
+        assert bag.topics[event.topic] == (EVENT, 0)
+        messages = list(bag.messages(STRAIN))
+        assert [m.received_at_ns for m in messages] == list(range(20))
+        assert [m.decode().sequence for m in messages] == list(range(20))
+
+
+def test_our_bags_are_read_by_another_reader(bag_path):
+    with Reader(bag_path) as reader, TactileBag(bag_path) as bag:
+        assert reader.message_count == 6
+        expected = [(m.topic, m.received_at_ns, m.data) for m in bag.messages()]
+        found = [(c.topic, at_ns, bytes(data)) for c, at_ns, data in reader.messages()]
+        assert sorted(found) == sorted(expected)
+        latched = next(c for c in reader.connections if c.topic == '/thumb/trial_runner/events')
+        assert latched.ext.offered_qos_profiles[0].durability == QosDurability.TRANSIENT_LOCAL
+        assert latched.ext.offered_qos_profiles[0].depth == 16
