@@ -14,10 +14,10 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.slip import SlipConfig, SlipDetector
 
-SEED = 1000
-"""Apart from the seeds on which the detector was designed (1 and 7)."""
+SEED = 4000
+"""Apart from the seeds on which the detector was designed and its parameters chosen (1 and 7)."""
 
-THRESHOLDS = (4.5, 5.0, 5.5, 6.0, 7.0)
+THRESHOLDS = (4.5, 5.0, 5.5, 6.0)
 SLIDING = ('smooth', 'rough')
 MOVED_M = 5e-5
 """The fingertip has slid so far over the object: it is slipping [m]."""
@@ -29,26 +29,26 @@ def run_slip(quick: bool) -> Report:
     """Held objects that are pulled away, and grips that hold for hours."""
     rows = []
     for rate_hz in (60.0, FAST_HZ):
-        few = quick or rate_hz == FAST_HZ
         scenes = {
-            (label, contact): _simulate_scenes(label, contact, rate_hz, few)
+            (label, contact): _simulate_scenes(label, contact, rate_hz, quick)
             for label in (*SLIDING, 'cylinder')
             for contact in CONTACTS
         }
-        thresholds = THRESHOLDS if rate_hz == 60.0 else (5.5, 7.0)
+        thresholds = THRESHOLDS if rate_hz == 60.0 else (5.0, 6.0)
         for threshold in thresholds:
             config = SlipConfig(rate_hz=rate_hz, threshold=threshold)
             for (label, contact), grips in scenes.items():
                 more = _judge_scenes(label, grips, config)
                 case = f'{rate_hz:g} Hz, {threshold:g}: {label}, {contact}'
                 rows.append(Row(case, more=more))
-    hold_s, count = (300.0, 2) if quick else (1800.0, 8)
+    hold_s, count = (300.0, 2) if quick else (1800.0, 4)
     for contact in CONTACTS:
-        grips = _hold(contact, hold_s, count)
+        # Once, at the lowest threshold: what would have passed a higher one did pass it.
+        deviates = _find_deviates(_hold(contact, hold_s, count), min(THRESHOLDS))
+        hours = hold_s * count / 3600
         for threshold in THRESHOLDS:
-            alarms = _count_alarms(grips, SlipConfig(threshold=threshold))
-            hours = hold_s * count / 3600
-            more = {'alarms': alarms, 'hours': hours, 'alarms/h': alarms / hours}
+            alarms = sum(deviate > threshold for deviate in deviates)
+            more = {'early': str(alarms), 'hours': hours, 'alarms/h': alarms / hours}
             rows.append(Row(f'60 Hz, {threshold:g}: long hold, {contact}', more=more))
     return Report(
         'slip: SIMULATED grips, 3 sessions, seeds apart from those of the design',
@@ -58,9 +58,9 @@ def run_slip(quick: bool) -> Report:
     )
 
 
-def _simulate_scenes(label: str, contact: str, rate_hz: float, few: bool) -> list[Grips]:
+def _simulate_scenes(label: str, contact: str, rate_hz: float, quick: bool) -> list[Grips]:
     request = TrialRequest('slip', contact)
-    count = 10 if few else 50
+    count = 5 if quick else 20
     return [
         simulate_grips(request, TrialConfig(simulated=True), label, count, SEED, session, rate_hz)
         for session in range(3)
@@ -113,9 +113,11 @@ def _hold(contact: str, hold_s: float, count: int) -> Grips:
     return simulate_grips(request, TrialConfig(simulated=True), 'solid_rubber', count, SEED, 0)
 
 
-def _count_alarms(grips: Grips, config: SlipConfig) -> int:
+def _find_deviates(grips: Grips, threshold: float) -> list[float]:
     until = int(np.searchsorted(grips.times_s, dict(grips.planned.phases)['release']))
-    return sum(
-        len(SlipDetector(config).add(make_block(tension_n[:until], 0, config.rate_hz)))
+    config = SlipConfig(threshold=threshold)
+    return [
+        threshold * slip.statistic
         for tension_n in grips.tension_n
-    )
+        for slip in SlipDetector(config).add(make_block(tension_n[:until], 0, config.rate_hz))
+    ]

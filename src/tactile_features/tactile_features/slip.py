@@ -53,14 +53,14 @@ class SlipConfig:
         60.0, 'nominal sample rate of the tension', unit='Hz', range=(20.0, 20000.0)
     )
     threshold: float = _parameter(
-        5.5,
+        5.0,
         'how unlikely a fall must be, in standard deviations of the noise; '
         'docs/measures.md has misses and false alarms by threshold',
         unit='1',
         range=(3.0, 50.0),
     )
     history_s: float = _parameter(
-        0.3,
+        0.2,
         'how long the tension must have run straight before a fall can be told',
         unit='s',
         range=(0.1, 10.0),

@@ -10,7 +10,6 @@ from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
 
 from tactile_features.conversions import event_from_msg, slip_to_msg, strain_block_from_msg
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
-from tactile_features.records import TrialEvent as EventRecord
 from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
@@ -27,6 +26,8 @@ class SlipDetectorNode(TactileNode):
     ----------
     detector : SlipDetector or None
         The core; None before the first configuration.
+    trial_id : str
+        Trial under way; empty outside a trial.
     """
 
     def __init__(self, node_name: str = 'slip_detector', **node_options: Any) -> None:
@@ -34,11 +35,11 @@ class SlipDetectorNode(TactileNode):
         self.detector: SlipDetector | None = None
         self._publisher: Any = None
         self._subscriptions_made: list[Any] = []
-        self._event: EventRecord | None = None
+        self.trial_id = ''
 
     def set_up(self, config: SlipConfig) -> None:
         detector = self.detector = SlipDetector(config)
-        self._event = None
+        self.trial_id = ''
         self._publisher = self.create_lifecycle_publisher(Slip, '~/slip', RESULTS)
         self._subscriptions_made = [
             self.create_subscription(
@@ -59,14 +60,13 @@ class SlipDetectorNode(TactileNode):
             self._publisher = None
 
     def _on_event(self, msg: Any) -> None:
-        self._event = event_from_msg(msg)
+        event = event_from_msg(msg)
+        has_ended = event.phase in (PHASE_DONE, PHASE_ABORTED)
+        self.trial_id = '' if has_ended else event.trial_id
 
     def _on_block(self, detector: SlipDetector, msg: Any) -> None:
         for slip in detector.add(strain_block_from_msg(msg)):
-            event = self._event
-            is_trial = event is not None and event.phase not in (PHASE_DONE, PHASE_ABORTED)
-            trial_id = event.trial_id if event is not None and is_trial else ''
-            self._publisher.publish(slip_to_msg(slip, self.config, trial_id))
+            self._publisher.publish(slip_to_msg(slip, self.config, self.trial_id))
 
 
 def main() -> int:
