@@ -38,7 +38,7 @@ from tactile_sim.description import LoadCell
 from tactile_sim.fast_trials import STEPS_PER_SAMPLE, simulate_motion
 from tactile_sim.scene import build_scene
 from tactile_sim.sensing import read_tension
-from tactile_sim.variation import draw_variation
+from tactile_sim.variation import draw_variation, make_generator
 
 FloatArray = NDArray[np.float64]
 
@@ -386,12 +386,17 @@ class CleanTrials:
             )
         return read_tension(cell, clean_n, variation.sensor_bias_n, generators)
 
+    def _generator(self, what: str, trial: int) -> np.random.Generator:
+        """Return numbers of a trial's own, the same ones at each strength."""
+        _, contact, protocol, label, seed, session, *_ = self._draw
+        return make_generator(what, seed, session, protocol, contact, label, trial)
+
     def _shake(self, clean_n: FloatArray, jitter: float, trial: int) -> FloatArray:
         """Return what is sampled a little too early or late, from a spline through the samples."""
         if not np.isfinite(clean_n).all():
             return clean_n
         times_s = self._times_s
-        late = jitter * np.random.default_rng([trial, 1]).standard_normal(len(times_s))
+        late = jitter * self._generator('jitter', trial).standard_normal(len(times_s))
         at_s = np.clip(times_s + late * self._cell.period_s, times_s[0], times_s[-1])
         return np.asarray(CubicSpline(times_s, clean_n)(at_s))
 
@@ -400,7 +405,7 @@ class CleanTrials:
         rows: list[FloatArray | None] = []
         for i, tension_n in enumerate(self.sense(sensing)):
             kept = np.isfinite(tension_n)
-            kept &= np.random.default_rng([i, 2]).random(len(kept)) >= sensing.lost
+            kept &= self._generator('loss', i).random(len(kept)) >= sensing.lost
             rows.append(self._extract_one(tension_n, kept, config))
         return rows
 

@@ -81,7 +81,7 @@ def tell_axis(axis: Axis, points: Sequence[Point]) -> list[str]:
             steps = ', '.join(
                 f'{p.value:.3g}: {_percent(p.nominal)} / {_percent(p.matched)}' for p in here
             )
-            lines.append(f'{axis.name} [{axis.unit}], {protocol}: {steps}')
+            lines.append(f'{axis.name} ({axis.unit}), {protocol}: {steps}')
     return lines
 
 
@@ -125,6 +125,8 @@ def build_robustness_page(
             f'simulated trials: {settings}',
             f'descriptions: SHA-256 {document["description_sha256"]}',
             'versions: ' + ', '.join(f'{n} {v}' for n, v in find_versions().items()),
+            'Tested are some hundred trials a point: differences of less than about ten points '
+            'may be chance.',
             'A model refuses another sample rate than its own, so there is no line for one.',
             'Jitter moves the time of sampling on a spline through clean samples, while stamps '
             'stay even.',

@@ -65,6 +65,14 @@ def test_each_condition_changes_what_it_says(trials):
     assert np.abs(shaken[:, still]).max() < np.abs(shaken).max() / 5
 
 
+def test_losses_and_jitter_differ_from_label_to_label(catalogue, trials):
+    config = TrialConfig(simulated=True)
+    other = CleanTrials('stiffness', 'sponge', Study(seed=7), config, catalogue, 0, 3)
+    for what in ('loss', 'jitter'):
+        drawn = [t._generator(what, i).random() for t in (trials, other) for i in range(3)]
+        assert len(set(drawn)) == 6
+
+
 def test_lost_samples_cost_windows_unless_gaps_are_bridged(trials):
     config = FeatureConfig(measures=False)
     lossy = Sensing(lost=0.05)
@@ -107,4 +115,4 @@ def test_page_says_simulated_and_has_every_number(catalogue):
     for text in ('88 %', '75 %', 'none', '25 %', 'trained on sessions 0 to 2'):
         assert text in page
     assert page.count('SIMULATED') >= 4
-    assert tell_axis(axis, points)[0] == 'noise [N], texture: 0.004: 88 % / 75 %'
+    assert tell_axis(axis, points)[0] == 'noise (N), texture: 0.004: 88 % / 75 %'
