@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,8 @@ from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
 
 SAVE_PERIOD_S = 0.5
-"""How often what came is brought to the disk: a recorder that is killed loses at most that
-and the time that the disk takes, which together stay below a second."""
+"""How often what came is brought into the file, and from there to the disk: at most so much
+is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
 
 
 class BagRecorderNode(TactileNode):
@@ -57,7 +58,7 @@ class BagRecorderNode(TactileNode):
         self._topics: dict[str, RecordedTopic] = {}
         self._auditors: dict[str, FingerAuditor] = {}
         self._recording: dict[str, Any] = {}
-        self._saver: _Saver | None = None
+        self._savers: list[_Saver] = []
         self._diagnostics: Diagnostics | None = None
         self._audit_publisher: Any = None
         self._audit_topic = ''
@@ -86,7 +87,8 @@ class BagRecorderNode(TactileNode):
         )
         self._audit_publisher = self.create_publisher(RecordingAudit, '~/audit', EVENTS)
         self._diagnostics = Diagnostics(self, lambda: str(writer.path), self._health)
-        self._saver = _Saver(writer)
+        # Two threads: a disk that is slow to confirm must not keep the file from growing.
+        self._savers = [_Saver(writer.save), _Saver(writer.sync)]
 
     def start(self) -> None:
         # Subscribed only now: what a latched topic holds must come while it can be written.
@@ -100,8 +102,8 @@ class BagRecorderNode(TactileNode):
         finger = name[: -len(topic.name)].strip('/')
 
         def on_message(data: bytes) -> None:
-            if self._saver is not None:
-                self._saver.check()
+            for saver in self._savers:
+                saver.check()
             writer.write_raw(name, self.get_clock().now().nanoseconds, data)
             self.message_count += 1
             if topic in (STRAIN_TOPIC, EVENT_TOPIC):
@@ -123,9 +125,8 @@ class BagRecorderNode(TactileNode):
     def tear_down(self) -> None:
         self.stop()
         writer, self._writer = self._writer, None
-        saver, self._saver = self._saver, None
-        if saver is not None:
-            saver.close()
+        while self._savers:
+            self._savers.pop().close()
         if writer is not None:
             audits = [a for auditor in self._auditors.values() for a in auditor.finish()]
             for audit in audits:
@@ -204,10 +205,10 @@ class BagRecorderNode(TactileNode):
 
 
 class _Saver:
-    """Saves a bag again and again, on a thread of its own."""
+    """Does a thing for a bag again and again, on a thread of its own."""
 
-    def __init__(self, writer: BagWriter) -> None:
-        self._writer = writer
+    def __init__(self, save: Callable[[], None]) -> None:
+        self._save = save
         self._end = threading.Event()
         self._error: BagError | None = None
         self._thread = threading.Thread(target=self._run, name='bag saver', daemon=True)
@@ -216,7 +217,7 @@ class _Saver:
     def _run(self) -> None:
         try:
             while not self._end.wait(SAVE_PERIOD_S):
-                self._writer.save()
+                self._save()
         except BagError as error:
             self._error = error
 

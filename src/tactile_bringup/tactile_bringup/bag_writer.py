@@ -125,10 +125,10 @@ class BagWriter:
         self.write_raw(topic, received_at_ns, bytes(data))
 
     def save(self) -> None:
-        """Bring all that was written so far into the files, and them to the disk.
+        """Bring all that was written so far into the files.
 
-        What comes after is lost when the process is killed before the next call. Other
-        threads may go on writing meanwhile. Harmless after `close`.
+        What comes after is lost when the process is killed before the next call. Harmless
+        after `close`.
         """
         with self._lock:
             writer = self._writer
@@ -141,13 +141,20 @@ class BagWriter:
                     # For `ros2 bag reindex`, which goes by the data file alone.
                     writer.write_metadata(text)
                     self._has_early_metadata = True
+                write_metadata(self.path, text)
             except OSError as error:
                 raise self._failure(error) from error
+
+    def sync(self) -> None:
+        """Wait until what was saved is on the disk, for when the power fails.
+
+        Other threads may go on writing meanwhile. Harmless after `close`.
+        """
+        writer = self._writer
+        if writer is None:
+            return
         try:
-            writer.sync()  # outside of the lock: a slow disk must not hold up the recording
-            with self._lock:
-                if self._writer is not None:
-                    write_metadata(self.path, text)
+            writer.sync()
         except (OSError, ValueError) as error:
             if self._writer is not None:  # otherwise `close` was faster
                 raise self._failure(error) from error

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
@@ -114,6 +115,20 @@ def test_what_a_hand_has_not_is_not_waited_for(context, tmp_path):
     assert '/tactile_features/running_features' not in missing
 
 
+def test_a_recording_that_lacks_a_topic_says_which(context, tmp_path):
+    received = []
+    listener = Node('listener', context=context)
+    listener.create_subscription(DiagnosticArray, '/diagnostics', received.append, 10)
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    parameters = {**description.parameters, 'match_timeout_s': 0.0}
+    impatient = dataclasses.replace(description, parameters=parameters)
+    with running_graph([impatient], context, others=[listener]):
+        wait_until(lambda: received)
+    (status,) = received[0].status
+    assert status.level == DiagnosticStatus.ERROR
+    assert 'no publisher of /tendon_sensor/strain' in status.message
+
+
 def messages_on_disk(path):
     try:
         with TactileBag(path) as bag:
@@ -167,7 +182,8 @@ def test_a_disk_that_takes_no_more_ends_the_recording_with_a_sentence(tmp_path, 
         with monkeypatch.context() as patch:
             patch.setattr(McapWriter, 'sync', full)
             with pytest.raises(BagError, match='No space left'):
-                writer.save()
+                writer.sync()
+        writer.save()
 
 
 def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
