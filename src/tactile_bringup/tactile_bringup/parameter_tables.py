@@ -19,6 +19,7 @@ from tactile_bringup.launch_arguments import LAUNCH_FILES, LaunchArgument
 from tactile_bringup.records import PlayerConfig, RecorderConfig, TrialConfig
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.records import FeatureConfig
+from tactile_features.slip import SlipConfig
 from tendon_sensor_driver.records import TendonSensorConfig
 
 NODES: dict[str, type] = {
@@ -27,6 +28,7 @@ NODES: dict[str, type] = {
     'tendon_actuator': TendonActuatorConfig,
     'trial_runner': TrialConfig,
     'tactile_features': FeatureConfig,
+    'slip_detector': SlipConfig,
     'tactile_classifier': ClassifierConfig,
     'bag_recorder': RecorderConfig,
     'bag_player': PlayerConfig,

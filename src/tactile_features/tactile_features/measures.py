@@ -8,14 +8,19 @@ See docs/measures.md for what each means, and how far it may be trusted.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures_pitch import find_ripple
-from tactile_features.measures_press import Value, measure_press, measure_relaxation
+from tactile_features.measures_press import (
+    Press,
+    Value,
+    measure_press,
+    measure_relaxation,
+)
 from tactile_features.records import Measure
 from tactile_features.windows import Samples
 
@@ -42,15 +47,15 @@ def measure_glide(
         Relative standard uncertainty of the speed [1].
     """
 
-    def find_pitch() -> Value:
+    def find_pitch() -> tuple[Value]:
         if not speed_m_s > 0.0:
             raise UndefinedFeatureError('the trial does not say how fast the finger glided')
         ripple = find_ripple(*_split(samples))
         pitch_m = speed_m_s / ripple.frequency_hz
         relative = ripple.standard_uncertainty_hz / ripple.frequency_hz
-        return Value(pitch_m, pitch_m * math.hypot(relative, speed_uncertainty))
+        return (Value(pitch_m, pitch_m * math.hypot(relative, speed_uncertainty)),)
 
-    return (_try(GROOVE_PITCH, 'm', find_pitch),)
+    return _try(find_pitch, (GROOVE_PITCH,), 'm')
 
 
 def measure_hold(
@@ -68,7 +73,7 @@ def measure_hold(
         Why the samples of the pull are not to be used; empty otherwise.
     """
 
-    def press() -> tuple[Value, Value]:
+    def press() -> Press:
         if no_pull:
             raise UndefinedFeatureError(no_pull)
         if not pull_speed_m_s > 0.0:
@@ -76,9 +81,8 @@ def measure_hold(
         return measure_press(*_split(pull), pull_speed_m_s)
 
     return (
-        _try(FREE_STIFFNESS, 'N/m', lambda: press()[0]),
-        _try(CONTACT_STIFFNESS, 'N/m', lambda: press()[1]),
-        _try(RELAXATION_TIME, 's', lambda: measure_relaxation(*_split(samples))),
+        *_try(press, (FREE_STIFFNESS, CONTACT_STIFFNESS), 'N/m'),
+        *_try(lambda: (measure_relaxation(*_split(samples)),), (RELAXATION_TIME,), 's'),
     )
 
 
@@ -90,11 +94,17 @@ def _split(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return (samples['stamp_ns'] - samples['stamp_ns'][0]) * 1e-9, tension_n
 
 
-def _try(name: str, unit: str, estimate: Callable[[], Value]) -> Measure:
+def _try(
+    estimate: Callable[[], Iterable[Value]], names: Sequence[str], unit: str
+) -> tuple[Measure, ...]:
     try:
-        value = estimate()
+        values = tuple(estimate())
     except UndefinedFeatureError as error:
-        return Measure(name, unit, reason=str(error))
+        return tuple(Measure(name, unit, reason=str(error)) for name in names)
     except (ZeroDivisionError, np.linalg.LinAlgError):
-        return Measure(name, unit, reason='the samples have no spread in time or no ripple')
-    return Measure(name, unit, float(value.value), float(value.standard_uncertainty))
+        reason = 'the samples have no spread in time or no ripple'
+        return tuple(Measure(name, unit, reason=reason) for name in names)
+    return tuple(
+        Measure(name, unit, float(value.value), float(value.standard_uncertainty))
+        for name, value in zip(names, values, strict=True)
+    )
