@@ -172,8 +172,12 @@ def recorder_node(
     *,
     namespaces: Sequence[str] = ('',),
     simulated: bool,
+    rig: bool = True,
 ) -> NodeDescription:
-    """Return the recorder node for one or more fingers; it notes what a replay needs to know."""
+    """Return the recorder node for one or more fingers; it notes what a replay needs to know.
+
+    Without a ``rig`` that moves them it waits for the topics of sensing alone.
+    """
     known = {f.name for f in fields(FeatureConfig)}  # every node has further ones
     features = FeatureConfig(**{k: v for k, v in feature_parameters.items() if k in known})
     facts = {
@@ -189,6 +193,7 @@ def recorder_node(
             'bag': str(bag),
             'namespaces': tuple(namespaces),
             'facts': json.dumps(facts),
+            'rig': rig,
             # ROS cannot tell the type of an empty list.
             **({'classifiers': classifiers} if classifiers else {}),
         },

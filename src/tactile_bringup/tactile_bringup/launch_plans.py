@@ -148,7 +148,13 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
     if values['record']:
         nodes.append(
             _recorder(
-                Path(values['record']), model, models, parameters, namespace, simulated=simulated
+                Path(values['record']),
+                model,
+                models,
+                parameters,
+                namespace,
+                simulated=simulated,
+                rig=True,
             )
         )
     return LaunchPlan(tuple(nodes), tuple(rigs))
@@ -213,7 +219,9 @@ def _finger_nodes(
     nodes = sensing_graph(port, models, parameters, namespace=namespace)
     if values['record']:
         bag = Path(values['record'], finger.name)  # the sense launch file has one, without name
-        nodes.append(_recorder(bag, model, models, parameters, namespace, simulated=simulated))
+        nodes.append(
+            _recorder(bag, model, models, parameters, namespace, simulated=simulated, rig=False)
+        )
     return nodes
 
 
@@ -275,6 +283,7 @@ def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
                 nodes[0].parameters,
                 namespaces=namespaces,
                 simulated=bool(facts.get('simulated')),
+                rig=False,
             )
         )
     chosen = {'namespace': wanted} if wanted else {}
@@ -302,6 +311,7 @@ def _recorder(
     namespace: str,
     *,
     simulated: bool,
+    rig: bool,
 ) -> NodeDescription:
     node = recorder_node(
         bag,
@@ -310,6 +320,7 @@ def _recorder(
         parameters.get('tactile_features', {}),
         namespaces=(namespace.strip('/'),),
         simulated=simulated,
+        rig=rig,
     )
     return dataclasses.replace(node, namespace=namespace.strip('/'))
 

@@ -131,6 +131,7 @@ def test_the_parameter_file_reaches_the_node_its_classifier_and_the_recording(
     facts = json.loads(nodes['bag_recorder'].parameters['facts'])
     assert facts['feature_config']['stiffness_settle_s'] == 0.75
     assert nodes['bag_recorder'].parameters['classifiers'] == ('stiffness_flexion_classifier',)
+    assert nodes['bag_recorder'].parameters['rig'] is True
 
 
 def test_nested_parameters_have_the_names_that_ros_gives_them(parameter_file, tmp_path):
@@ -191,6 +192,7 @@ def test_fingers_by_name_have_namespaces_ports_and_bags_of_their_own(tmp_path):
         assert sensor.parameters['port'] == f'/dev/tactile/{finger}'
         recorder = nodes[f'left/{finger}/bag_recorder']
         assert recorder.parameters['namespaces'] == (f'left/{finger}',)
+        assert recorder.parameters['rig'] is False, 'no guide will ever be there'
         assert recorder.parameters['bag'] == str(tmp_path / 'bags' / finger)
 
 
