@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from measuring import Report, Row, measure_ratio
 
 from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
+from tactile_classifier.estimators import compute_raw_scores
 from tactile_features import FeatureConfig, compute_spectrum, spec_for
 
 
@@ -37,28 +37,29 @@ def run_inference(quick: bool) -> Report:
                 rounds=5 if quick else 15,
             )
             changed = np.array(model.predict(queries)) != estimator.predict(queries)
-            difference = np.abs(model.compute_scores(queries) - _scores(estimator, queries)).max()
+            found, part = model.compute(queries), trained.parts[0]
+            scores = part.calibration.compute(compute_raw_scores(estimator, queries))
+            difference = np.abs(found.scores - scores).max()
+            novelty = np.abs(found.novelty - part.novelty.compute(queries)).max()
             rows.append(
                 Row(
                     f'{task}, {classifier}',
                     ratio,
                     float(difference),
                     1e-9,
-                    more={'changed labels': int(changed.sum()), 'of': len(queries)},
+                    more={
+                        'novelty': f'{novelty:.1e}',
+                        'changed labels': int(changed.sum()),
+                        'of': len(queries),
+                    },
                 )
             )
     return Report(
-        'inference: one window through TactileModel',
-        "scikit-learn's predict on the same row (480 x 91 texture, 300 x 3 stiffness)",
-        'largest difference of a score, on points between pairs of trials',
+        'inference: one window through TactileModel: label, probabilities and novelty',
+        "scikit-learn's predict, label alone, on the same row (480 x 91 texture, 300 x 3 stiffness)",
+        'largest difference of a probability (and of the novelty), between pairs of trials',
         rows,
     )
-
-
-def _scores(estimator: Any, queries: Any) -> Any:
-    if hasattr(estimator, 'predict_proba'):
-        return estimator.predict_proba(queries)
-    return estimator.decision_function(queries)
 
 
 def _texture_table() -> FeatureTable:

@@ -1,0 +1,83 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""What `tactile train` makes of a small simulated recording of texture."""
+
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bringup.bag_tables import read_tables
+from tactile_bringup.bags import TactileBag
+from tactile_bringup.commands.output import Output
+from tactile_bringup.commands.train import TrainRequest, describe_answers, train_models
+from tactile_bringup.errors import BagError, BringupError
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.replay import recorded_config, replay_windows
+from tactile_bringup.running_tables import read_running_tables
+from tactile_bringup.simulated_bags import write_simulated_bag
+from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_classifier.inference import TactileModel
+from tactile_features.records import FeatureConfig
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    plan = SimulationPlan('texture', 'flexion', 3, seed=5)
+    folder = tmp_path_factory.mktemp('bags')
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+
+@pytest.fixture(scope='module')
+def table(bag):
+    (table,) = read_tables([bag]).tables.values()
+    return table
+
+
+def test_running_tables_are_what_the_live_extractor_gives(bag, table):
+    tables = read_running_tables(table, [0.5, 1.5])
+    assert list(tables) == [30, 90]
+    with TactileBag(bag) as opened:
+        config = recorded_config(opened)
+        config = type(config)(**{**vars(config), 'running_samples': (30, 90)})
+        windows = [w for w in replay_windows(opened, config) if w.running]
+    assert len(windows) == 2 * len(table)
+    for window in windows:
+        found = tables[window.sample_count]
+        (row,) = (table.column('trial_id') == window.trial_id).nonzero()[0]
+        assert found.values[row].tobytes() == window.values.tobytes()
+        assert found.labels[row] == table.labels[row]
+
+
+@pytest.mark.parametrize('seconds', [[0.1], [1.0, 0.5], [3.0]])
+def test_seconds_that_do_not_fit_are_refused(table, seconds):
+    with pytest.raises(BagError, match='no running answers after'):
+        read_running_tables(table, seconds)
+
+
+def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
+    found = read_tables([bag])
+    request = TrainRequest(
+        tmp_path / 'models',
+        cross_validation={'folds': 3, 'repetitions': 1},
+        false_alarm_rate=0.1,
+        running='0.5,1.5',
+        stop_error_rate=0.2,
+    )
+    (trained,) = train_models(found, request, Output(as_json=True))
+    model = TactileModel.load(trained.path)
+    assert model.running_samples == (30, 90)
+    assert model.manifest.false_alarm_rate == 0.1
+    assert model.manifest.stop_error_rate == 0.2
+    sentences = describe_answers(model.manifest)
+    assert 'at 10 % false alarms' in sentences[0]
+    assert sentences[1].startswith('running answers, accuracy held out: 0.5 s')
+    assert trained.to_dict()['parts'][2]['sample_count'] == 90
+    before = trained.path.read_bytes()
+    with pytest.raises(BringupError, match='would be replaced: give another folder'):
+        train_models(found, request, Output(as_json=True))
+    assert trained.path.read_bytes() == before
+
+
+def test_text_that_is_no_seconds_is_refused(tmp_path):
+    with pytest.raises(BringupError, match='--running is "1;2"'):
+        TrainRequest(tmp_path, running='1;2').running_seconds()
