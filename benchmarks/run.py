@@ -28,6 +28,7 @@ TOPICS = {
     'sensors': ('sensors', 'run_node'),
     'net_ft': ('net_ft', 'run_net_ft'),
     'inference': ('inference', 'run_inference'),
+    'neighbours': ('evaluation', 'run_neighbours'),
     'simulator': ('simulator', 'run_simulator'),
     'paths': ('simulator_paths', 'run_paths'),
     'aliasing': ('simulator_paths', 'run_aliasing'),
@@ -42,6 +43,7 @@ TOPICS = {
     'rest': ('rest', 'run_rest'),
     'speeds': ('speeds', 'run_speeds'),
     'simulated-speeds': ('speeds', 'run_simulated_speeds'),
+    'peers': ('peers', 'run_peers'),
     'phases': ('phases', 'run_phases'),
     'phase-rest': ('phases', 'run_phase_rest'),
     'phase-features': ('phases', 'run_phase_features'),
@@ -74,6 +76,7 @@ EPILOG = """topics:
   sensors      the sensor node at 60 Hz to five times 7 kHz: cost, loss, latency
   net_ft       a Net F/T from datagrams to blocks: pynetft against whole arrays
   inference    one window through a model file, four classifiers
+  neighbours   cross-validated nearest neighbours
   simulator    simulated texture trials: speed and error by scheme and step
   paths        readings, the NumPy solver, stiffness trials, the live rig
   aliasing     what sampling and the plate's place do to the 91 amplitudes
@@ -88,6 +91,7 @@ EPILOG = """topics:
   rest         from a killed process or a cut cable to rest, on the simulated rig
   speeds       texture at a speed never seen, on recordings (needs the archive)
   simulated-speeds  the same on simulated plates
+  peers        MiniRocket (aeon), tsfresh and raw neighbours beside ours
   phases       of a trial, found in the tension: how often, how exactly (simulated)
   phase-rest      false ones, of a finger at rest
   phase-features  accuracy with them, beside stated ones (simulated)

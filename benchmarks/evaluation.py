@@ -1,0 +1,57 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Cross-validated neighbours from distances, against scikit-learn in every fold."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from inference import _stiffness_table, _texture_table
+from measuring import Report, Row, measure_ratio
+
+from tactile_classifier.estimators import SCALINGS, build_estimator
+from tactile_classifier.neighbours import predict_neighbours
+from tactile_classifier.splits import stratified_split
+
+
+def run_neighbours(quick: bool) -> Report:
+    """Answer all folds of repeated cross-validation."""
+    rows = []
+    for task, table in (('texture', _texture_table()), ('stiffness', _stiffness_table())):
+        split = stratified_split(table, 6, 2 if quick else 10)
+        folds = [fold for deal in split.deals for fold in deal]
+        # Errors that split the votes; without any there would be nothing to get wrong.
+        noise = np.random.default_rng(3).normal(0.0, 2.0, table.values.shape)
+        values = table.values + noise * table.values.std(axis=0)
+        for scaling in SCALINGS:
+            ours = partial(predict_neighbours, values, table.labels, folds, scaling)
+            theirs = partial(_predict_by_search, values, table.labels, folds, scaling)
+            changed = sum(
+                int(np.sum(one != other)) for one, other in zip(ours(), theirs(), strict=True)
+            )
+            ratio = measure_ratio(ours, theirs, rounds=3 if quick else 9)
+            rows.append(
+                Row(
+                    f'{task} {len(table)} x {values.shape[1]}, {scaling}, {len(folds)} folds',
+                    ratio,
+                    float(changed),
+                    0.0,
+                )
+            )
+    return Report(
+        'neighbours: three nearest, cross-validated',
+        "scikit-learn's KNeighborsClassifier fitted in every fold",
+        'answers that differ',
+        rows,
+    )
+
+
+def _predict_by_search(values: Any, labels: Any, folds: Any, scaling: str) -> list[Any]:
+    answers = []
+    for train, test in folds:
+        estimator = build_estimator('knn', scaling)
+        estimator.fit(values[train], labels[train])
+        answers.append(estimator.predict(values[test]))
+    return answers
