@@ -56,7 +56,7 @@ def run_inference(quick: bool) -> Report:
             )
     return Report(
         'inference: one window through TactileModel: label, probabilities and novelty',
-        "scikit-learn's predict, label alone, on the same row (480 x 91 texture, 300 x 3 stiffness)",
+        "scikit-learn's predict, label alone, on the same row (480 x 91 and 300 x 3)",
         'largest difference of a probability (and of the novelty), between pairs of trials',
         rows,
     )
