@@ -83,7 +83,7 @@ def argument_tables() -> str:
 
 def _argument_row(argument: LaunchArgument) -> str:
     default = f'`{argument.default}`' if argument.default else ''
-    choices = ', '.join(f'`{choice}`' for choice in argument.choices)
+    choices = ', '.join(f'`{choice}`' if choice else '(empty)' for choice in argument.choices)
     return f'| `{argument.name}` | {default} | {choices} | {argument.description} |'
 
 

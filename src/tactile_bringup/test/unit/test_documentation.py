@@ -33,6 +33,16 @@ def test_parameter_tables_in_the_readme_are_those_of_the_code():
     )
 
 
+def test_launch_arguments_in_the_docs_are_those_of_the_code():
+    page = README.with_name('docs') / 'on_your_hand.md'
+    if not page.is_file():
+        pytest.skip('the packages are not in their own repository: no docs beside them')
+    text = page.read_text()
+    assert renew(text) == text, (
+        'renew them: ./tactile run python -m tactile_bringup.parameter_tables docs/on_your_hand.md'
+    )
+
+
 def test_constants_in_the_docs_are_those_of_the_simulator(monkeypatch):
     docs = README.with_name('docs')
     if not docs.is_dir():
