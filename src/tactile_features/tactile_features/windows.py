@@ -72,7 +72,7 @@ class SampleBuffer:
         self._clear()
 
     def _clear(self) -> None:
-        self._data: Samples = np.empty(1024, SAMPLE)
+        self._store(np.empty(1024, SAMPLE))
         self._start = self._end = 0
         self.evicted_ns: int | None = None
 
@@ -87,22 +87,29 @@ class SampleBuffer:
         return self._data[self._end - self.new_count : self._end]
 
     @property
+    def _latest_ns(self) -> NDArray[np.int64]:
+        return self._columns['latest_ns'][self._start : self._end]
+
+    @property
     def watermark_ns(self) -> int | None:
         """Latest stamp seen [ns]; None before the first sample."""
         return int(self._data['latest_ns'][self._end - 1]) if self._end else None
 
     def first_at(self, stamp_ns: int) -> int:
         """Return the index of the first sample with this stamp or a later one."""
-        return bisect_left(self.samples['latest_ns'], stamp_ns)
+        return bisect_left(self._latest_ns, stamp_ns)
 
     def first_beyond(self, stamp_ns: int) -> int:
         """Return the index of the first sample with a later stamp than this."""
-        return bisect_right(self.samples['latest_ns'], stamp_ns)
+        return bisect_right(self._latest_ns, stamp_ns)
 
     def add(self, block: StrainBlock) -> bool:
         """Append a block; return whether the clock was set back and the past is gone."""
         self.new_count = 0
         if len(block.tension_n) == 0:
+            return False
+        if self._continues(block):
+            self._append_next(block)
             return False
         new = _unpack(block)
         if not self._end:
@@ -124,6 +131,33 @@ class SampleBuffer:
             self._join(last, new, lost_before)
             self._append(new)
         return False
+
+    def _continues(self, block: StrainBlock) -> bool:
+        """Return whether nothing lies between the last sample and a block that rises in time."""
+        if not self._end or block.lost_before or block.period_ns < 0:
+            return False
+        last = self._data[self._end - 1]
+        return (
+            block.sequence == int(last['sequence']) + 1
+            and block.stamp_ns > last['latest_ns']
+            and not block.status & ~int(last['status']) & STATUS_RECONNECTED
+        )
+
+    def _append_next(self, block: StrainBlock) -> None:
+        """Append a block that continues: as `_unpack` and `_append`, but straight into place."""
+        count = len(block.tension_n)
+        self._make_room(count)
+        to = slice(self._end, self._end + count)
+        step = np.arange(count)
+        columns = self._columns
+        stamp_ns = block.stamp_ns + step * block.period_ns
+        columns['stamp_ns'][to] = columns['latest_ns'][to] = stamp_ns
+        columns['sequence'][to] = np.uint64(block.sequence) + step.astype(np.uint64)
+        columns['tension_n'][to] = block.tension_n
+        columns['status'][to] = block.status
+        columns['hole'][to] = columns['interpolated'][to] = False
+        self._end += count
+        self.new_count += count
 
     def _join(self, last: Any, new: Samples, lost_before: int) -> None:
         """Fill or mark what is missing between the last sample and the next ones."""
@@ -153,14 +187,22 @@ class SampleBuffer:
         if watermark_ns is not None:
             latest_ns = np.maximum(latest_ns, watermark_ns)
         new['latest_ns'] = latest_ns
-        if self._end + len(new) > len(self._data):
-            kept = self.samples
-            self._data = np.empty(2 * (len(kept) + len(new)), SAMPLE)
-            self._data[: len(kept)] = kept
-            self._start, self._end = 0, len(kept)
+        self._make_room(len(new))
         self._data[self._end : self._end + len(new)] = new
         self._end += len(new)
         self.new_count += len(new)
+
+    def _make_room(self, count: int) -> None:
+        if self._end + count <= len(self._data):
+            return
+        kept = self.samples
+        self._store(np.empty(2 * (len(kept) + count), SAMPLE))
+        self._data[: len(kept)] = kept
+        self._start, self._end = 0, len(kept)
+
+    def _store(self, data: Samples) -> None:
+        self._data = data
+        self._columns = {name: data[name] for name in SAMPLE.names or ()}
 
 
 def _unpack(block: StrainBlock) -> Samples:
