@@ -189,6 +189,7 @@ class McapFile:
         last = self.segments[-1] if self.segments else None
         if (
             last is None
+            or last.counts is None  # a chunk without an index
             or last.offset + last.stored_bytes != start
             or last.size + whole > RUN_BYTES
         ):
@@ -198,8 +199,8 @@ class McapFile:
         last.last_ns = max(last.last_ns, received_at_ns)
         last.stored_bytes += whole
         last.size += whole
-        assert last.counts is not None
-        last.counts[channel] += 1
+        if last.counts is not None:
+            last.counts[channel] += 1
 
     def _take_chunk(self, offset: int, length: int) -> None:
         _check_size('a packed chunk', length, 2 * MAX_CHUNK_BYTES)

@@ -104,6 +104,11 @@ def test_messages_outside_of_chunks_are_read(read_file):
     assert read_file(DEFINED + message(b'one') + END) == ([b'one'], '')
 
 
+def test_messages_behind_a_chunk_without_an_index_are_read(read_file):
+    data = DEFINED + chunk(message(b'one', at_ns=1)) + message(b'two', at_ns=2) + END
+    assert read_file(data) == ([b'one', b'two'], '')
+
+
 def test_chunks_that_overlap_in_time_are_merged(read_file):
     one = message(b'1', at_ns=1) + message(b'4', at_ns=4)
     two = message(b'2', at_ns=2) + message(b'3', at_ns=3)
