@@ -198,9 +198,9 @@ def _worst_confusion(result: SetResult) -> str:
     true, said = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
     share = wrong[true, said] / best.confusion[true].sum()
     return (
-        f'Where the best ({CLASSIFIER_TITLES[best.classifier]}, '
-        f'{short_scaling(best.scaling)}) is wrong, it most often calls '
-        f'{best.labels[true]} {best.labels[said]} ({100 * share:.0f} % of its trials).'
+        f'Where the best ({CLASSIFIER_TITLES[best.classifier]}, {short_scaling(best.scaling)}) '
+        f'is wrong, it most often takes {best.labels[true]} for {best.labels[said]} '
+        f'({100 * share:.0f} % of its trials).'
     )
 
 

@@ -79,7 +79,8 @@ def summarise_comparison(comparisons: Sequence[Comparison]) -> str:
     agree = sum(c.verdict == AGREES for c in tested)
     disagree = sum(c.verdict == DISAGREES for c in tested)
     return (
-        f'Of {len(tested)} statements of the paper that these trials can test, {agree} agree, '
+        f'Of {len(tested)} checks of what the paper states (accuracies with and without scaling), '
+        f'on these trials {agree} agree, '
         f'{disagree} do not, and {len(tested) - agree - disagree} agree in part.'
     )
 

@@ -162,7 +162,7 @@ def test_sentences_follow_the_numbers(easy_holds):
     comparisons = compare_with_paper([easy_holds])
     tested = [c for c in comparisons if c.verdict != 'not tested']
     agree = sum(c.verdict == 'agrees' for c in tested)
-    assert f'Of {len(tested)} statements' in summarise_comparison(comparisons)
+    assert f'Of {len(tested)} checks' in summarise_comparison(comparisons)
     assert f'{agree} agree,' in summarise_comparison(comparisons)
     best = max(score.mean for score in easy_holds.plain.scores)
     assert f'{100 * best:.1f} %' in summarise_set(easy_holds)[0]
