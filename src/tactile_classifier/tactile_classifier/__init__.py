@@ -28,12 +28,14 @@ _HOMES = {
     'TactileModel': 'inference',
     'Manifest': 'manifest',
     'write_model': 'model_file',
+    'evaluate_open_set': 'open_set_evaluation',
     'ClassificationResult': 'records',
     'ClassifierConfig': 'records',
     'Outcome': 'records',
     'RankSum': 'significance',
     'rank_features': 'significance',
     'rank_sum_p_values': 'significance',
+    'evaluate_stopping': 'stopping_evaluation',
     'train': 'training',
 }
 
