@@ -9,28 +9,24 @@ anywhere between the sensor and the file, however samples are grouped into messa
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from tactile_bringup.bags import EVENT, EVENT_TOPIC, STRAIN, TactileBag
+from tactile_bringup.stream_counts import SampleRun, StreamCounts
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_features.phase_window import RATE_TOLERANCE
 from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_DONE,
-    STATUS_RECONNECTED,
     StrainBlock,
     TrialEvent,
 )
 
 LONGEST_STEP_S = 0.1
 """Longest time between two samples that is not worth a word [s]; at least three periods."""
-
-MAX_GAPS = 10_000
-"""Gaps that are remembered, for samples that come late after all."""
 
 MAX_BLOCKS = 2_000_000
 """Blocks that are remembered for the audit of a trial."""
@@ -96,197 +92,66 @@ class Audit:
         return f'{finger}{what}: {"; ".join(self.findings)}'
 
 
-class _Run(NamedTuple):
-    """A block of samples without their values, or a part of one."""
+def _make_audit(
+    counts: StreamCounts,
+    finger: str,
+    nominal_rate_hz: float,
+    trial: tuple[str, int, int] | None = None,
+) -> Audit:
+    """Return the result; ``trial``: its name, its first and its last time."""
+    return Audit(
+        finger=finger,
+        trial_id=trial[0] if trial else '',
+        findings=tuple(_findings(counts, nominal_rate_hz, trial)),
+        start_ns=counts.start_ns,
+        end_ns=counts.end_ns,
+        sample_count=counts.samples,
+        lost_count=counts.lost,
+        gap_count=counts.gaps,
+        duplicate_count=counts.duplicates,
+        disordered_count=counts.disordered,
+        rate_hz=counts.rate_hz,
+        nominal_rate_hz=nominal_rate_hz,
+        largest_step_s=counts.largest_step_ns * 1e-9,
+    )
 
-    stamp_ns: int
-    period_ns: int
-    sequence: int
-    size: int
-    lost_before: int
-    status: int
 
-    def stamp_of(self, i: int) -> int:
-        return self.stamp_ns + i * self.period_ns
-
-    def part(self, begin: int, end: int) -> _Run:
-        """Return the samples from ``begin`` up to but not with ``end``."""
-        return self._replace(
-            stamp_ns=self.stamp_of(begin),
-            sequence=self.sequence + begin,
-            size=end - begin,
-            lost_before=0 if begin else self.lost_before,
+def _findings(
+    counts: StreamCounts, nominal_hz: float, trial: tuple[str, int, int] | None
+) -> Iterable[str]:
+    if not counts.samples:
+        yield 'no samples of the tension came'
+        return
+    period_s = 1.0 / (nominal_hz or counts.rate_hz or 1.0)
+    longest_s = max(LONGEST_STEP_S, 3.0 * period_s)
+    if counts.lost:
+        share = counts.lost / (counts.samples + counts.lost)
+        yield f'{counts.lost} samples lost in {counts.gaps} gaps ({share:.2%})'
+    if counts.duplicates:
+        yield f'{counts.duplicates} samples came again'
+    if counts.disordered:
+        yield f'{counts.disordered} samples came later than a newer one'
+    if counts.restarts:
+        yield f'the numbering began anew {counts.restarts} times; what was lost is not known'
+    if counts.reconnections:
+        yield (
+            f'the sensor was reached anew {counts.reconnections} times; what was lost is not known'
         )
-
-    def up_to(self, stamp_ns: int) -> int:
-        """Return how many samples are not later than this."""
-        if self.period_ns <= 0:
-            return self.size if self.stamp_ns <= stamp_ns else 0
-        return min(self.size, max(0, (stamp_ns - self.stamp_ns) // self.period_ns + 1))
-
-
-class _Counts:
-    """Goes along a stream of runs and counts what is missing, doubled, late."""
-
-    def __init__(self) -> None:
-        self.samples = self.lost = self.gaps = self.duplicates = self.disordered = 0
-        self.restarts = self.reconnections = 0
-        self.start_ns = self.end_ns = 0
-        self.largest_step_ns = 0
-        self._next: int | None = None
-        self._status = 0
-        self._missing: deque[tuple[int, int]] = deque(maxlen=MAX_GAPS)
-        self._span_ns = self._steps = 0
-        self._segment: tuple[int, int] | None = None
-
-    def follow(self, before: _Run) -> None:
-        """Begin behind this run, which does not count itself."""
-        self._next = before.sequence + before.size
-        self._status = before.status
-        self.end_ns = before.stamp_of(before.size - 1)
-
-    def stop_before(self, after: _Run) -> None:
-        """End before this run, which does not count itself."""
-        if self._next is not None and after.sequence > self._next:
-            self._lose(after.sequence - self._next, after.sequence)
-
-    def _lose(self, count: int, sequence: int) -> None:
-        assert self._next is not None
-        if count:
-            self.gaps += 1
-            self.lost += count
-        if sequence > self._next:
-            self._missing.append((self._next, sequence))
-
-    def add(self, run: _Run) -> None:
-        if self._next is not None and run.sequence < self._next:
-            if run.stamp_ns <= self.end_ns:
-                self._take_late(run)
-                return
-            self.restarts += 1
-            self._close_segment()
-            self._next = None
-        self._take_new(run)
-
-    def _take_late(self, run: _Run) -> None:
-        """Take a run whose numbers have been passed: late, again, or partly new."""
-        assert self._next is not None
-        old = min(run.size, self._next - run.sequence)
-        late = self._fill(run.sequence, run.sequence + old)
-        self.samples += late
-        self.disordered += late
-        self.duplicates += old - late
-        if old < run.size:
-            self._take_new(run.part(old, run.size))
-
-    def _fill(self, begin: int, end: int) -> int:
-        """Take these numbers out of those that are missing; return how many were."""
-        filled, left = 0, []
-        for low, high in self._missing:
-            inside = min(high, end) - max(low, begin)
-            if inside <= 0:
-                left.append((low, high))
-                continue
-            filled += inside
-            left += [part for part in ((low, begin), (end, high)) if part[0] < part[1]]
-        if filled:
-            self.lost -= filled
-            self.gaps += len(left) - len(self._missing)
-            self._missing = deque(left, maxlen=MAX_GAPS)
-        return filled
-
-    def _take_new(self, run: _Run) -> None:
-        if self._next is not None:
-            # What the driver knows of may be more than the numbering shows.
-            self._lose(max(run.sequence - self._next, run.lost_before), run.sequence)
-            self.largest_step_ns = max(self.largest_step_ns, run.stamp_ns - self.end_ns)
-        if run.status & ~self._status & STATUS_RECONNECTED:
-            self.reconnections += 1
-        if not self.samples:
-            self.start_ns = run.stamp_ns
-        if self._segment is None:
-            self._segment = (run.sequence, run.stamp_ns)
-        if run.size > 1:
-            self.largest_step_ns = max(self.largest_step_ns, run.period_ns)
-        self.samples += run.size
-        self._next = run.sequence + run.size
-        self._status = run.status
-        self.end_ns = run.stamp_of(run.size - 1)
-
-    def _close_segment(self) -> None:
-        """Take the time and the numbers since the numbering last began anew."""
-        steps, span_ns = self._of_segment()
-        self._steps += steps
-        self._span_ns += span_ns
-        self._segment = None
-
-    def _of_segment(self) -> tuple[int, int]:
-        if self._segment is None or self._next is None:
-            return 0, 0
-        sequence, stamp_ns = self._segment
-        return self._next - 1 - sequence, self.end_ns - stamp_ns
-
-    @property
-    def rate_hz(self) -> float:
-        steps, span_ns = self._of_segment()
-        steps, span_ns = self._steps + steps, self._span_ns + span_ns
-        return steps / span_ns * 1e9 if steps > 0 and span_ns > 0 else 0.0
-
-    def audit(
-        self, finger: str, nominal_rate_hz: float, trial: tuple[str, int, int] | None = None
-    ) -> Audit:
-        """Return the result; ``trial``: its name, its first and its last time."""
-        return Audit(
-            finger=finger,
-            trial_id=trial[0] if trial else '',
-            findings=tuple(self._findings(nominal_rate_hz, trial)),
-            start_ns=self.start_ns,
-            end_ns=self.end_ns,
-            sample_count=self.samples,
-            lost_count=self.lost,
-            gap_count=self.gaps,
-            duplicate_count=self.duplicates,
-            disordered_count=self.disordered,
-            rate_hz=self.rate_hz,
-            nominal_rate_hz=nominal_rate_hz,
-            largest_step_s=self.largest_step_ns * 1e-9,
+    rate_hz = counts.rate_hz
+    if nominal_hz and rate_hz and abs(rate_hz / nominal_hz - 1.0) > RATE_TOLERANCE:
+        yield (
+            f'the rate is {rate_hz:.4g} Hz, not {nominal_hz:.4g} Hz; '
+            'set rate_hz of the feature node to that of the sensor'
         )
-
-    def _findings(self, nominal_hz: float, trial: tuple[str, int, int] | None) -> Iterable[str]:
-        if not self.samples:
-            yield 'no samples of the tension came'
-            return
-        period_s = 1.0 / (nominal_hz or self.rate_hz or 1.0)
-        longest_s = max(LONGEST_STEP_S, 3.0 * period_s)
-        if self.lost:
-            share = self.lost / (self.samples + self.lost)
-            yield f'{self.lost} samples lost in {self.gaps} gaps ({share:.2%})'
-        if self.duplicates:
-            yield f'{self.duplicates} samples came again'
-        if self.disordered:
-            yield f'{self.disordered} samples came later than a newer one'
-        if self.restarts:
-            yield f'the numbering began anew {self.restarts} times; what was lost is not known'
-        if self.reconnections:
-            yield (
-                f'the sensor was reached anew {self.reconnections} times; '
-                'what was lost is not known'
-            )
-        rate_hz = self.rate_hz
-        if nominal_hz and rate_hz and abs(rate_hz / nominal_hz - 1.0) > RATE_TOLERANCE:
-            yield (
-                f'the rate is {rate_hz:.4g} Hz, not {nominal_hz:.4g} Hz; '
-                'set rate_hz of the feature node to that of the sensor'
-            )
-        if self.largest_step_ns * 1e-9 > longest_s and not self.lost:
-            yield f'{self.largest_step_ns * 1e-9:.3f} s lie between two samples'
-        if trial is not None:
-            late_s = (self.start_ns - trial[1]) * 1e-9
-            early_s = (trial[2] - self.end_ns) * 1e-9
-            if late_s > longest_s:
-                yield f'the samples begin {late_s:.3f} s after the trial'
-            if early_s > longest_s:
-                yield f'the samples end {early_s:.3f} s before the trial'
+    if counts.largest_step_ns * 1e-9 > longest_s and not counts.lost:
+        yield f'{counts.largest_step_ns * 1e-9:.3f} s lie between two samples'
+    if trial is not None:
+        late_s = (counts.start_ns - trial[1]) * 1e-9
+        early_s = (trial[2] - counts.end_ns) * 1e-9
+        if late_s > longest_s:
+            yield f'the samples begin {late_s:.3f} s after the trial'
+        if early_s > longest_s:
+            yield f'the samples end {early_s:.3f} s before the trial'
 
 
 @dataclass
@@ -312,8 +177,8 @@ class FingerAuditor:
     def __init__(self, finger: str, nominal_rate_hz: float) -> None:
         self.finger = finger
         self.nominal_rate_hz = nominal_rate_hz
-        self._whole = _Counts()
-        self._runs: list[_Run] = []
+        self._whole = StreamCounts()
+        self._runs: list[SampleRun] = []
         self._latest_ns: int | None = None
         self._open: _Trial | None = None
         self._ended: list[_Trial] = []
@@ -322,7 +187,7 @@ class FingerAuditor:
         """Take in samples; return the audits of the trials that are now over."""
         if not len(block.tension_n):
             return []
-        run = _Run(
+        run = SampleRun(
             block.stamp_ns,
             block.period_ns,
             block.sequence,
@@ -355,7 +220,7 @@ class FingerAuditor:
         ended, self._ended = self._ended, []
         return [
             *(self._audit(trial) for trial in ended),
-            self._whole.audit(self.finger, self.nominal_rate_hz),
+            _make_audit(self._whole, self.finger, self.nominal_rate_hz),
         ]
 
     def _close_trial(self) -> None:
@@ -373,9 +238,9 @@ class FingerAuditor:
         return audits
 
     def _audit(self, trial: _Trial) -> Audit:
-        counts = _Counts()
-        before: _Run | None = None
-        after: _Run | None = None
+        counts = StreamCounts()
+        before: SampleRun | None = None
+        after: SampleRun | None = None
         has_begun = False
         for run in self._runs:
             begin, end = run.up_to(trial.start_ns - 1), run.up_to(trial.end_ns)
@@ -394,9 +259,8 @@ class FingerAuditor:
             # The next trial's events may come late, but not by more than this one lasted.
             keep_from_ns = trial.end_ns
             self._runs = [r for r in self._runs if r.stamp_of(r.size - 1) >= keep_from_ns]
-        return counts.audit(
-            self.finger, self.nominal_rate_hz, (trial.trial_id, trial.start_ns, trial.end_ns)
-        )
+        span = (trial.trial_id, trial.start_ns, trial.end_ns)
+        return _make_audit(counts, self.finger, self.nominal_rate_hz, span)
 
 
 def nominal_rate_hz(facts: dict[str, Any]) -> float:
