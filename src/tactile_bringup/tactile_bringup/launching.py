@@ -71,7 +71,11 @@ def _start(context: LaunchContext, name: str) -> list[Any]:
         for argument in LAUNCH_FILES[name]
     }
     scratch = Path(tempfile.mkdtemp(prefix='tactile_launch_'))
-    plan = plan_launch(name, values, scratch)
+    try:
+        plan = plan_launch(name, values, scratch)
+    except Exception:
+        scratch.rmdir()
+        raise
     nodes = {node.path: _node(node, values['log_level']) for node in plan.nodes}
     ending = []
     if plan.ends_with:
