@@ -1,0 +1,297 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Other people's features beside ours on the same trials, in the same run.
+
+MiniRocket comes from aeon and many statistics from tsfresh: ``pip install aeon tsfresh`` into the
+environment that runs this. What is not installed is left out, with a sentence.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from measuring import Report, Row
+from numpy.typing import NDArray
+from sklearn.linear_model import RidgeClassifierCV
+from sklearn.model_selection import StratifiedKFold
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from speeds import (
+    FABRIC_FINEST_M,
+    FOLDER,
+    SIMULATED_FINEST_M,
+    Glides,
+    over_distance,
+    simulate,
+    waveform,
+)
+
+from tactile_classifier.archive import load_archive
+from tactile_classifier.estimators import build_estimator
+from tactile_features import (
+    SpatialWindow,
+    compute_spatial,
+    compute_spectrum,
+    features_from_trials,
+)
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Method:
+    """Features of glides, and the estimator on them.
+
+    ``fit`` returns the transformation of signals into features, which it learns on those of
+    the training where ``learns`` says so.
+    """
+
+    name: str
+    fit: Callable[[Array], Callable[[Array], Array]]
+    build: Callable[[], Any]
+    learns: bool = False
+
+
+def fixed(compute: Callable[[Array], Array]) -> Callable[[Array], Callable[[Array], Array]]:
+    """Return what learns nothing from the training signals."""
+    return lambda _: compute
+
+
+def zero_mean(x: Array) -> Array:
+    """Return the signals without their means."""
+    values: Array = x - x.mean(axis=1, keepdims=True)
+    return values
+
+
+def fit_minirocket(x: Array) -> Callable[[Array], Array]:
+    """Return MiniRocket with biases from the training signals."""
+    from aeon.transformations.collection.convolution_based import MiniRocket
+
+    rocket = MiniRocket(random_state=0)
+    rocket.fit(zero_mean(x)[:, None].astype(np.float32))
+    return lambda rows: np.asarray(rocket.transform(zero_mean(rows)[:, None].astype(np.float32)))
+
+
+def compute_tsfresh(x: Array) -> Array:
+    """Return tsfresh's efficient set, without what is undefined for some trial."""
+    import pandas
+    from tsfresh import extract_features
+    from tsfresh.feature_extraction import EfficientFCParameters
+
+    trials, samples = x.shape
+    frame = pandas.DataFrame(
+        {'id': np.repeat(np.arange(trials), samples), 'tension': x.reshape(-1)}
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')
+        table = extract_features(
+            frame,
+            column_id='id',
+            default_fc_parameters=EfficientFCParameters(),
+            disable_progressbar=True,
+            n_jobs=0,
+        )
+    return np.nan_to_num(table.to_numpy(np.float64), posinf=0.0, neginf=0.0)
+
+
+def ridge() -> Any:
+    """Return the linear classifier that MiniRocket's authors use."""
+    return make_pipeline(
+        StandardScaler(with_mean=False), RidgeClassifierCV(alphas=np.logspace(-3, 4, 10))
+    )
+
+
+def peers() -> list[Method]:
+    """Return the peers that are installed, and neighbours of the raw signal."""
+    methods = [
+        Method('raw neighbour', fixed(zero_mean), lambda: KNeighborsClassifier(n_neighbors=1))
+    ]
+    if importlib.util.find_spec('aeon'):
+        methods.append(Method('MiniRocket, ridge', fit_minirocket, ridge, learns=True))
+    if importlib.util.find_spec('tsfresh'):
+        methods.append(
+            Method(
+                'tsfresh, scaled ridge',
+                fixed(compute_tsfresh),
+                lambda: make_pipeline(
+                    StandardScaler(), RidgeClassifierCV(alphas=np.logspace(-3, 4, 10))
+                ),
+            )
+        )
+    return methods
+
+
+Split = Iterator[tuple[Array, Array]]
+
+
+def plain_folds(label: Array) -> Split:
+    """Yield six stratified folds, once."""
+    yield from StratifiedKFold(6, shuffle=True, random_state=0).split(label, label)
+
+
+def held_out(group: Array) -> Split:
+    """Yield each group as the test, all others as training."""
+    for value in np.unique(group):
+        yield np.flatnonzero(group != value), np.flatnonzero(group == value)
+
+
+class Candidate:
+    """A method on one set of trials: features that learn nothing are computed once.
+
+    Parameters
+    ----------
+    method : Method
+    x : ndarray of shape (trials, samples)
+    label : ndarray of shape (trials,)
+    """
+
+    def __init__(self, method: Method, x: Array, label: Array) -> None:
+        self._method = method
+        self._x = x
+        self._label = label
+        self._values: Array | None = None
+        self._row_s = 0.0
+        if not method.learns:
+            start_s = time.perf_counter()
+            self._values = method.fit(x)(x)
+            self._row_s = (time.perf_counter() - start_s) / len(x)
+
+    def measure(self, split: Split) -> dict[str, float]:
+        """Return accuracy and times: training a fold, and one window of the test."""
+        right: list[Array] = []
+        train_s: list[float] = []
+        window_s: list[float] = []
+        for train, test in split:
+            start_s = time.perf_counter()
+            transform = self._method.fit(self._x[train])
+            known = self._values
+            values = transform(self._x[train]) if known is None else known[train]
+            estimator = self._method.build().fit(values, self._label[train])
+            train_s.append(time.perf_counter() - start_s + self._row_s * len(train))
+            values = transform(self._x[test]) if known is None else known[test]
+            right.append(estimator.predict(values) == self._label[test])
+            start_s = time.perf_counter()
+            estimator.predict(transform(self._x[test[:1]]))
+            window_s.append(time.perf_counter() - start_s)
+        return {
+            'accuracy': 100 * float(np.mean(np.concatenate(right))),
+            'train': float(np.median(train_s)),
+            'window': float(np.median(window_s)),
+        }
+
+
+def compare(
+    title: str, ours: list[Method], x: Array, label: Array, splits: dict[str, Callable[[], Split]]
+) -> list[Row]:
+    """Return one row for each method and split; times are over those of our first method."""
+    candidates = {method.name: Candidate(method, x, label) for method in [*ours, *peers()]}
+    rows = []
+    for split_name, split in splits.items():
+        floor: dict[str, float] = {}
+        for name, candidate in candidates.items():
+            found = candidate.measure(split())
+            floor = floor or found
+            more = {
+                'accuracy, %': round(found['accuracy'], 1),
+                'training / ours': found['train'] / floor['train'],
+                'one window / ours': found['window'] / floor['window'],
+            }
+            rows.append(Row(f'{title}, {split_name}: {name}', more=more))
+    return rows
+
+
+def run_peers(quick: bool) -> Report:
+    """Compare on two public recordings, where they are, and on simulated plates."""
+    rows = [
+        Row(f'{name} is not installed: left out; pip install {name}')
+        for name in ('aeon', 'tsfresh')
+        if not importlib.util.find_spec(name)
+    ]
+    if (FOLDER / 'fabric_slide.npz').exists() and not quick:
+        rows += _fabrics() + _holds()
+    rows += _simulated()
+    return Report(
+        title='peers on the same trials',
+        floor='our first method of each case: training of a fold, and one window through scikit-'
+        'learn, features included (through the model file it is faster; see inference)',
+        error='none: this topic is about accuracy',
+        rows=rows,
+    )
+
+
+def _fabrics() -> list[Row]:
+    trials = load_archive(FOLDER / 'fabric_slide.npz').where('balanced')
+    x, label = trials.signal(0), trials.label
+    speed, force = trials.columns['speed_mm_s'], trials.columns['force_set']
+    splits = {
+        'six folds': lambda: plain_folds(label),
+        'one speed held out': lambda: held_out(speed),
+        'one speed and force held out': lambda: held_out(1000 * speed + force),
+    }
+    spectrum = Method(
+        'texture_spectrum, 3 neighbours',
+        fixed(compute_spectrum),
+        lambda: build_estimator('knn', 'none'),
+    )
+    # The peers know no speed; these take each row with its speed, by looking it up.
+    place = {row.tobytes(): i for i, row in enumerate(x)}
+
+    def by_speed(view: Callable[[Glides], Array]) -> Callable[[Array], Array]:
+        def compute(rows: Array) -> Array:
+            at = [place[row.tobytes()] for row in rows]
+            return view(Glides(rows, label[at], speed[at] / 1e3, trials.rate_hz))
+
+        return compute
+
+    spatial = Method(
+        f'texture_spatial {1e3 * FABRIC_FINEST_M:g} mm, linear machine',
+        fixed(by_speed(over_distance())),
+        lambda: build_estimator('svm_linear', 'none'),
+    )
+    resampled = by_speed(waveform)
+    methods = [spectrum, spatial]
+    if importlib.util.find_spec('aeon'):
+
+        def fit(rows: Array) -> Callable[[Array], Array]:
+            transform = fit_minirocket(resampled(rows))
+            return lambda others: transform(resampled(others))
+
+        methods.append(Method('MiniRocket over mm, ridge', fit, ridge, learns=True))
+    return compare('fabrics, channel 0', methods, x, label, splits)
+
+
+def _holds() -> list[Row]:
+    trials = load_archive(FOLDER / 'phac_hold.npz').between(1.0, 5.0)
+    label = trials.label
+    ours = Method(
+        'stiffness_regression, scaled 3 neighbours',
+        fixed(lambda rows: features_from_trials('stiffness', rows, trials.rate_hz)[0]),
+        lambda: build_estimator('knn', 'standard'),
+    )
+    splits = {'six folds': lambda: plain_folds(label)}
+    return compare('holds', [ours], trials.signal(0), label, splits)
+
+
+def _simulated() -> list[Row]:
+    glides = simulate(15)
+    session = np.tile(np.repeat(np.arange(4), 5), len(np.unique(glides.label)))
+    ours = Method(
+        'texture_spectrum, 3 neighbours',
+        fixed(compute_spectrum),
+        lambda: build_estimator('knn', 'none'),
+    )
+    window = SpatialWindow(0.04475, SIMULATED_FINEST_M)  # the same 180 samples
+    spatial = Method(
+        'texture_spatial 0.5 mm, scaled RBF machine',
+        fixed(lambda rows: compute_spatial(rows, 0.015, glides.rate_hz, window)),
+        lambda: build_estimator('svm_rbf', 'standard'),
+    )
+    splits = {'one session held out': lambda: held_out(session)}
+    return compare('SIMULATED plates', [ours, spatial], glides.x[:, 36:216], glides.label, splits)
