@@ -112,7 +112,8 @@ def stratified_split(
         )
         for i in range(repetitions)
     )
-    return _checked(Split(f'stratified {folds}-fold, {repetitions} times', deals))
+    times = 'once' if repetitions == 1 else f'{repetitions} times'
+    return _checked(Split(f'stratified {folds}-fold, {times}', deals))
 
 
 def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:

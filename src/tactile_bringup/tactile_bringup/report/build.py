@@ -35,7 +35,10 @@ def report_path(path: Path) -> Path:
     file = path if path.suffix.lower() in ('.html', '.htm') else path / FILE_NAME
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
+        existed = file.exists()
         file.open('a').close()  # before the work, not after it
+        if not existed:
+            file.unlink()
     except OSError as error:
         raise BringupError(f'cannot write the report {file}: {error.strerror}') from error
     return file

@@ -139,7 +139,7 @@ def test_simulated_bags_become_models(tmp_path):
     assert found['title'] == 'stiffness, flexion, simulated'
     assert found['trials'] == 30
     assert [e['split'] for e in found['evaluations']] == [
-        'stratified 6-fold, 1 times',
+        'stratified 6-fold, once',
         'one trial_block held out',
     ]
     assert 'SIMULATED' in (report / 'report.html').read_text()

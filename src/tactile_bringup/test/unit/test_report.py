@@ -204,6 +204,7 @@ def test_figures_take_the_colour_of_the_page_and_have_no_names_twice():
 def test_report_goes_to_a_file_or_into_a_folder(tmp_path):
     assert report_path(tmp_path / 'a.html') == tmp_path / 'a.html'
     assert report_path(tmp_path / 'new' / 'folder') == tmp_path / 'new' / 'folder' / 'report.html'
+    assert list((tmp_path / 'new' / 'folder').iterdir()) == []
     (tmp_path / 'file').write_text('')
     with pytest.raises(BringupError, match='cannot write the report'):
         report_path(tmp_path / 'file' / 'a.html')

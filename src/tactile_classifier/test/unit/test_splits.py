@@ -69,6 +69,7 @@ def test_once_is_the_first_repetition_and_says_so():
     split = stratified_split(make_table(['a'] * 30 + ['b'] * 30), 3, 10)
     assert split.once().name == 'stratified 3-fold, once'
     assert split.once().deals == split.deals[:1]
+    assert stratified_split(make_table(list('aaabbb')), 3, 1).once().name == split.once().name
     tests = [sorted(test) for test in (split.deals[0][0][1], split.deals[1][0][1])]
     assert tests[0] != tests[1]
     held_out = grouped_split(make_table(list('abababab'), day=[0, 0, 0, 0, 1, 1, 1, 1]), ['day'])
