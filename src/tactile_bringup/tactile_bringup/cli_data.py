@@ -210,7 +210,7 @@ def robustness(
 
     Noise, drift, lost samples, jitter, glide speed, contact depth and sample rate are made
     worse one at a time: accuracy of a model that was trained under good conditions, and of
-    one that was trained under the bad ones. Takes a minute or two.
+    one that was trained under the bad ones. Takes about a minute at most.
     """
     with refusals():
         from tactile_bringup.commands.robustness import run_robustness

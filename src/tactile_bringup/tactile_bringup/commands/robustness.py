@@ -10,7 +10,8 @@ from tactile_bringup.commands.output import Output
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.report.build import report_path
 from tactile_bringup.report.figures_robustness import build_robustness_page, tell_axis
-from tactile_bringup.robustness import Study, describe, list_axes, run_study
+from tactile_bringup.robustness import Study, describe, run_study
+from tactile_bringup.robustness_axes import list_axes
 from tactile_sim.catalogue import Catalogue
 
 

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from tactile_bringup.report.drawing import INK, Drawing, render
 from tactile_bringup.report.page import Page
 from tactile_bringup.report.provenance import find_versions
-from tactile_bringup.robustness import Axis, Point
+from tactile_bringup.robustness import Point
+from tactile_bringup.robustness_axes import Axis
 from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
 
 _COLOURS = {'texture': '#2a78b8', 'stiffness': '#d98c00'}

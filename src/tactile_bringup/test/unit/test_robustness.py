@@ -9,17 +9,14 @@ from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.report.figures_robustness import build_robustness_page, tell_axis
 from tactile_bringup.robustness import (
-    Axis,
     CleanTrials,
     Point,
-    Sensing,
-    Setting,
     Study,
     describe,
-    list_axes,
     make_features,
     score,
 )
+from tactile_bringup.robustness_axes import Axis, Sensing, Setting, list_axes
 from tactile_features.records import FeatureConfig
 from tactile_sim.catalogue import Catalogue
 from tactile_sim.fast_trials import simulate_trials
