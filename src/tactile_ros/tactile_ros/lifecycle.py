@@ -7,6 +7,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -56,6 +57,7 @@ class TactileNode(LifecycleNode):
         self.config: Any = None
         self.goal_runners: list[Any] = []
         self.is_active = False
+        self._refuse_impossible_transitions()
 
     # -- for subclasses ----------------------------------------------------------
 
@@ -149,6 +151,25 @@ class TactileNode(LifecycleNode):
             self._stop_and_tear_down()
         finally:
             self.destroy_node()
+
+    def _refuse_impossible_transitions(self) -> None:
+        """Answer a stranger's wrong transition with "no".
+
+        rclpy raises instead, which leaves the stranger without an answer, and the executor
+        without the requests that came with it.
+        """
+        service = self._service_change_state
+        change_state = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except rclpy_implementation.RCLError as error:
+                self.get_logger().error(f'a transition is not possible: {error}')
+                response.success = False
+                return response
+
+        service.callback = answer
 
     def _stop_and_tear_down(self) -> None:
         try:

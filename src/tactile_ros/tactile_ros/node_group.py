@@ -14,11 +14,12 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
+from tactile_ros.executors import make_executor
 from tactile_ros.lifecycle import TactileNode
 
 REST_TIMEOUT_S = 3.0
@@ -60,7 +61,7 @@ class NodeGroup:
     ) -> None:
         self._nodes = list(nodes)
         self._on_end = on_end
-        self._executor = SingleThreadedExecutor(context=context)
+        self._executor = make_executor(context)
         self._ending = threading.Event()
         self.ended = threading.Event()
         self.error: Exception | None = None

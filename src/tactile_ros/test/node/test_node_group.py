@@ -60,7 +60,7 @@ def test_an_impossible_transition_does_not_stop_the_executor(context):
     client = other.create_client(ChangeState, 'probe/change_state')
     with NodeGroup([other], context=context), NodeGroup([node], context=context) as group:
         activate = Transition(id=Transition.TRANSITION_ACTIVATE)
-        client.call_async(ChangeState.Request(transition=activate))
+        assert not call(client, ChangeState.Request(transition=activate)).success
         configure = Transition(id=Transition.TRANSITION_CONFIGURE)
         assert call(client, ChangeState.Request(transition=configure)).success
         assert not group.ended.is_set()
