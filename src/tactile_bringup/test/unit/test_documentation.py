@@ -24,22 +24,14 @@ UNITLESS = {
 }
 
 
-def test_parameter_tables_in_the_readme_are_those_of_the_code():
-    if not README.is_file():
-        pytest.skip('the packages are not in their own repository: no README beside them')
-    text = README.read_text()
-    assert renew(text) == text, (
-        'renew them: ./tactile run python -m tactile_bringup.parameter_tables README.md'
-    )
-
-
-def test_launch_arguments_in_the_docs_are_those_of_the_code():
-    page = README.with_name('docs') / 'on_your_hand.md'
+@pytest.mark.parametrize('name', ['parameters.md', 'on_your_hand.md'])
+def test_tables_in_the_docs_are_those_of_the_code(name):
+    page = README.with_name('docs') / name
     if not page.is_file():
         pytest.skip('the packages are not in their own repository: no docs beside them')
     text = page.read_text()
     assert renew(text) == text, (
-        'renew them: ./tactile run python -m tactile_bringup.parameter_tables docs/on_your_hand.md'
+        f'renew them: ./tactile run python -m tactile_bringup.parameter_tables docs/{name}'
     )
 
 

@@ -1,0 +1,285 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""The processes of the benchmark of a hand: nodes under test, publisher, sink."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.logging import LoggingSeverity
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Header
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+
+from tactile_classifier.tactile_classifier_node import TactileClassifierNode
+from tactile_features.records import FeatureConfig
+from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+STRAIN, TRIALS = 'tendon_sensor/strain', 'trial_runner/events'
+FEATURES, ANSWER = 'tactile_features/features', 'tactile_classifier/classification'
+EXECUTORS = {'single': SingleThreadedExecutor, 'events': EventsExecutor}
+STARTUP_S = 60.0
+DRAIN_S = 1.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A rate, and how its samples are grouped."""
+
+    name: str
+    rate_hz: int
+    block: int
+    blocks_a_window: int
+
+    @property
+    def period_ns(self) -> int:
+        return round(1e9 / self.rate_hz)
+
+    @property
+    def samples_a_window(self) -> int:
+        return self.block * self.blocks_a_window
+
+    def feature_config(self) -> FeatureConfig:
+        """Return the configuration whose texture window is this case's."""
+        return FeatureConfig(**self.feature_parameters())
+
+    def feature_parameters(self) -> dict[str, Any]:
+        """Return the feature node's parameters: windows without crops, one after the other."""
+        return {
+            **self.shared_parameters(),
+            'texture_crop_end_s': 0.0,
+            'measures': False,  # milliseconds of arithmetic a window, which are not the path's
+            'stiffness_min_s': 0.5,
+            'buffer_s': 20.0,
+        }
+
+    def shared_parameters(self) -> dict[str, Any]:
+        """Return those that the classifier must know, too."""
+        return {
+            'rate_hz': float(self.rate_hz),
+            'texture_samples': self.samples_a_window,
+            'texture_crop_start_s': 0.0,
+        }
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a process is to do: ours or the bare chain, on which executor."""
+
+    domain: int
+    who: str
+    executor: str
+    case: Case
+    model: str
+
+
+@contextmanager
+def ros(domain: int) -> Iterator[Context]:
+    """Give a context on a domain."""
+    context = Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
+
+
+def make_executor(name: str, context: Context) -> Any:
+    """Return an executor of rclpy."""
+    return EXECUTORS[name](context=context)
+
+
+def work(what: Work, fingers: Sequence[str], ready: Any, go: Any, over: Any, reports: Any) -> None:
+    """Run the nodes of some fingers until it is over; report CPU time, memory and losses."""
+    with ros(what.domain) as context:
+        executor = make_executor(what.executor, context)
+        make = _our_nodes if what.who == 'ours' else _bare_nodes
+        nodes = [node for finger in fingers for node in make(what, finger, context)]
+        for node in nodes:
+            executor.add_node(node)
+        ready.release()
+        while not go.is_set() and not over.is_set():
+            executor.spin_once(timeout_sec=0.2)
+        before_s = time.process_time()
+        while not over.is_set():
+            executor.spin_once(timeout_sec=0.2)
+        reports.put(
+            {
+                'cpu_s': time.process_time() - before_s,
+                'rss_mb': _resident_mb(),
+                'lost': sum(_count_lost(node) for node in nodes),
+            }
+        )
+        executor.shutdown()
+        for node in nodes:
+            node.take_down() if hasattr(node, 'take_down') else node.destroy_node()
+
+
+def _our_nodes(what: Work, finger: str, context: Context) -> list[Any]:
+    of_features = what.case.feature_parameters()
+    of_classifier = {**what.case.shared_parameters(), 'model': what.model, 'task': 'texture'}
+    nodes: list[Any] = [
+        TactileFeaturesNode(
+            namespace=finger, context=context, parameter_overrides=_overrides(of_features)
+        ),
+        TactileClassifierNode(
+            namespace=finger,
+            context=context,
+            parameter_overrides=_overrides(of_classifier),
+        ),
+    ]
+    for node in nodes:
+        node.get_logger().set_level(LoggingSeverity.ERROR)
+        if not node.bring_up():
+            raise RuntimeError(f'{node.get_name()} did not start')
+    return nodes
+
+
+def _overrides(values: dict[str, Any]) -> list[Parameter]:
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+def _bare_nodes(what: Work, finger: str, context: Context) -> list[Any]:
+    """Two relays with our types and sizes, that compute nothing."""
+    case = what.case
+    features, classifier = (
+        Node(name, namespace=finger, context=context)
+        for name in ('tactile_features', 'tactile_classifier')
+    )
+    features_out = features.create_publisher(TactileFeatures, FEATURES, RESULTS)
+    answers_out = classifier.create_publisher(Classification, ANSWER, RESULTS)
+    values = [0.0] * (case.samples_a_window // 2 + 1)
+    labels, scores = [f'plate {i}' for i in range(8)], [0.0] * 8
+    count = 0
+
+    def on_block(message: Any) -> None:
+        nonlocal count
+        count += 1
+        if count % case.blocks_a_window == 0:
+            last_ns = _to_ns(message.header.stamp) + (case.block - 1) * case.period_ns
+            features_out.publish(TactileFeatures(values=values, window_end=_to_time(last_ns)))
+
+    def on_features(message: Any) -> None:
+        answers_out.publish(
+            Classification(window_end=message.window_end, labels=labels, scores=scores)
+        )
+
+    features.create_subscription(StrainBlock, STRAIN, on_block, STREAM)
+    classifier.create_subscription(TactileFeatures, FEATURES, on_features, RESULTS)
+    return [features, classifier]
+
+
+def _count_lost(node: Any) -> int:
+    """Return how many samples of the ever rising numbering a feature node has missed."""
+    extractor = getattr(node, 'extractor', None)
+    if extractor is None or not extractor.sample_count:
+        return 0
+    return int(extractor._buffer.samples['sequence'][-1]) + 1 - extractor.sample_count
+
+
+def _resident_mb() -> float:
+    with open('/proc/self/status', encoding='ascii') as status:
+        line = next(line for line in status if line.startswith('VmRSS'))
+    return int(line.split()[1]) / 1024
+
+
+def publish(
+    what: Work, fingers: Sequence[str], seconds: float, go: Any, over: Any, sent: Any
+) -> None:
+    """Publish windows for all fingers in real time; report when each was complete."""
+    case = what.case
+    published: dict[tuple[str, int], int] = {}
+    with ros(what.domain) as context:
+        node = Node('source', context=context)
+        strain = {f: node.create_publisher(StrainBlock, f'{f}/{STRAIN}', STREAM) for f in fingers}
+        trials = {f: node.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in fingers}
+        wanted = [*strain.values(), *(trials.values() if what.who == 'ours' else ())]
+        deadline_s = time.monotonic() + STARTUP_S
+        while not all(p.get_subscription_count() for p in wanted):
+            if over.is_set() or time.monotonic() > deadline_s:
+                return
+            time.sleep(0.01)
+        time.sleep(DRAIN_S)  # answers must find their way, too
+        go.set()
+        block_s = case.block / case.rate_hz
+        tension_n = np.random.default_rng(6).normal(5.0, 0.1, case.block).tolist()
+        windows = round(seconds / block_s / case.blocks_a_window)
+        next_s, first_ns = time.monotonic(), time.time_ns()
+        for number in range(windows * case.blocks_a_window):
+            next_s += block_s
+            time.sleep(max(0.0, next_s - time.monotonic()))
+            window, place = divmod(number, case.blocks_a_window)
+            sequence = number * case.block
+            start_ns = first_ns + sequence * case.period_ns
+            end_ns = start_ns + (case.block - 1) * case.period_ns
+            for finger in fingers:
+                if place == 0:
+                    trials[finger].publish(_event(start_ns, window, 'glide'))
+                if place == case.blocks_a_window - 1:
+                    trials[finger].publish(_event(end_ns, window, 'done'))
+                message = StrainBlock(
+                    header=Header(stamp=_to_time(start_ns)),
+                    sequence=sequence,
+                    period_ns=case.period_ns,
+                    tension_n=tension_n,
+                )
+                if place == case.blocks_a_window - 1:
+                    published[finger, end_ns] = time.time_ns()
+                strain[finger].publish(message)
+        time.sleep(DRAIN_S)
+        sent.put(published)
+        over.wait(STARTUP_S)
+        node.destroy_node()
+
+
+def _event(stamp_ns: int, window: int, phase: str) -> Any:
+    return TrialEvent(
+        header=Header(stamp=_to_time(stamp_ns)),
+        trial_id=f'w{window}',
+        protocol='texture',
+        contact='flexion',
+        phase=phase,
+    )
+
+
+def collect(what: Work, fingers: Sequence[str], ready: Any, over: Any, sunk: Any) -> None:
+    """Note when each answer came, by finger and end of window."""
+    arrived: dict[tuple[str, int], int] = {}
+    with ros(what.domain) as context:
+        node = Node('sink', context=context)
+        executor = make_executor('events', context)
+        executor.add_node(node)
+        for finger in fingers:
+
+            def on_answer(message: Any, finger: str = finger) -> None:
+                arrived[finger, _to_ns(message.window_end)] = time.time_ns()
+
+            node.create_subscription(Classification, f'{finger}/{ANSWER}', on_answer, RESULTS)
+        ready.release()
+        while not over.is_set():
+            executor.spin_once(timeout_sec=0.2)
+        sunk.put(arrived)
+        executor.shutdown()
+        node.destroy_node()
+
+
+def _to_ns(stamp: Any) -> int:
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def _to_time(stamp_ns: int) -> Any:
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    return Time(sec=sec, nanosec=nanosec)
