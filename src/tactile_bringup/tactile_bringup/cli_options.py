@@ -102,6 +102,14 @@ DetectedContactOption = Annotated[
 ]
 
 
+SlipOption = Annotated[
+    bool,
+    typer.Option(
+        '--slip', help='Also run the slip detector: it says when a held object begins to slide.'
+    ),
+]
+
+
 class Classifier(str, Enum):
     """The paper's four."""
 

@@ -28,6 +28,7 @@ from tactile_bringup.cli_options import (
     SeedOption,
     SensorOption,
     SimulatedOption,
+    SlipOption,
     TendonOption,
     refusals,
 )
@@ -147,6 +148,7 @@ def sense(
     model: ModelOption = None,
     phases: PhasesOption = Phases.stated,
     contact: DetectedContactOption = DetectedContact.unknown,
+    slip: SlipOption = False,
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
@@ -165,7 +167,9 @@ def sense(
             'sense',
             {
                 'sensor_port': sensor,
-                **_sensing_values(model, phases, contact, simulated, params, namespace, record),
+                **_sensing_values(
+                    model, phases, contact, slip, simulated, params, namespace, record
+                ),
             },
         )
 
@@ -176,11 +180,14 @@ def hand(
     ] = '',
     hand_file: Annotated[
         Optional[Path],
-        typer.Option(help="YAML file with each finger's port, model, phases and parameters."),
+        typer.Option(
+            help="YAML file with each finger's port, model, phases, slip and parameters."
+        ),
     ] = None,
     model: ModelOption = None,
     phases: PhasesOption = Phases.stated,
     contact: DetectedContactOption = DetectedContact.unknown,
+    slip: SlipOption = False,
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
@@ -200,7 +207,9 @@ def hand(
             {
                 'fingers': fingers,
                 'hand_file': str(hand_file or ''),
-                **_sensing_values(model, phases, contact, simulated, params, namespace, record),
+                **_sensing_values(
+                    model, phases, contact, slip, simulated, params, namespace, record
+                ),
             },
         )
 
@@ -209,6 +218,7 @@ def _sensing_values(
     model: Optional[Path],
     phases: Phases,
     contact: DetectedContact,
+    slip: bool,
     simulated: bool,
     params: Optional[Path],
     namespace: str,
@@ -218,6 +228,7 @@ def _sensing_values(
         'model': str(model or ''),
         'phases': phases.value,
         'contact': contact.value,
+        'slip': 'true' if slip else 'false',
         'rig': 'simulated' if simulated else 'hardware',
         'params_file': str(params or ''),
         'namespace': namespace,

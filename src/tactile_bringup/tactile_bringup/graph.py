@@ -10,18 +10,26 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from tactile_bringup.errors import BringupError
+from tactile_bringup.model_features import wanted_features
 from tactile_bringup.records import CONTACTS, PROTOCOLS
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.records import FeatureConfig
+from tactile_features.slip import SlipConfig
 
-SENSING_NODES = ('tendon_sensor', 'tactile_features')
+FEATURES_NODE = 'tactile_features'
+"""Name of the node that computes features."""
+
+SENSING_NODES = ('tendon_sensor', FEATURES_NODE)
 """Names of the nodes of a finger that a hand moves, but for its classifiers."""
+
+SLIP_NODE = 'slip_detector'
+"""Name of the node that finds a slip, where one is wanted."""
 
 RIG_NODES = (*SENSING_NODES, 'linear_guide', 'tendon_actuator', 'trial_runner')
 """Names of the nodes of the whole rig, but for its classifiers."""
@@ -73,6 +81,8 @@ def sensing_graph(
 ) -> list[NodeDescription]:
     """Return the nodes that sense with one finger: sensor, features, one classifier a model.
 
+    The feature node is told what the models need, unless the parameters say it.
+
     Parameters
     ----------
     sensor_port : str
@@ -85,14 +95,14 @@ def sensing_graph(
     Raises
     ------
     BringupError
-        When a classifier's name does not say its task and contact.
+        When a classifier's name does not say its task and contact, or two models need
+        different features.
+    ModelFileError
+        When a file is no model.
     """
-    shared = {f.name for f in fields(ClassifierConfig)} & {f.name for f in fields(FeatureConfig)}
-    of_features = {
-        name: value
-        for name, value in parameters.get('tactile_features', {}).items()
-        if name in shared
-    }
+    stated = parameters.get(FEATURES_NODE, {})
+    wanted = wanted_features(models, stated)
+    of_features = _shared(ClassifierConfig, {**wanted, **stated})
     nodes = [
         NodeDescription(
             'tendon_sensor_driver',
@@ -100,7 +110,7 @@ def sensing_graph(
             'tendon_sensor',
             {'port': sensor_port} if sensor_port else {},
         ),
-        NodeDescription('tactile_features', 'tactile_features_node', 'tactile_features'),
+        NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted),
     ]
     for name, model in models.items():
         task, contact = parse_classifier_name(name)
@@ -114,6 +124,17 @@ def sensing_graph(
             )
         )
     return [_placed(node, parameters, namespace) for node in nodes]
+
+
+def slip_node(
+    parameters: Mapping[str, Mapping[str, Any]], *, simulated: bool, namespace: str = ''
+) -> NodeDescription:
+    """Return the node that finds the slip of a held object; of the same sensor as the features."""
+    shared = _shared(SlipConfig, parameters.get(FEATURES_NODE, {}))
+    node = NodeDescription(
+        'tactile_features', 'slip_detector_node', SLIP_NODE, {'simulated': simulated, **shared}
+    )
+    return _placed(node, parameters, namespace)
 
 
 def rig_graph(
@@ -177,6 +198,7 @@ def recorder_node(
     """Return the recorder node for one or more fingers; it notes what a replay needs to know.
 
     Without a ``rig`` that moves them it waits for the topics of sensing alone.
+    ``feature_parameters`` are those that the feature node gets, see `feature_parameters_of`.
     """
     known = {f.name for f in fields(FeatureConfig)}  # every node has further ones
     features = FeatureConfig(**{k: v for k, v in feature_parameters.items() if k in known})
@@ -198,6 +220,11 @@ def recorder_node(
             **({'classifiers': classifiers} if classifiers else {}),
         },
     )
+
+
+def feature_parameters_of(nodes: Iterable[NodeDescription]) -> Mapping[str, Any]:
+    """Return the parameters of the first feature node in a graph."""
+    return next(node.parameters for node in nodes if node.name == FEATURES_NODE)
 
 
 def join_namespaces(*parts: str) -> str:
@@ -230,6 +257,12 @@ def parse_classifier_name(name: str) -> tuple[str, str]:
         f'"{name}" does not name a classifier; it must be one of '
         + ', '.join(all_classifier_names())
     )
+
+
+def _shared(config: type, of_features: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those parameters of the feature node that another node's config has, too."""
+    names = {f.name for f in fields(config)} & {f.name for f in fields(FeatureConfig)}
+    return {name: value for name, value in of_features.items() if name in names}
 
 
 def _placed(

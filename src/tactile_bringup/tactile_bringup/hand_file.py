@@ -30,6 +30,8 @@ class Finger:
     model : Path or None
     parameters : mapping
         By node name, then by parameter name.
+    slip : bool or None
+        Whether its slip detector runs; None: not said.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Finger:
     model: Path | None = None
     phases: str = ''
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    slip: bool | None = None
 
 
 def parse_finger_names(text: str) -> tuple[str, ...]:
@@ -63,7 +66,8 @@ def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
     """Return the fingers that a file describes: those that are wanted, or all.
 
     The file holds ``fingers:`` and below it, by name, any of ``sensor_port``, ``model``
-    (a path, relative to the file), ``phases`` and ``parameters`` (by node name).
+    (a path, relative to the file), ``phases``, ``slip`` (true or false) and ``parameters``
+    (by node name).
 
     Raises
     ------
@@ -94,7 +98,7 @@ def _finger(name: str, content: Any, path: Path) -> Finger:
     content = {} if content is None else content
     if not isinstance(content, dict):
         raise BringupError(f'{path}: {name} must hold names and values')
-    known = ('sensor_port', 'model', 'phases', 'parameters')
+    known = ('sensor_port', 'model', 'phases', 'slip', 'parameters')
     unknown = [str(key) for key in content if key not in known]
     if unknown:
         raise BringupError(
@@ -103,6 +107,9 @@ def _finger(name: str, content: Any, path: Path) -> Finger:
     for key in ('sensor_port', 'model', 'phases'):
         if not isinstance(content.get(key, ''), str):
             raise BringupError(f'{path}: {key} of {name} must be text')
+    slip = content.get('slip')
+    if slip is not None and not isinstance(slip, bool):
+        raise BringupError(f'{path}: slip of {name} must be true or false')
     parameters = content.get('parameters', {})
     if not isinstance(parameters, dict) or not all(
         isinstance(of_node, dict) for of_node in parameters.values()
@@ -117,4 +124,5 @@ def _finger(name: str, content: Any, path: Path) -> Finger:
         model=path.parent / model if model else None,
         phases=content.get('phases', ''),
         parameters={str(node): dict(of_node) for node, of_node in parameters.items()},
+        slip=slip,
     )

@@ -77,6 +77,12 @@ DETECTED_CONTACT = LaunchArgument(
     '',
     ('', *CONTACTS),
 )
+SLIP = LaunchArgument(
+    'slip',
+    'also run the slip detector, which says on slip_detector/slip when a held object slides',
+    'false',
+    ('false', 'true'),
+)
 RECORD = LaunchArgument(
     'record', 'folder of the bag to record into, which must not exist; empty: none'
 )
@@ -110,7 +116,7 @@ def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...
 LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
     'texture': _protocol_arguments('plate', 'R1'),
     'stiffness': _protocol_arguments('object', 'rubber_shell'),
-    'sense': (RIG, SENSOR_PORT, MODEL, PHASES, DETECTED_CONTACT, *_SHARED),
+    'sense': (RIG, SENSOR_PORT, MODEL, PHASES, DETECTED_CONTACT, SLIP, *_SHARED),
     'hand': (
         RIG,
         LaunchArgument(
@@ -120,12 +126,14 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
         ),
         LaunchArgument(
             'hand_file',
-            "YAML file that describes the fingers: each one's port, model, phases and parameters. "
-            'Empty: each has the port /dev/tactile/<finger> and what the other arguments say',
+            "YAML file that describes the fingers: each one's port, model, phases, slip and "
+            'parameters. Empty: each has the port /dev/tactile/<finger> and what the other '
+            'arguments say',
         ),
         dataclasses.replace(MODEL, description=f'{MODEL.description}. hand_file wins'),
         dataclasses.replace(PHASES, description=f'{PHASES.description}. hand_file wins'),
         DETECTED_CONTACT,
+        dataclasses.replace(SLIP, description=f'{SLIP.description}. hand_file wins'),
         *_SHARED,
     ),
     'replay': (

@@ -17,15 +17,19 @@ from typing import Any
 from tactile_bringup.bags import TactileBag
 from tactile_bringup.errors import BringupError
 from tactile_bringup.graph import (
+    FEATURES_NODE,
     PLAYER,
     RIG_NODES,
     SENSING_NODES,
+    SLIP_NODE,
     NodeDescription,
     Ports,
+    feature_parameters_of,
     join_namespaces,
     recorder_node,
     rig_graph,
     sensing_graph,
+    slip_node,
 )
 from tactile_bringup.hand_file import Finger, parse_finger_names, read_hand
 from tactile_bringup.launch_arguments import LAUNCH_FILES
@@ -151,7 +155,7 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
                 Path(values['record']),
                 model,
                 models,
-                parameters,
+                nodes,
                 namespace,
                 simulated=simulated,
                 rig=True,
@@ -196,7 +200,8 @@ def _finger_nodes(
     namespace = join_namespaces(values['namespace'], finger.name)
     model = finger.model or _path(values['model'])
     models = find_models(model) if model else {}
-    names = (*SENSING_NODES, *models)
+    slips = values['slip'] == 'true' if finger.slip is None else finger.slip
+    names = (*SENSING_NODES, *([SLIP_NODE] if slips else []), *models)
     unknown = [node for node in finger.parameters if node not in names]
     if unknown:
         raise BringupError(
@@ -212,15 +217,18 @@ def _finger_nodes(
         )
     # What only this finger's description says wins over the file for all of them.
     parameters = _merged(
-        {'tactile_features': _found_phases(phases, values['contact'], simulated)},
+        {FEATURES_NODE: _found_phases(phases, values['contact'], simulated)},
         _read(values, names, namespace),
         finger.parameters,
     )
     nodes = sensing_graph(port, models, parameters, namespace=namespace)
+    if slips:
+        told = _merged({FEATURES_NODE: feature_parameters_of(nodes)}, parameters)
+        nodes.append(slip_node(told, simulated=simulated, namespace=namespace))
     if values['record']:
         bag = Path(values['record'], finger.name)  # the sense launch file has one, without name
         nodes.append(
-            _recorder(bag, model, models, parameters, namespace, simulated=simulated, rig=False)
+            _recorder(bag, model, models, nodes, namespace, simulated=simulated, rig=False)
         )
     return nodes
 
@@ -270,7 +278,7 @@ def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
     models = find_models(model) if model else {}
     nodes: list[NodeDescription] = []
     for namespace in namespaces:
-        recorded = {'tactile_features': asdict(config)}
+        recorded = {FEATURES_NODE: asdict(config)}
         parameters = _merged(recorded, _read(values, (*SENSING_NODES, *models), namespace))
         graph = sensing_graph('', models, parameters, namespace=namespace)
         nodes += [node for node in graph if node.name != 'tendon_sensor']
@@ -280,7 +288,7 @@ def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
                 Path(values['record']),
                 model,
                 tuple(models),
-                nodes[0].parameters,
+                feature_parameters_of(nodes),
                 namespaces=namespaces,
                 simulated=bool(facts.get('simulated')),
                 rig=False,
@@ -307,7 +315,7 @@ def _recorder(
     bag: Path,
     model: Path | None,
     models: Mapping[str, str],
-    parameters: Mapping[str, Mapping[str, Any]],
+    nodes: Iterable[NodeDescription],
     namespace: str,
     *,
     simulated: bool,
@@ -317,7 +325,7 @@ def _recorder(
         bag,
         model,
         tuple(models),
-        parameters.get('tactile_features', {}),
+        feature_parameters_of(nodes),
         namespaces=(namespace.strip('/'),),
         simulated=simulated,
         rig=rig,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from tactile_bringup.errors import BringupError
 from tactile_bringup.graph import all_classifier_names, classifier_name, parse_classifier_name
+from tactile_classifier.inference import read_manifest
 
 
 def model_path(folder: Path, task: str, contact: str) -> Path:
@@ -65,7 +66,5 @@ def choose_models(path: Path, task: str, contact: str) -> dict[str, str]:
 
 
 def _classifier_of(path: Path) -> str:
-    from tactile_classifier.inference import TactileModel  # slow, and for single files alone
-
-    model = TactileModel.load(path)
-    return classifier_name(model.task, model.contact)
+    manifest = read_manifest(path)
+    return classifier_name(manifest.task, manifest.contact)

@@ -26,6 +26,7 @@ _HOMES = {
     'Score': 'evaluation',
     'evaluate': 'evaluation',
     'TactileModel': 'inference',
+    'read_manifest': 'inference',
     'Manifest': 'manifest',
     'write_model': 'model_file',
     'evaluate_open_set': 'open_set_evaluation',

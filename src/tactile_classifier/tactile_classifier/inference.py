@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +23,7 @@ from tactile_features.records import FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_features.spec import FeatureSpec
 
-__all__ = ['ClassificationResult', 'TactileModel']
+__all__ = ['ClassificationResult', 'TactileModel', 'read_manifest']
 
 MAX_MODEL_BYTES = 64 * 2**20
 """Larger files are not read [byte]."""
@@ -55,6 +57,18 @@ class Answers(NamedTuple):
     novelty: npt.NDArray[np.float64]
 
 
+def read_manifest(path: str | Path) -> Manifest:
+    """Return what a model file says of itself; its graph is checked, but not loaded.
+
+    Raises
+    ------
+    ModelFileError
+        With a sentence that says why the file is not used.
+    """
+    with _refusals_of(path):
+        return _read_sealed(_read_limited(path))
+
+
 class TactileModel:
     """A trained classifier, ready to answer.
 
@@ -74,9 +88,7 @@ class TactileModel:
     """
 
     def __init__(self, data: bytes) -> None:
-        text = open_container(data)
-        self.manifest = Manifest.from_json(text)
-        check_seal(data)
+        self.manifest = _read_sealed(data)
         self.spec: FeatureSpec = self.manifest.spec
         self.labels = self.manifest.labels
         self.model_id = '-'.join(
@@ -101,18 +113,8 @@ class TactileModel:
         ModelFileError
             With a sentence that says why the file is not used.
         """
-        path = Path(path)
-        try:
-            size = path.stat().st_size
-            if size > MAX_MODEL_BYTES:
-                raise ModelFileError(
-                    f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
-                )
-            return cls(path.read_bytes())
-        except OSError as error:
-            raise ModelFileError(f'cannot read model {path}: {error.strerror}') from error
-        except ModelFileError as error:
-            raise ModelFileError(f'model {path} is refused: {error}') from error
+        with _refusals_of(path):
+            return cls(_read_limited(path))
 
     @property
     def task(self) -> str:
@@ -273,6 +275,33 @@ class TactileModel:
                 )
             if found.answer.dtype != np.int64 or not 0 <= found.answer[0] < labels:
                 raise ModelFileError('its graph gives answers that are none of its labels')
+
+
+def _read_sealed(data: bytes) -> Manifest:
+    manifest = Manifest.from_json(open_container(data))
+    check_seal(data)
+    return manifest
+
+
+def _read_limited(path: str | Path) -> bytes:
+    path = Path(path)
+    size = path.stat().st_size
+    if size > MAX_MODEL_BYTES:
+        raise ModelFileError(
+            f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
+        )
+    return path.read_bytes()
+
+
+@contextmanager
+def _refusals_of(path: str | Path) -> Iterator[None]:
+    """Name the file in what is wrong with it."""
+    try:
+        yield
+    except OSError as error:
+        raise ModelFileError(f'cannot read model {path}: {error.strerror}') from error
+    except ModelFileError as error:
+        raise ModelFileError(f'model {path} is refused: {error}') from error
 
 
 @lru_cache(maxsize=1)

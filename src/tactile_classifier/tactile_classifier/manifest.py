@@ -121,6 +121,11 @@ class Manifest:
         """Sample counts of the running windows that the model answers."""
         return tuple(part.sample_count for part in self.parts[1:])
 
+    def feature_values(self) -> dict[str, Any]:
+        """Return what the feature node must be told, by the fields of `FeatureConfig`."""
+        running = {'running_samples': self.running_samples} if self.running_samples else {}
+        return {**self.spec.config_values(), **running}
+
     def to_json(self) -> str:
         """Return the manifest as JSON text."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}

@@ -28,6 +28,13 @@ TEXTURE_VERSION = 2
 SPATIAL_VERSION = 1
 STIFFNESS_VERSION = 2
 
+_CUTS = {
+    SET_TEXTURE_SPECTRUM: ('texture_crop_start_s',),
+    SET_TEXTURE_SPATIAL: ('spatial_crop_m', 'spatial_length_m', 'spatial_finest_m'),
+    SET_STIFFNESS_REGRESSION: ('stiffness_settle_s', 'stiffness_crop_end_s'),
+}
+"""What the parameters of each set may be: a file from elsewhere sets nothing but these."""
+
 
 @dataclass(frozen=True)
 class FeatureSpec:
@@ -93,6 +100,21 @@ class FeatureSpec:
             raise FeatureError(f'the feature specification has no entry {error}') from error
         except (AttributeError, TypeError, ValueError) as error:
             raise FeatureError(f'the feature specification cannot be read: {error}') from error
+
+    def config_values(self) -> dict[str, Any]:
+        """Return what a `FeatureConfig` must say, by its fields' names, to yield these features.
+
+        What ready-cut windows do not know, how they were cut, is left out.
+        """
+        values: dict[str, Any] = {'rate_hz': self.rate_hz}
+        if self.feature_set in (SET_TEXTURE_SPECTRUM, SET_TEXTURE_SPATIAL):
+            values['texture_features'] = self.feature_set
+        if self.feature_set == SET_TEXTURE_SPECTRUM:
+            values['texture_samples'] = self.sample_count
+        for name in _CUTS.get(self.feature_set, ()):
+            if name in self.parameters:
+                values[name] = self.parameters[name]
+        return values
 
     def mismatch(self, other: FeatureSpec) -> str:
         """Return why features of ``other`` must not be taken for these, or an empty string.

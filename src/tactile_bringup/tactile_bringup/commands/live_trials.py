@@ -17,6 +17,7 @@ from tactile_bringup.errors import BringupError
 from tactile_bringup.graph import (
     Ports,
     classifier_name,
+    feature_parameters_of,
     recorder_node,
     rig_graph,
 )
@@ -119,7 +120,7 @@ def run_live_trials(
             setup.bag,
             setup.models,
             tuple(models),
-            setup.parameters.get('tactile_features', {}),
+            feature_parameters_of(graph),
             simulated=setup.simulated,
         )
     )

@@ -112,8 +112,8 @@ def replay_and_compare(
     """
     reports = []
     with TactileBag(path) as bag:
-        folder = model_folder or _recorded_folder(bag)
-        paths = find_models(folder) if folder else {}
+        place = model_folder or _recorded_models(bag)
+        paths = find_models(place) if place else {}
         models = load_models(paths)
         config = recorded_config(bag)
         audits = audit_open_bag(bag)
@@ -164,15 +164,13 @@ def _check_has_features(bag: TactileBag, recorded: TactileResults) -> None:
     )
 
 
-def _recorded_folder(bag: TactileBag) -> Path | None:
-    """Return the folder of the models that the recording was made with, if any."""
+def _recorded_models(bag: TactileBag) -> Path | None:
+    """Return the folder or file of the models that the recording was made with, if any."""
     name = bag.facts.get('models', '')
     if not name:
         return None
     bag_folder = bag.path if bag.path.is_dir() else bag.path.parent
-    folder = Path(bag_folder, name).resolve()
-    if not folder.is_dir():
-        raise BringupError(
-            f'the models of this recording are not in {folder}; name their folder with --models'
-        )
-    return folder
+    path = Path(bag_folder, name).resolve()
+    if not path.exists():
+        raise BringupError(f'the models of this recording are not at {path}; name them: --models')
+    return path

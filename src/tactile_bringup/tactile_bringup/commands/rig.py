@@ -18,6 +18,7 @@ from tactile_bringup.graph import (
     RIG_NODES,
     NodeDescription,
     Ports,
+    feature_parameters_of,
     recorder_node,
     rig_graph,
 )
@@ -71,7 +72,7 @@ def run_rig(request: RigRequest) -> None:
                     request.record,
                     request.models,
                     tuple(models),
-                    parameters.get('tactile_features', {}),
+                    feature_parameters_of(nodes),
                     namespaces=(request.namespace.strip('/'),),
                     simulated=simulated,
                 )

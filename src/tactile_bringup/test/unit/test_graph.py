@@ -15,34 +15,40 @@ from tactile_bringup.graph import (
     parse_classifier_name,
     recorder_node,
     rig_graph,
+    slip_node,
 )
 from tactile_bringup.graph_runner import NODE_CLASSES
+from tactile_bringup.model_folder import find_models
 
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
-MODELS = {classifier_name('texture', 'flexion'): '/models/texture_flexion.onnx'}
 
 
 def by_name(nodes):
     return {node.name: node for node in nodes}
 
 
-def test_rig_has_every_node_with_its_port():
-    nodes = by_name(rig_graph(PORTS, MODELS, {}, simulated=True))
-    assert sorted(nodes) == sorted([*RIG_NODES, 'texture_flexion_classifier'])
+@pytest.fixture
+def models(trained):
+    return find_models(trained)
+
+
+def test_rig_has_every_node_with_its_port(models):
+    nodes = by_name(rig_graph(PORTS, models, {}, simulated=True))
+    assert sorted(nodes) == sorted([*RIG_NODES, 'stiffness_flexion_classifier'])
     assert nodes['linear_guide'].parameters['port'] == '/dev/guide'
     assert nodes['tendon_actuator'].parameters['port'] == '/dev/tendon'
     assert nodes['tendon_sensor'].parameters['port'] == '/dev/sensor'
     assert nodes['trial_runner'].parameters['simulated'] is True
 
 
-def test_classifier_is_told_what_the_feature_node_is_told():
+def test_classifier_is_told_what_the_feature_node_is_told(models):
     parameters = {'tactile_features': {'rate_hz': 100.0, 'texture_samples': 300, 'buffer_s': 60.0}}
-    nodes = by_name(rig_graph(PORTS, MODELS, parameters, simulated=False))
-    classifier = nodes['texture_flexion_classifier'].parameters
+    nodes = by_name(rig_graph(PORTS, models, parameters, simulated=False))
+    classifier = nodes['stiffness_flexion_classifier'].parameters
     assert classifier['rate_hz'] == 100.0
     assert classifier['texture_samples'] == 300
     assert 'buffer_s' not in classifier
-    assert classifier['task'] == 'texture'
+    assert classifier['task'] == 'stiffness'
     assert classifier['contact'] == 'flexion'
 
 
@@ -61,9 +67,10 @@ def test_classifier_names_round_trip():
         parse_classifier_name('smell_flexion_classifier')
 
 
-def test_every_described_node_can_be_created_here():
-    nodes = rig_graph(PORTS, MODELS, {}, simulated=True)
+def test_every_described_node_can_be_created_here(models):
+    nodes = rig_graph(PORTS, models, {}, simulated=True)
     nodes.append(recorder_node(Path('bag'), None, (), {}, simulated=True))
+    nodes.append(slip_node({}, simulated=True))
     for node in nodes:
         module, _, name = NODE_CLASSES[node.executable].partition(':')
         assert hasattr(import_module(module), name)

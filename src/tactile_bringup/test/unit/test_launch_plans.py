@@ -222,9 +222,36 @@ def test_a_described_finger_wins_over_the_parameter_file(parameter_file, tmp_pat
     assert nodes['middle/tactile_features'].parameters['phases'] == 'texture'
 
 
+def test_a_slip_detector_listens_where_it_is_wanted(parameter_file, tmp_path):
+    hand = tmp_path / 'hand.yaml'
+    hand.write_text(
+        'fingers:\n'
+        '  index: {slip: false}\n'
+        '  middle: {parameters: {slip_detector: {threshold: 6.0}, tactile_features: '
+        '{rate_hz: 100.0, frame_id: middle_sensor}}}\n'
+    )
+    text = '/**:\n  slip_detector:\n    ros__parameters: {threshold: 7.0, history_s: 0.3}\n'
+    values = {'hand_file': str(hand), 'params_file': parameter_file(text)}
+    with pytest.raises(BringupError, match='has parameters for slip_detector; its nodes are'):
+        plan_launch('hand', values, tmp_path)
+    nodes = by_path(plan_launch('hand', {**values, 'slip': 'true'}, tmp_path))
+    assert 'index/slip_detector' not in nodes
+    assert nodes['middle/slip_detector'].parameters == {
+        'simulated': False,
+        'rate_hz': 100.0,
+        'frame_id': 'middle_sensor',
+        'threshold': 6.0,
+        'history_s': 0.3,
+    }
+    sensing = by_path(plan_launch('sense', {'slip': 'true', 'rig': 'simulated'}, tmp_path))
+    assert sensing['slip_detector'].parameters == {'simulated': True}
+    assert 'slip_detector' not in by_path(plan_launch('sense', {}, tmp_path))
+
+
 @pytest.mark.parametrize(
     ('text', 'sentence'),
     [
+        ('{a: {slip: maybe}}', 'slip of a must be true or false'),
         ('{a: {sensor_port: /dev/x}, b: {sensor_port: /dev/x}}', 'a port has one user'),
         ('{a: {parameters: {tendon_senser: {scale: 1.0}}}}', 'parameters for tendon_senser'),
         ('{a: {phases: smell}}', 'phases of the finger a is "smell"'),

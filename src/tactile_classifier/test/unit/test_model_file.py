@@ -15,13 +15,15 @@ from tactile_classifier import inference
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators import CLASSIFIERS, SCALINGS, compute_raw_scores
-from tactile_classifier.inference import TactileModel
+from tactile_classifier.inference import TactileModel, read_manifest
 from tactile_classifier.manifest import Manifest
 from tactile_classifier.model_file import write_model
 from tactile_classifier.onnx_container import open_container, seal
 from tactile_classifier.training import train
 from tactile_features.records import FeatureConfig
 from tactile_features.spec import spec_for
+
+READERS = (TactileModel.load, read_manifest)
 
 
 def expected_scores(trained, values):
@@ -155,24 +157,37 @@ def test_flipped_bits_never_reach_the_runtime(model_path, monkeypatch):
         (b'\x80\x04\x95', 'not an ONNX file'),  # a pickle
     ],
 )
-def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, message):
+@pytest.mark.parametrize('read', READERS)
+def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, message, read):
     path = tmp_path / 'm.onnx'
     path.write_bytes(content)
     with pytest.raises(ModelFileError, match=f'm.onnx is refused: .*{message}'):
-        TactileModel.load(path)
+        read(path)
 
 
-def test_missing_file(tmp_path):
+@pytest.mark.parametrize('read', READERS)
+def test_missing_file(tmp_path, read):
     with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
-        TactileModel.load(tmp_path / 'm.onnx')
+        read(tmp_path / 'm.onnx')
 
 
-def test_large_file_is_refused_unread(tmp_path):
+@pytest.mark.parametrize('read', READERS)
+def test_large_file_is_refused_unread(tmp_path, read):
     path = tmp_path / 'm.onnx'
     with path.open('wb') as file:
         file.truncate(inference.MAX_MODEL_BYTES + 1)
     with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
-        TactileModel.load(path)
+        read(path)
+
+
+def test_the_manifest_alone_is_read_without_a_runtime(model_path, monkeypatch, tmp_path):
+    whole = TactileModel.load(model_path)
+    monkeypatch.setattr(inference, '_open_session', lambda data: pytest.fail('a session'))
+    assert read_manifest(model_path) == whole.manifest
+    changed = tmp_path / 'm.onnx'
+    changed.write_bytes(model_path.read_bytes().replace(b'plate 0', b'plate 9'))
+    with pytest.raises(ModelFileError, match='changed or damaged'):
+        read_manifest(changed)
 
 
 def resealed(path, **changes):

@@ -100,6 +100,37 @@ def test_ready_cut_windows_fit_whatever_they_were_cut_from():
 
 
 @pytest.mark.parametrize(
+    ('task', 'config'),
+    [
+        ('texture', FeatureConfig(rate_hz=100.0, texture_samples=90, texture_crop_start_s=0.2)),
+        (
+            'texture',
+            FeatureConfig(
+                texture_features='texture_spatial',
+                spatial_crop_m=0.003,
+                spatial_length_m=0.03,
+                spatial_finest_m=0.001,
+            ),
+        ),
+        ('stiffness', FeatureConfig(stiffness_settle_s=0.75, stiffness_crop_end_s=0.2)),
+    ],
+)
+def test_a_config_made_from_a_specification_yields_it_again(task, config):
+    spec = spec_for(task, config)
+    assert spec_for(task, FeatureConfig(**spec.config_values())) == spec
+
+
+def test_a_specification_sets_what_windows_depend_on_and_nothing_else():
+    odd = dataclasses.replace(spec_for('stiffness', CONFIG), parameters={'buffer_s': 600.0})
+    assert odd.config_values() == {'rate_hz': 60.0}
+    assert set(array_spec('texture', 90, 50.0).config_values()) == {
+        'rate_hz',
+        'texture_features',
+        'texture_samples',
+    }
+
+
+@pytest.mark.parametrize(
     ('fields', 'message'),
     [
         ({'rate_hz': 0.0}, 'rate_hz is 0.0'),
