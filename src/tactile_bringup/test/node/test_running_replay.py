@@ -1,0 +1,62 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+"""Answers while the finger glides: recorded live from a model file alone, replayed equal."""
+
+from collections import Counter
+
+import pytest
+from domain_coordinator import domain_id
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bringup.bag_tables import read_tables
+from tactile_bringup.bags import TactileBag
+from tactile_bringup.commands.live_trials import LiveSetup, run_live_trials
+from tactile_bringup.commands.output import Output
+from tactile_bringup.commands.replay import replay_and_compare
+from tactile_bringup.errors import BringupError
+from tactile_bringup.graph import Ports
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.replay import recorded_config, recorded_results
+from tactile_bringup.running_tables import read_running_tables
+from tactile_bringup.simulated_bags import write_simulated_bag
+from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_classifier.model_file import write_model
+from tactile_classifier.training import train
+from tactile_features.records import FeatureConfig
+from tactile_sim.rig_process import SimulatedRig
+
+
+@pytest.fixture(scope='module')
+def model(tmp_path_factory):
+    """Return a file of any name: it says itself what it is for, and what it wants."""
+    plan = SimulationPlan('texture', 'flexion', 3, seed=5)
+    folder = tmp_path_factory.mktemp('bags')
+    bag = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+    (table,) = read_tables([bag]).tables.values()
+    path = folder / 'running.onnx'
+    write_model(path, train(table, 'knn', running=read_running_tables(table, [0.5, 1.5])))
+    return path
+
+
+def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
+    bag = tmp_path / 'bag'
+    with domain_id() as domain, SimulatedRig(seed=3) as rig:
+        setup = LiveSetup(
+            Ports(*rig.ports), bag, models=model, simulated=True, domain_id=int(domain)
+        )
+        request = TrialRequest('texture', 'flexion', 'R1', 'glide')
+        (trial,) = run_live_trials(setup, [request], Output(as_json=True), hand=rig)
+    assert trial.answer.label
+    with TactileBag(bag) as recording:
+        assert recorded_config(recording).running_samples == (30, 90)
+        results = recorded_results(recording)
+    for found in (results.windows, results.classifications):
+        assert Counter(item.running for item in found) == {True: 2, False: 1}
+    (report,) = replay_and_compare(bag, None, through_nodes=True)
+    assert report.is_equal, report.comparisons
+    assert report.comparisons['recorded and plain core'].classification_count == 3
+    model.rename(model.with_name('elsewhere.onnx'))
+    with pytest.raises(BringupError, match=r'running\.onnx; name them: --models'):
+        replay_and_compare(bag, None, through_nodes=False)
