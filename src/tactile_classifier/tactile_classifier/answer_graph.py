@@ -1,14 +1,34 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""From raw scores to answer, probabilities and novelty, as operators of an ONNX graph."""
+"""What lies around a classifier, as operators of an ONNX graph.
+
+Before it the scaling; after it answer, probabilities and novelty.
+"""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_classifier.calibration import Calibration
 from tactile_classifier.novelty import NoveltyMeasure
 from tactile_classifier.onnx_graph import Graph
+
+if TYPE_CHECKING:
+    from sklearn.pipeline import Pipeline
+
+
+def add_scaling(graph: Graph, pipeline: Pipeline, x: str) -> str:
+    """Add the pipeline's `StandardScaler`, if it has one; shape (windows, k) as before.
+
+    The same bits as scikit-learn's: one difference and one quotient a value.
+    """
+    if 'scale' not in pipeline.named_steps:
+        return x
+    scaler = pipeline.named_steps['scale']
+    x = graph.add('Sub', x, graph.constant(scaler.mean_))
+    return graph.add('Div', x, graph.constant(scaler.scale_))
 
 
 def add_answer(graph: Graph, scores: str) -> str:

@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tactile_classifier.answer_graph import add_answer, add_novelty, add_probabilities
+from tactile_classifier.answer_graph import (
+    add_answer,
+    add_novelty,
+    add_probabilities,
+    add_scaling,
+)
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import (
     ANSWER,
@@ -23,6 +28,7 @@ from tactile_classifier.inference import (
     SCORES,
     TactileModel,
 )
+from tactile_classifier.neighbours_graph import add_neighbours
 from tactile_classifier.onnx_container import seal
 from tactile_classifier.onnx_graph import Graph, Shape
 from tactile_classifier.svm_graph import add_svm
@@ -143,10 +149,12 @@ def _add_parts(
 
 def _add_part(graph: Graph, part: FittedPart, classifier: str) -> list[str]:
     """Add one part; return the names of answer, scores and novelty."""
-    if classifier in ('svm_linear', 'svm_rbf'):
-        scores = add_svm(graph, part.estimator, INPUT)
+    if classifier == 'tree':
+        scores = graph.embed(_convert_tree(part.estimator), INPUT)
     else:
-        scores = graph.embed(_convert_by_skl2onnx(part.estimator, classifier), INPUT)
+        scaled = add_scaling(graph, part.estimator, INPUT)
+        add = add_neighbours if classifier == 'knn' else add_svm
+        scores = add(graph, part.estimator.named_steps['classify'], scaled)
     answer = add_answer(graph, scores)
     if part.calibration is None or part.novelty is None:
         return [answer, scores]
@@ -155,16 +163,15 @@ def _add_part(graph: Graph, part: FittedPart, classifier: str) -> list[str]:
     return [answer, scores, add_novelty(graph, INPUT, part.novelty)]
 
 
-def _convert_by_skl2onnx(estimator: Pipeline, classifier: str) -> Any:
+def _convert_tree(estimator: Pipeline) -> Any:
     from skl2onnx import to_onnx
     from skl2onnx.common.data_types import DoubleTensorType
     from skl2onnx.helpers.onnx_helper import select_model_inputs_outputs
     from skl2onnx.sklapi import CastTransformer
 
     steps: list[tuple[str, Any]] = list(estimator.steps)
-    if classifier == 'tree':
-        # scikit-learn's trees compare in single precision, whatever they are given.
-        steps.insert(-1, ('cast', CastTransformer(dtype=np.float32).fit(np.zeros((1, 1)))))
+    # scikit-learn's trees compare in single precision, whatever they are given.
+    steps.insert(-1, ('cast', CastTransformer(dtype=np.float32).fit(np.zeros((1, 1)))))
     pipeline = type(estimator)(steps)
     try:
         model = to_onnx(

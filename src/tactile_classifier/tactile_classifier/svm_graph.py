@@ -18,28 +18,22 @@ import numpy.typing as npt
 from tactile_classifier.onnx_graph import Graph
 
 if TYPE_CHECKING:
-    from sklearn.pipeline import Pipeline
     from sklearn.svm import SVC
 
 Matrix = npt.NDArray[np.float64]
 
 
-def add_svm(graph: Graph, pipeline: Pipeline, x: str) -> str:
+def add_svm(graph: Graph, svm: SVC, x: str) -> str:
     """Add a machine to a graph; return the name of its decision values, one a label.
 
     Parameters
     ----------
     graph : Graph
-    pipeline : sklearn.pipeline.Pipeline
-        Fitted `SVC` with a linear or RBF kernel, with or without a `StandardScaler`.
+    svm : sklearn.svm.SVC
+        Fitted, with a linear or RBF kernel.
     x : str
-        Tensor of features of shape (windows, k).
+        Tensor of features of shape (windows, k), scaled if they are to be.
     """
-    if 'scale' in pipeline.named_steps:
-        scaler = pipeline.named_steps['scale']
-        x = graph.add('Sub', x, graph.constant(scaler.mean_))
-        x = graph.add('Div', x, graph.constant(scaler.scale_))
-    svm = pipeline.named_steps['classify']
     kernel = _add_kernel(graph, svm, x)
     pairs = graph.add('MatMul', kernel, graph.constant(_pair_weights(svm)))
     pairs = graph.add('Add', pairs, graph.constant(svm.intercept_))

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from sklearn.exceptions import ConvergenceWarning
 
+from tactile_classifier import estimators
 from tactile_classifier.estimators import (
     CLASSIFIERS,
     DEFAULT_SCALING,
@@ -51,3 +53,13 @@ def test_constant_feature_survives_scaling(small_table):
     assert not small_table.values[:, 0].any()  # the component at 0 Hz
     estimator = build_estimator('svm_rbf', 'standard').fit(small_table.values, small_table.labels)
     assert np.isfinite(estimator.decision_function(small_table.values)).all()
+
+
+@pytest.mark.filterwarnings('error')  # scikit-learn's own words would come besides
+def test_machine_that_does_not_converge_says_so(monkeypatch):
+    monkeypatch.setattr(estimators, 'MAX_SVM_STEPS', 1_000)
+    rng = np.random.default_rng(1)
+    values, labels = rng.normal(300.0, 100.0, (60, 3)), np.tile(['a', 'b'], 30)
+    with pytest.raises(ConvergenceWarning, match=r'linear .* was stopped after 1,000 steps'):
+        build_estimator('svm_linear', 'none').fit(values, labels)
+    build_estimator('svm_linear', 'none').fit(np.where(labels == 'a', 1.0, 2.0)[:, None], labels)

@@ -114,7 +114,7 @@ def test_missing_skl2onnx_says_what_to_install(small_table, tmp_path, monkeypatc
             raise ImportError(f'No module named {name}')
         return real(name, *args, **kwargs)
 
-    trained = train(small_table, 'knn')
+    trained = train(small_table, 'tree')
     monkeypatch.setattr(builtins, '__import__', without)
     with pytest.raises(ModelFileError, match='pip install skl2onnx'):
         write_model(tmp_path / 'm.onnx', trained)

@@ -2,15 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
+from tactile_classifier.answer_graph import add_scaling
 from tactile_classifier.estimators import build_estimator
-from tactile_classifier.neighbours import predict_neighbours
+from tactile_classifier.neighbours import NearestNeighbours, halve, predict_neighbours
+from tactile_classifier.neighbours_graph import add_neighbours
+from tactile_classifier.onnx_graph import Graph
 from tactile_classifier.splits import stratified_split
 
 
 @pytest.mark.parametrize('scaling', ['standard', 'none'])
 @pytest.mark.parametrize('offset', [0.0, 1e6])
-def test_answers_are_those_of_scikit_learn(texture_table, scaling, offset):
+def test_answers_away_from_ties_are_those_of_scikit_learn(texture_table, scaling, offset):
     labels = texture_table.labels
     # Random errors as large as the differences of the classes, so that votes are split.
     noise = np.random.default_rng(4).normal(0.0, 0.05, texture_table.values.shape)
@@ -19,7 +27,9 @@ def test_answers_are_those_of_scikit_learn(texture_table, scaling, offset):
     answers = predict_neighbours(values, labels, deal, scaling)
     wrong = 0
     for (train, test), answer in zip(deal, answers, strict=True):
-        expected = build_estimator('knn', scaling).fit(values[train], labels[train])
+        peer = KNeighborsClassifier(3, algorithm='kd_tree')
+        expected = peer if scaling == 'none' else make_pipeline(StandardScaler(), peer)
+        expected.fit(values[train], labels[train])
         np.testing.assert_array_equal(answer, expected.predict(values[test]))
         wrong += np.sum(answer != labels[test])
     assert wrong > 0  # otherwise nothing was compared but easy cases
@@ -37,3 +47,114 @@ def test_two_against_one_wins_over_the_nearest():
     labels = np.array(['x', 'a', 'b', 'b', 'a'])
     fold = (np.array([1, 2, 3, 4]), np.array([0]))
     assert predict_neighbours(values, labels, [fold], 'none')[0].tolist() == ['b']
+
+
+def test_of_duplicates_the_earlier_trials_count():
+    values = np.array([[1.0], [1.0], [1.0], [1.0], [1.0]])
+    labels = np.array(['b', 'a', 'b', 'a', 'a'])
+    assert NearestNeighbours().fit(values, labels).predict(values[:1]) == ['b']
+    fold = (np.arange(1, 5), np.array([0]))
+    assert predict_neighbours(values, labels, [fold], 'none')[0].tolist() == ['a']
+
+
+def test_fewer_than_three_trials_are_refused():
+    with pytest.raises(ValueError, match='3 neighbours are asked of 2 training trials'):
+        NearestNeighbours().fit([[0.0], [1.0]], ['a', 'b'])
+    fold = (np.array([0, 1]), np.array([2]))
+    with pytest.raises(ValueError, match='3 neighbours are asked of 2 training trials'):
+        predict_neighbours(np.zeros((3, 1)), np.array(['a', 'b', 'a']), [fold], 'none')
+
+
+def test_halves_of_91():
+    assert list(halve(91)) == [(64, 91), (32, 64), (16, 32), (8, 16), (4, 8), (2, 4), (1, 2)]
+    assert list(halve(3)) == [(2, 3), (1, 2)]
+    assert list(halve(1)) == []
+
+
+@st.composite
+def trials_and_midpoints(draw):
+    """Trials on a coarse grid, many twice, and asked at all midpoints of two of them."""
+    k = draw(st.integers(1, 11))
+    trials = draw(st.integers(3, 14))
+    grid = draw(st.integers(1, 4))
+    cells = draw(st.lists(st.integers(-grid, grid), min_size=trials * k, max_size=trials * k))
+    # 0.1: no multiple of a power of two, so that differences are rounded.
+    values = np.array(cells).reshape(trials, k) * draw(st.sampled_from([0.1, 1.0, 1e5, 1e-160]))
+    values = values + draw(st.sampled_from([0.0, 0.3, 1e6]))
+    labels = draw(st.lists(st.sampled_from('abc'), min_size=trials, max_size=trials))
+    first, second = np.triu_indices(trials)
+    return values, np.array(labels), (values[first] + values[second]) / 2
+
+
+def predict_by_hand(values, labels, asked):
+    """Return the labels by the rule as it stands in the docstrings, term by term."""
+    answers = []
+    for row in asked.tolist():
+        squares = []
+        for trial in values.tolist():
+            terms = [(a - b) * (a - b) for a, b in zip(trial, row, strict=True)]
+            while len(terms) > 1:
+                half = max(2**i for i in range(8) if 2**i < len(terms))
+                head, tail = terms[:half], terms[half:] + [0.0] * half
+                terms = [a + b for a, b in zip(head, tail, strict=False)]
+            squares.append(terms[0])
+        order = sorted(range(len(values)), key=lambda i: (squares[i], i))
+        said = [labels[i] for i in order[:3]]
+        answers.append(max(sorted(set(said)), key=said.count))
+    return answers
+
+
+def predict_by_graph(estimator, asked):
+    """Return the labels of the operators that a model file holds."""
+    helper = pytest.importorskip('onnx', reason='onnx is not installed').helper
+    onnxruntime = pytest.importorskip('onnxruntime', reason='onnxruntime is not installed')
+    graph = Graph()
+    scaled = add_scaling(graph, estimator, 'x')
+    votes = add_neighbours(graph, estimator.named_steps['classify'], scaled)
+    graph.add('Identity', votes, output='votes')
+    k, labels = asked.shape[1], len(estimator.classes_)
+    proto = graph.to_proto({'x': (float, [None, k])}, {'votes': (float, [None, labels])})
+    model = helper.make_model(proto, opset_imports=[helper.make_opsetid('', 18)], ir_version=8)
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(
+        model.SerializeToString(), options, providers=['CPUExecutionProvider']
+    )
+    (found,) = session.run(None, {'x': asked})
+    np.testing.assert_array_equal(found, estimator.predict_proba(asked))
+    return estimator.classes_[found.argmax(axis=1)].tolist()
+
+
+@pytest.mark.parametrize('scaling', ['standard', 'none'])
+@settings(max_examples=60, deadline=None)
+@given(trials_and_midpoints())
+def test_evaluation_training_and_file_agree_at_midpoints_and_duplicates(scaling, case):
+    values, labels, asked = case
+    estimator = build_estimator('knn', scaling).fit(values, labels)
+    trained = estimator.predict(asked).tolist()
+    together = np.concatenate([values, asked])
+    fold = (np.arange(len(values)), np.arange(len(values), len(together)))
+    unasked = np.concatenate([labels, np.repeat(labels[:1], len(asked))])
+    (evaluated,) = predict_neighbours(together, unasked, [fold], scaling)
+    assert evaluated.tolist() == trained
+    assert predict_by_graph(estimator, asked) == trained
+    scaler = estimator.named_steps.get('scale')
+    known, rows = (v if scaler is None else scaler.transform(v) for v in (values, asked))
+    assert predict_by_hand(known, labels, rows) == trained
+
+
+@pytest.mark.parametrize('scaling', ['standard', 'none'])
+def test_file_agrees_at_all_midpoints_of_91_features(small_table, scaling):
+    values = np.concatenate([small_table.values, small_table.values[:5]])  # the last ones twice
+    labels = np.concatenate([small_table.labels, small_table.labels[-5:]])
+    estimator = build_estimator('knn', scaling).fit(values, labels)
+    first, second = np.triu_indices(len(values))
+    asked = (values[first] + values[second]) / 2
+    assert predict_by_graph(estimator, asked) == estimator.predict(asked).tolist()
+
+
+def test_distances_that_overflow_are_ties():
+    values = np.array([[9e200], [-9e200], [8e200], [7e200]])
+    knn = NearestNeighbours().fit(values, ['a', 'a', 'b', 'b'])
+    with np.errstate(over='ignore'):
+        assert knn.predict([[0.0]]) == ['a']
