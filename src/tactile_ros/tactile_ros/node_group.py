@@ -14,12 +14,11 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_ros.executors import make_executor
 from tactile_ros.lifecycle import TactileNode
 
 REST_TIMEOUT_S = 3.0
@@ -27,14 +26,19 @@ REST_TIMEOUT_S = 3.0
 
 
 class NodeGroup:
-    """Spins nodes on one executor, on a thread of its own.
+    """Spins nodes, each on an executor and a thread of its own.
 
-    On close, running goals are asked to end and the executor goes on until they
+    An executor goes through all that its nodes own each time it waits, so one for all the
+    nodes of a hand would spend ten times as long on looking as on the work; see
+    docs/decisions/0006-executor.md.
+
+    On close, running goals are asked to end and the executors go on until they
     have, so that the devices are brought to rest over a graph that still works.
     Use as a context manager.
 
-    A callback that raises ends the executor: a node that has lost a callback half way
-    must not go on moving things. The traceback is logged and the exception kept.
+    A callback that raises ends its executor, and the group is to be closed: a node that has
+    lost a callback half way must not go on moving things. The traceback is logged and the
+    exception kept.
 
     Parameters
     ----------
@@ -43,14 +47,14 @@ class NodeGroup:
     context : rclpy.context.Context, optional
         The nodes' context; the default context when left out.
     on_end : callable
-        Called when the executor has stopped, for whatever reason, on its thread.
+        Called once, when the first executor has stopped, for whatever reason, on its thread.
 
     Attributes
     ----------
     ended : threading.Event
-        Set when the executor has stopped.
+        Set when an executor has stopped.
     error : Exception or None
-        What a callback raised that ended the executor.
+        What a callback raised that ended an executor; the first one.
     """
 
     def __init__(
@@ -61,16 +65,21 @@ class NodeGroup:
     ) -> None:
         self._nodes = list(nodes)
         self._on_end = on_end
-        self._executor = make_executor(context)
         self._ending = threading.Event()
+        self._end_lock = threading.Lock()
         self.ended = threading.Event()
         self.error: Exception | None = None
+        self._spinning: list[tuple[SingleThreadedExecutor, threading.Thread]] = []
         for node in self._nodes:
-            self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, name='executor', daemon=True)
+            executor = SingleThreadedExecutor(context=context)
+            executor.add_node(node)
+            name = f'executor of {node.get_name()}'
+            thread = threading.Thread(target=self._spin, args=(executor,), name=name, daemon=True)
+            self._spinning.append((executor, thread))
 
     def __enter__(self) -> NodeGroup:
-        self._thread.start()
+        for _, thread in self._spinning:
+            thread.start()
         return self
 
     def __exit__(
@@ -81,26 +90,21 @@ class NodeGroup:
     ) -> None:
         self.close()
 
-    def _spin(self) -> None:
+    def _spin(self, executor: SingleThreadedExecutor) -> None:
         try:
             while not self._ending.is_set():
-                self._spin_once()
+                _spin_once(executor)
         except ExternalShutdownException:
             pass
         except Exception as error:
-            self.error = error
+            self.error = self.error or error
             _logger().fatal(f'a callback failed, so all nodes end here:\n{traceback.format_exc()}')
         finally:
-            self.ended.set()
-            self._on_end()
-
-    def _spin_once(self) -> None:
-        try:
-            self._executor.spin_once(timeout_sec=0.5)
-        except rclpy_implementation.RCLError as error:
-            # rclpy raises here for what a stranger asks amiss, such as a lifecycle
-            # transition that the node's state does not have. That must not stop the rig.
-            _logger().error(f'a request failed: {error}')
+            with self._end_lock:
+                is_first = not self.ended.is_set()
+                self.ended.set()
+            if is_first:
+                self._on_end()
 
     def close(self) -> None:
         """End goals, stop spinning, take the nodes down. Harmless when called twice."""
@@ -108,19 +112,23 @@ class NodeGroup:
         for runner in runners:
             runner.end_goal()
         deadline = time.monotonic() + REST_TIMEOUT_S
-        while any(r.is_busy for r in runners) and not self.ended.is_set():
+        while any(r.is_busy for r in runners) and self._is_spinning():
             if time.monotonic() > deadline:
                 break
             time.sleep(0.01)
         self._ending.set()
-        if self._thread.is_alive():
-            # A mere wake-up would go back to waiting; something to do ends the wait.
-            self._executor.create_task(lambda: None)
-            self._thread.join()
+        for executor, thread in self._spinning:
+            if thread.is_alive():
+                # A mere wake-up would go back to waiting; something to do ends the wait.
+                executor.create_task(lambda: None)
+        for _, thread in self._spinning:
+            if thread.is_alive():
+                thread.join()
         nodes, self._nodes = self._nodes, []
-        for node in reversed(nodes):
+        spinning, self._spinning = self._spinning, []
+        for node, (executor, _) in reversed(list(zip(nodes, spinning, strict=True))):
             name = node.get_name()
-            self._executor.remove_node(node)
+            executor.remove_node(node)
             try:
                 if isinstance(node, TactileNode):
                     node.take_down()
@@ -128,8 +136,18 @@ class NodeGroup:
                     node.destroy_node()
             except Exception:  # the other nodes have devices to bring to rest, too
                 _logger().error(f'{name} did not end well:\n{traceback.format_exc()}')
-        if nodes:
-            self._executor.shutdown()
+            executor.shutdown()
+
+    def _is_spinning(self) -> bool:
+        return any(thread.is_alive() for _, thread in self._spinning)
+
+
+def _spin_once(executor: SingleThreadedExecutor) -> None:
+    try:
+        executor.spin_once(timeout_sec=0.5)
+    except rclpy_implementation.RCLError as error:
+        # rclpy raises here for what a stranger asks amiss. That must not stop the rig.
+        _logger().error(f'a request failed: {error}')
 
 
 def _logger() -> Any:
