@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 from inference import _stiffness_table, _texture_table
 from measuring import Report, Row, measure_ratio
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
-from tactile_classifier.estimators import SCALINGS, build_estimator
-from tactile_classifier.neighbours import predict_neighbours
+from tactile_classifier.estimators import SCALINGS
+from tactile_classifier.neighbours import NEIGHBOURS, predict_neighbours
 from tactile_classifier.splits import stratified_split
 
 
@@ -51,7 +54,9 @@ def run_neighbours(quick: bool) -> Report:
 def _predict_by_search(values: Any, labels: Any, folds: Any, scaling: str) -> list[Any]:
     answers = []
     for train, test in folds:
-        estimator = build_estimator('knn', scaling)
+        estimator = KNeighborsClassifier(NEIGHBOURS, algorithm='kd_tree')
+        if scaling == 'standard':
+            estimator = make_pipeline(StandardScaler(), estimator)
         estimator.fit(values[train], labels[train])
         answers.append(estimator.predict(values[test]))
     return answers

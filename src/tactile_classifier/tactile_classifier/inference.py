@@ -33,7 +33,9 @@ MAX_INFERENCE_BYTES = 256 * 2**20
 few bytes can ask for any amount."""
 
 ROWS_AT_ONCE = 64
-"""Kernels take memory in proportion to rows."""
+BYTES_AT_ONCE = 16 * 2**20
+"""Most windows in one run, and most of their number times the size of the file [byte]:
+differences to all training trials take memory in proportion to both."""
 
 INPUT, SAMPLES = 'features', 'samples'
 ANSWER, SCORES, NOVELTY = 'answer', 'scores', 'novelty'
@@ -101,6 +103,7 @@ class TactileModel:
         )
         self.running_samples = self.manifest.running_samples
         self._parts = {part.sample_count: part for part in self.manifest.parts}
+        self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
         self._session = _open_session(data)
         self._check_graph()
 
@@ -153,8 +156,8 @@ class TactileModel:
         if sample_count not in self._parts:
             raise KeyError(sample_count)
         blocks = [
-            self._session.run(self._outputs, {INPUT: rows[i : i + ROWS_AT_ONCE], **feed})
-            for i in range(0, len(rows), ROWS_AT_ONCE)
+            self._session.run(self._outputs, {INPUT: rows[i : i + self._rows], **feed})
+            for i in range(0, len(rows), self._rows)
         ]
         found = [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
         if self._outputs == [SCORES]:  # format version 1

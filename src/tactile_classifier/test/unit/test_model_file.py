@@ -14,12 +14,18 @@ from onnx import TensorProto, helper
 from tactile_classifier import inference
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.estimators import CLASSIFIERS, SCALINGS, compute_raw_scores
+from tactile_classifier.estimators import (
+    CLASSIFIERS,
+    SCALINGS,
+    SCORE_KINDS,
+    build_estimator,
+    compute_raw_scores,
+)
 from tactile_classifier.inference import TactileModel, read_manifest
-from tactile_classifier.manifest import Manifest
+from tactile_classifier.manifest import WHOLE, Manifest
 from tactile_classifier.model_file import write_model
 from tactile_classifier.onnx_container import open_container, seal
-from tactile_classifier.training import train
+from tactile_classifier.training import FittedPart, Trained, train
 from tactile_features.records import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -73,6 +79,18 @@ def test_features_far_from_zero_keep_double_precision(
     # A linear kernel of 1e12 costs four digits in scikit-learn as well.
     expected = expected_scores(trained, between)
     np.testing.assert_allclose(model.compute_scores(between), expected, atol=1e-2)
+
+
+def test_many_windows_of_many_trials_fit_into_the_memory_limit(small_table, tmp_path):
+    values = np.random.default_rng(2).normal(size=(4000, 91))
+    estimator = build_estimator('knn', 'none').fit(values, np.tile(['a', 'b'], 2000))
+    trained = train(small_table.take(small_table.labels != 'plate 2'), 'knn', 'none')
+    part = FittedPart(0, estimator, values[:64], None, None)
+    manifest = dataclasses.replace(
+        trained.manifest, labels=('a', 'b'), parts=(WHOLE,), score_kind=SCORE_KINDS['knn']
+    )
+    # All differences of 64 windows at once would be 186 MB.
+    write_model(tmp_path / 'm.onnx', Trained((part,), manifest))
 
 
 def test_model_that_changes_labels_is_not_written(small_table, tmp_path):
