@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 
 Result = TypeVar('Result', covariant=True)
 Task = tuple[Callable[..., Any], tuple[Any, ...]]
@@ -32,7 +33,9 @@ def run_plans(
     """Run the parts of all plans and return the plans' results, in their order.
 
     Threads are asked for, since most of the time is spent in compiled code, and processes
-    would spend seconds on importing it; `joblib.parallel_config` may say otherwise.
+    would spend seconds on importing it; `joblib.parallel_config` may say otherwise. Linear
+    algebra keeps to one thread meanwhile: matrices are small, and its threads beside those of
+    the pool wait for each other most of the time.
 
     Parameters
     ----------
@@ -46,9 +49,10 @@ def run_plans(
     total = sum(map(len, parts))
     work = (delayed(function)(*arguments) for tasks in parts for function, arguments in tasks)
     answers = []
-    for answer in Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work):
-        answers.append(answer)
-        progress(len(answers), total)
+    with threadpool_limits(1, user_api='blas'):
+        for answer in Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work):
+            answers.append(answer)
+            progress(len(answers), total)
     results, first = [], 0
     for plan, tasks in zip(plans, parts, strict=True):
         results.append(plan.finish(answers[first : first + len(tasks)]))
