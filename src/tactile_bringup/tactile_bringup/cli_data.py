@@ -289,6 +289,16 @@ def evaluate(
             help='Write a report with figures: a folder, or an HTML file, which needs no other.'
         ),
     ] = None,
+    answers: Annotated[
+        bool,
+        typer.Option(
+            '--answers',
+            help='Also what a model says besides a label: "I don\'t know" with each label left '
+            'out in turn, calibration of probabilities; from bags also answers while the finger '
+            'glides, and physical measures. Takes about half a minute more for each set of '
+            'texture trials.',
+        ),
+    ] = False,
     seed: SeedOption = 0,
     json_output: JsonOption = False,
 ) -> None:
@@ -317,6 +327,7 @@ def evaluate(
                 report=report,
                 over=over,
                 speed_column=speed_column,
+                answers=answers,
             ),
             as_json=json_output,
         )

@@ -45,6 +45,7 @@ class EvaluateRequest:
     report: Path | None = None
     over: str | None = None
     speed_column: str | None = None
+    answers: bool = False
 
     @property
     def hold_out(self) -> tuple[tuple[str, ...], ...]:
@@ -68,6 +69,7 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
         folds=request.folds,
         repetitions=request.repetitions,
         random_state=request.seed,
+        answers=request.answers,
     )
     for result in results:
         _print_result(result, output)
@@ -78,7 +80,7 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
 
 
 def analyse_with_progress(
-    sets: Sequence[RecordingSet], output: Output, **arguments: int
+    sets: Sequence[RecordingSet], output: Output, **arguments: Any
 ) -> list[SetResult]:
     """Run all analyses of all sets under one progress bar, on all cores."""
     with output.progress() as progress:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_bringup.report.answers import Answers, AnswersPlan
 from tactile_bringup.report.recordings import RecordingSet
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
@@ -50,6 +51,8 @@ class SetResult:
         For stiffness, whose features differ in unit; empty otherwise.
     not_done : tuple of str
         One sentence for each analysis that the trials do not allow.
+    answers : Answers or None
+        What a model says besides a label; None where it was not asked for.
     """
 
     recordings: RecordingSet
@@ -59,6 +62,7 @@ class SetResult:
     significance: RankSum
     units: tuple[UnitPoint, ...]
     not_done: tuple[str, ...]
+    answers: Answers | None = None
 
     @property
     def plain(self) -> Evaluation:
@@ -84,6 +88,7 @@ class SetResult:
                 'p': self.significance.p.tolist() if self.units else None,
             },
             'rbf_unscaled_by_unit_of_force': {point.unit: point.accuracy for point in self.units},
+            'answers': None if self.answers is None else self.answers.to_dict(),
             'not_done': list(self.not_done),
         }
 
@@ -92,7 +97,13 @@ class _SetPlans:
     """The plans of one set, and how to take their results apart again."""
 
     def __init__(
-        self, recordings: RecordingSet, folds: int, repetitions: int, random_state: int
+        self,
+        recordings: RecordingSet,
+        folds: int,
+        repetitions: int,
+        random_state: int,
+        *,
+        answers: bool,
     ) -> None:
         self._recordings = recordings
         self._random_state = random_state
@@ -113,6 +124,8 @@ class _SetPlans:
                 AccuracyPlan(in_unit(table, factor), splits[0].once(), ['svm_rbf'], ['none'])
                 for factor in FORCE_UNITS.values()
             ]
+        hold_out = next(iter(recordings.hold_out), ())
+        self._answers = [AnswersPlan(table, hold_out)] if answers else []
 
     def _plan_selection(self, splits: Sequence[Split]) -> list[SelectionPlan]:
         table = self._recordings.table
@@ -128,7 +141,8 @@ class _SetPlans:
         return plans
 
     def plans(self) -> list[Plan[Any]]:
-        return [*self._accuracy, *self._learning, *self._selection, *self._units]
+        plans: list[Plan[Any]] = [*self._accuracy, *self._learning, *self._selection]
+        return [*plans, *self._units, *self._answers]
 
     def finish(self, results: Sequence[Any]) -> SetResult:
         answers = iter(results)
@@ -140,6 +154,7 @@ class _SetPlans:
             if self._units
             else ()
         )
+        found = next(answers) if self._answers else None
         table = self._recordings.table
         return SetResult(
             self._recordings,
@@ -148,7 +163,8 @@ class _SetPlans:
             selections,
             rank_sum_p_values(table.values, table.labels),
             units,
-            tuple(self._not_done),
+            (*self._not_done, *(found.not_done if found else ())),
+            found,
         )
 
 
@@ -164,17 +180,20 @@ def analyse(
     folds: int,
     repetitions: int,
     random_state: int,
+    answers: bool = False,
     jobs: int | None = -1,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[SetResult]:
     """Evaluate all sets under plain folds and their grouped splits.
+
+    With ``answers``, also what a model says besides a label, under the first grouped split.
 
     Raises
     ------
     EvaluationError
         When the trials do not allow a split.
     """
-    planned = [_SetPlans(each, folds, repetitions, random_state) for each in sets]
+    planned = [_SetPlans(each, folds, repetitions, random_state, answers=answers) for each in sets]
     counts = [len(each.plans()) for each in planned]
     results = run_plans([plan for each in planned for plan in each.plans()], jobs, progress)
     finished, first = [], 0

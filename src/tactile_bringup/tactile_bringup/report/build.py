@@ -10,9 +10,14 @@ from pathlib import Path
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report import figures_accuracy, figures_signals, sentences
 from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.answer_sections import add_answers
 from tactile_bringup.report.components import find_components
 from tactile_bringup.report.drawing import Drawing
-from tactile_bringup.report.figures_significance import draw_mean_p, draw_p_matrices
+from tactile_bringup.report.figures_significance import (
+    draw_mean_p,
+    draw_p_matrices,
+    explain_mean_p,
+)
 from tactile_bringup.report.page import Page
 from tactile_bringup.report.provenance import Source, describe_sources, find_versions
 from tactile_bringup.report.published import compare_with_paper
@@ -101,7 +106,9 @@ def build_page(
         page, 'What is taken for what', (figures_accuracy.draw_confusion(r) for r in results)
     )
     _add_figures(page, 'Which features tell the classes apart', _significance(results))
+    _explain_significance(page, results)
     _add_selection(page, results)
+    add_answers(page, results)
     _add_figures(page, 'What the finger felt', _signals(results))
     _add_provenance(page, results, sources, settings, versions)
     return page.to_html()
@@ -159,6 +166,26 @@ def _significance(results: Sequence[SetResult]) -> Iterator[Drawing]:
             yield draw_p_matrices(result)
         elif components is not None:
             yield draw_mean_p(result, components)
+
+
+def _explain_significance(page: Page, results: Sequence[SetResult]) -> None:
+    explained = [
+        explain_mean_p(result, components)
+        for result in results
+        if not result.units
+        and (components := find_components(result.recordings.table.spec)) is not None
+    ]
+    if explained:
+        page.paragraph(
+            'How many components have a mean p over 0.05 depends on which pairs of classes are '
+            'averaged. Where two classes do not differ in a component, p is 0.5 on average, so '
+            'that a tenth of the pairs being alike lifts the mean to 0.05, however small p is for '
+            'all others. p also falls with the number of trials. The paper gives means '
+            'alone, so whether its plates differ more, or its trials scatter less, cannot be told '
+            'from it. A high mean p does not say that classes are confused: classifiers see all '
+            'components together.'
+        )
+        page.items(explained)
 
 
 def _signals(results: Sequence[SetResult]) -> Iterator[Drawing]:

@@ -38,8 +38,30 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
         f'{result.recordings.title}: rank-sum test of every two classes, mean p-value of each '
         f'Fourier component, over all {len(result.recordings.table)} trials. '
         f'{int(above.sum())} of the {len(mean_p)} components above zero lie over 0.05 '
-        '(dashes; red). Low means that the component alone tells most pairs of classes apart.',
+        '(dashes; red). Low means that between most pairs of classes the amplitude is shifted by '
+        'more than chance, which many trials show even where single trials overlap.',
         simulated=result.recordings.simulated,
+    )
+
+
+def explain_mean_p(result: SetResult, components: Components) -> str:
+    """Return what lifts the mean p-values of a set, by counting pairs instead of averaging."""
+    significance = result.significance
+    one, other = np.triu_indices(len(significance.labels), 1)
+    p = significance.p[components.columns][:, one, other]
+    alike = p > LEVEL
+    pairs, worst = alike.shape[1], int(alike.sum(axis=0).argmax())
+    counts = alike.sum(axis=1)
+    # Of many components one is below the level by chance alone: Bonferroni's bound.
+    differ = (p.min(axis=0) <= LEVEL / len(p)).sum()
+    return (
+        f'{result.recordings.title}: of the {pairs} pairs of classes, {np.median(counts):g} have '
+        f'p over {LEVEL} in the median component; {int((2 * counts < pairs).sum())} of '
+        f'{len(counts)} components differ between more than half of the pairs at that level. '
+        f'{int(differ)} pairs differ in some component at {LEVEL} over the number of components. '
+        f'Most alike are {significance.labels[one[worst]]} and '
+        f'{significance.labels[other[worst]]}: over {LEVEL} in {int(alike[:, worst].sum())} '
+        'components.'
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tactile_bringup.report.analysis import SetResult
+from tactile_bringup.report.answers import Answers
 from tactile_bringup.report.figures_accuracy import distance_shares
 from tactile_bringup.report.published import AGREES, DISAGREES, UNTESTED, Comparison
 from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
@@ -70,6 +71,36 @@ def summarise_set(result: SetResult) -> list[str]:
             f'{verdicts.count("helps")} and hurts {verdicts.count("hurts")} of {len(here)} '
             f'combinations of classifier and scaling ({split}).'
         )
+    if result.answers is not None:
+        found += summarise_answers(result.answers)
+    return found
+
+
+def summarise_answers(answers: Answers) -> list[str]:
+    """Return what became of unknown labels, of probabilities, and of answering sooner."""
+    found = []
+    if (unknown := answers.open_set) is not None:
+        found.append(
+            f'Unknown labels ({unknown.split}): AUROC {100 * unknown.auroc:.1f} %, '
+            f'{100 * unknown.miss_rate:.1f} % missed on average; false alarms '
+            f'{100 * unknown.realised_false_alarm_rate:.1f} % where '
+            f'{100 * unknown.false_alarm_rate:g} % were asked for. Calibration error '
+            f'{100 * unknown.calibration_error_before:.1f} % before, '
+            f'{100 * unknown.calibration_error_after:.1f} % after.'
+        )
+    if answers.stopping is not None:
+        found += [
+            f'Sooner ({answers.stopping.split}), {100 * rule.error_rate:g} % wrong early answers '
+            f'asked for: '
+            + (
+                f'{100 * rule.early_share:.1f} % decided early, '
+                f'{100 * rule.early_error:.1f} % of these wrong; {rule.mean_s:.2f} s of '
+                f'{rule.full_s:.3g} s behind an answer on average.'
+                if rule.early_share
+                else 'no threshold could be shown to keep it, so nothing is decided early.'
+            )
+            for rule in answers.stopping.rules
+        ]
     return found
 
 
