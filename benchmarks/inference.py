@@ -69,7 +69,10 @@ def _peer(estimator: Pipeline, table: FeatureTable) -> Pipeline:
     """Return scikit-learn's own: the estimator, or its neighbours in place of ours."""
     if not isinstance(estimator[-1], NearestNeighbours):
         return estimator
-    steps = [*estimator.steps[:-1], ('classify', KNeighborsClassifier(NEIGHBOURS))]
+    steps = [
+        *estimator.steps[:-1],
+        ('classify', KNeighborsClassifier(NEIGHBOURS, algorithm='kd_tree')),
+    ]
     return Pipeline(steps).fit(table.values, table.labels)
 
 
