@@ -30,11 +30,18 @@ SimulatedOption = Annotated[
     bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
 ]
 ModelsOption = Annotated[
-    Optional[Path], typer.Option(help='Folder with model files, as `tactile train` writes them.')
+    Optional[Path],
+    typer.Option(
+        help='Folder with model files, as `tactile train` writes them, or one file. Features are '
+        'computed as they want them, unless `--params` says otherwise.'
+    ),
 ]
 ModelOption = Annotated[
     Optional[Path],
-    typer.Option(help='Model file, or folder of them, as `tactile train` writes them.'),
+    typer.Option(
+        help='Model file, or folder of them, as `tactile train` writes them. Features are '
+        'computed as they want them, unless `--params` says otherwise.'
+    ),
 ]
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
 RecordOption = Annotated[

@@ -61,7 +61,8 @@ CONTACT = LaunchArgument(
 )
 MODEL = LaunchArgument(
     'model',
-    'model file, or folder of them as "tactile train" writes it; empty: no classifier',
+    'model file, or folder of them as "tactile train" writes it, which also says which features '
+    'are computed; empty: no classifier',
 )
 PHASES = LaunchArgument(
     'phases',

@@ -242,7 +242,7 @@ def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
     ('command', 'bags'),
     [
         (['rig'], ['']),
-        (['sense', '--phases', 'stiffness'], ['']),
+        (['sense', '--phases', 'stiffness', '--slip'], ['']),
         (['hand', '--fingers', 'index,middle', '--namespace', 'left'], ['index', 'middle']),
     ],
     ids=['rig', 'sense', 'hand'],
@@ -260,6 +260,7 @@ def test_nodes_run_and_record_until_interrupted(command, bags, tmp_path):
         line = process.stdout.readline()
         assert 'SIMULATED' in line
         assert 'running: ' in line
+        assert ('slip_detector' in line) == ('--slip' in command)
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)
     finally:
