@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from domain_coordinator import domain_id
-from hand_processes import EXECUTORS, STARTUP_S, Case, Work, collect, publish, work
+from hand_processes import A_NODE, EXECUTORS, STARTUP_S, Case, Work, collect, publish, work
 from measuring import Report, Row
 
 from tactile_classifier.dataset import FeatureTable
@@ -74,7 +74,7 @@ def run_endurance(quick: bool) -> Report:
     rows = []
     with _model(case) as model, domain_id() as domain:
         for layout, groups in LAYOUTS.items():
-            run = _run(Work(int(domain), 'ours', 'single', case, model), groups, seconds)
+            run = _run(Work(int(domain), 'ours', A_NODE, case, model), groups, seconds)
             rows.append(
                 Row(
                     f'{case.name}, {layout}, {seconds:.0f} s',

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,11 +27,17 @@ from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, Trial
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.records import FeatureConfig
 from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
 STRAIN, TRIALS = 'tendon_sensor/strain', 'trial_runner/events'
 FEATURES, ANSWER = 'tactile_features/features', 'tactile_classifier/classification'
-EXECUTORS = {'single': SingleThreadedExecutor, 'events': EventsExecutor}
+A_NODE = 'one a node'
+EXECUTORS = {
+    A_NODE: SingleThreadedExecutor,  # ours
+    'one for all': SingleThreadedExecutor,
+    'events': EventsExecutor,
+}
 STARTUP_S = 60.0
 DRAIN_S = 1.0
 
@@ -97,35 +104,51 @@ def ros(domain: int) -> Iterator[Context]:
         context.try_shutdown()
 
 
-def make_executor(name: str, context: Context) -> Any:
-    """Return an executor of rclpy."""
-    return EXECUTORS[name](context=context)
+@contextmanager
+def spun(nodes: Sequence[Any], executor: str, context: Context) -> Iterator[None]:
+    """Spin nodes: one executor for all, or as ours are, one a node."""
+    if executor == A_NODE:
+        with NodeGroup(nodes, context=context):
+            yield
+        return
+    one = EXECUTORS[executor](context=context)
+    for node in nodes:
+        one.add_node(node)
+    ending = threading.Event()
+
+    def spin() -> None:
+        while not ending.is_set():
+            one.spin_once(timeout_sec=0.2)
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+        one.shutdown()
+        for node in nodes:
+            node.take_down() if hasattr(node, 'take_down') else node.destroy_node()
 
 
 def work(what: Work, fingers: Sequence[str], ready: Any, go: Any, over: Any, reports: Any) -> None:
     """Run the nodes of some fingers until it is over; report CPU time, memory and losses."""
+    make = _our_nodes if what.who == 'ours' else _bare_nodes
     with ros(what.domain) as context:
-        executor = make_executor(what.executor, context)
-        make = _our_nodes if what.who == 'ours' else _bare_nodes
         nodes = [node for finger in fingers for node in make(what, finger, context)]
-        for node in nodes:
-            executor.add_node(node)
-        ready.release()
-        while not go.is_set() and not over.is_set():
-            executor.spin_once(timeout_sec=0.2)
-        before_s = time.process_time()
-        while not over.is_set():
-            executor.spin_once(timeout_sec=0.2)
-        reports.put(
-            {
-                'cpu_s': time.process_time() - before_s,
-                'rss_mb': _resident_mb(),
-                'lost': sum(_count_lost(node) for node in nodes),
-            }
-        )
-        executor.shutdown()
-        for node in nodes:
-            node.take_down() if hasattr(node, 'take_down') else node.destroy_node()
+        with spun(nodes, what.executor, context):
+            ready.release()
+            go.wait(2 * STARTUP_S)
+            before_s = time.process_time()
+            over.wait()
+            reports.put(
+                {
+                    'cpu_s': time.process_time() - before_s,
+                    'rss_mb': _resident_mb(),
+                    'lost': sum(_count_lost(node) for node in nodes),
+                }
+            )
 
 
 def _our_nodes(what: Work, finger: str, context: Context) -> list[Any]:
@@ -260,20 +283,16 @@ def collect(what: Work, fingers: Sequence[str], ready: Any, over: Any, sunk: Any
     arrived: dict[tuple[str, int], int] = {}
     with ros(what.domain) as context:
         node = Node('sink', context=context)
-        executor = make_executor('events', context)
-        executor.add_node(node)
         for finger in fingers:
 
             def on_answer(message: Any, finger: str = finger) -> None:
                 arrived[finger, _to_ns(message.window_end)] = time.time_ns()
 
             node.create_subscription(Classification, f'{finger}/{ANSWER}', on_answer, RESULTS)
-        ready.release()
-        while not over.is_set():
-            executor.spin_once(timeout_sec=0.2)
-        sunk.put(arrived)
-        executor.shutdown()
-        node.destroy_node()
+        with spun([node], 'events', context):
+            ready.release()
+            over.wait()
+            sunk.put(arrived)
 
 
 def _to_ns(stamp: Any) -> int:

@@ -37,6 +37,8 @@ TOPICS = {
     'twin': ('simulator_twin', 'run_twin'),
     'twin-speed': ('simulator_twin', 'run_twin_speed'),
     'messages': ('message_path', 'run_messages'),
+    'hand': ('hand', 'run_hand'),
+    'endurance': ('hand', 'run_endurance'),
     'pitch': ('measures', 'run_pitch'),
     'press': ('measures', 'run_press'),
     'slip': ('slip', 'run_slip'),
@@ -85,6 +87,8 @@ EPILOG = """topics:
   twin         against the same scene in MuJoCo: how far apart (needs mujoco)
   twin-speed   and at which speeds
   messages     latency from publish to the features node
+  hand         five fingers, from a block to a classification, three executors
+  endurance    ten minutes of five times 7 kHz in blocks: is anything lost
   pitch        pitch of simulated grooves: error, and coverage of its uncertainty
   press        stiffness and relaxation of simulated objects: the same
   slip         slip detector on simulated grips: misses, latency, false alarms
