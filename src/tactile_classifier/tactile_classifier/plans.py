@@ -49,6 +49,7 @@ def run_plans(
     total = sum(map(len, parts))
     work = (delayed(function)(*arguments) for tasks in parts for function, arguments in tasks)
     answers = []
+    # scikit-learn requires threadpoolctl, so it is there wherever that is.
     with threadpool_limits(1, user_api='blas'):
         for answer in Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work):
             answers.append(answer)

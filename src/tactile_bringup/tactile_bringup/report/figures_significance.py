@@ -29,7 +29,7 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
         for chosen, colour in ((~above, '#2a78b8'), (above, '#c0392b')):
             axes.semilogy(components.frequency[chosen], mean_p[chosen], 'o', ms=3, color=colour)
         axes.axhline(LEVEL, ls='--', lw=1, color=INK)
-        axes.set(xlabel=components.title, ylabel='mean p over pairs of classes')
+        axes.set(xlabel=components.title, ylabel='mean p over pairs of classes', ylim=(None, 1.0))
         axes.grid(alpha=0.2, lw=0.5)
 
     return render(
