@@ -43,5 +43,5 @@ def read_measures(table: FeatureTable) -> list[tuple[Measure, ...]]:
     except KeyError as error:
         raise BagError(
             'the features are of other windows than those recorded, and measures are not '
-            f'made of these (the first: {error})'
+            'made of these'
         ) from error

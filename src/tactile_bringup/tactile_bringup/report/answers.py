@@ -20,7 +20,7 @@ from tactile_classifier.errors import ClassifierError
 from tactile_classifier.open_set_evaluation import OpenSetEvaluation, evaluate_open_set
 from tactile_classifier.plans import Task
 from tactile_classifier.stopping_evaluation import StoppingEvaluation, evaluate_stopping
-from tactile_features.records import PROTOCOL_TEXTURE, Measure
+from tactile_features.records import PROTOCOL_TEXTURE, SET_TEXTURE_SPECTRUM, Measure
 
 CLASSIFIER = 'knn'
 """What `tactile train` takes when not told otherwise, with the scaling it takes then."""
@@ -140,7 +140,10 @@ def _evaluate_stopping(table: FeatureTable, hold_out: Sequence[str]) -> Stopping
     if table.task != PROTOCOL_TEXTURE:
         raise BringupError('a hold is answered when it is over; only texture has running answers')
     _need_bag(table)
-    full_s = table.spec.sample_count / table.spec.rate_hz
+    spec = table.spec
+    if spec.feature_set != SET_TEXTURE_SPECTRUM or len(spec.names) != spec.sample_count // 2 + 1:
+        raise BringupError('only the whole spectrum over time has running answers')
+    full_s = spec.sample_count / spec.rate_hz
     seconds = [full_s * step / STEPS for step in range(1, STEPS)]
     running = read_running_tables(table, seconds)
     return evaluate_stopping(

@@ -9,6 +9,7 @@ import pytest
 
 from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.bags import TactileBag
+from tactile_bringup.commands.evaluate import select_features
 from tactile_bringup.errors import BagError
 from tactile_bringup.measure_tables import read_measures
 from tactile_bringup.records import TrialConfig
@@ -144,6 +145,17 @@ def test_spread_of_normal_values_is_their_standard_deviation():
     measures = [(Measure('groove_pitch', 'm', value, 0.0001),) for value in values.tolist()]
     (found,) = summarise_measures(np.full(4000, 'x'), measures)
     assert found.spread == pytest.approx(0.0001, rel=0.05)
+
+
+def test_running_answers_of_chosen_features_are_not_compared_with_the_whole(texture_bag):
+    (table,) = read_tables([texture_bag]).tables.values()
+    few = select_features(table, ','.join(table.spec.names[3:6]))
+    (answers,) = run_plans([AnswersPlan(few, ('trial_block',))])
+    assert answers.stopping is None
+    assert answers.not_done == (
+        'running answers: only the whole spectrum over time has running answers',
+    )
+    assert len(answers.measures) == 8
 
 
 def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
