@@ -200,7 +200,9 @@ class GrblConnection:
         try:
             for line in lines:
                 size = len(line)
-                wait(lambda size=size: self._unanswered_bytes + size <= RECEIVE_BYTES)  # type: ignore[misc]
+                wait(  # type: ignore[misc]
+                    lambda size=size: self._unanswered_bytes + size <= RECEIVE_BYTES
+                )
                 with self._changed:
                     self._unanswered.append(line)
                 self._link.write(line)
