@@ -1,16 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Bytes of the load cell and of the guide's controller to numbers."""
 
 from __future__ import annotations
 
 import re
 
+from measuring import measure_ratio, Report, Row
 import numpy as np
-from measuring import Report, Row, measure_ratio
 
-from linear_guide_driver.grbl_protocol import GrblDecoder, StatusReport, encode_event
-from tendon_sensor_driver.line_protocol import LineDecoder, encode_reading
+from linear_guide_driver.grbl_protocol import encode_event, GrblDecoder, StatusReport
+from tendon_sensor_driver.line_protocol import encode_reading, LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 
 COUNT = 2000

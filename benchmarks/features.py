@@ -1,31 +1,43 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Spectrum, sliding spectrum, regression, and the extractor around them."""
 
 from __future__ import annotations
 
 import decimal
-import time
 from fractions import Fraction
 from importlib.util import find_spec
+import time
 from typing import Any
 
+from measuring import measure_ratio, Report, Row
 import numpy as np
+from numpy.typing import NDArray
 import scipy.fft
 import scipy.stats
-from measuring import Report, Row, measure_ratio
-from numpy.typing import NDArray
 
 from tactile_features import (
+    compile_spectrum,
+    compute_regression,
+    compute_spectrum,
     FeatureConfig,
+    sliding_spectrum,
     SlidingSpectrum,
     StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
-    compile_spectrum,
-    compute_regression,
-    compute_spectrum,
-    sliding_spectrum,
 )
 
 PERIOD_NS = 16_666_667

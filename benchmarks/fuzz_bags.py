@@ -1,27 +1,45 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Damaged and forged bags against the reader: a sentence or the messages, bounded memory."""
 
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 import logging
+from pathlib import Path
 import random
 import resource
 import struct
 import sys
 import tempfile
 import time
-from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import zstandard
 
-from tactile_bringup.bag_metadata import FILE_NAME
-from tactile_bringup.bags import STRAIN, STRAIN_TOPIC, BagWriter, TactileBag, message_store
 from tactile_bringup.errors import BagError
-from tactile_bringup.mcap_format import (
+from tactile_bringup.recording.bag_metadata import FILE_NAME
+from tactile_bringup.recording.bags import (
+    BagWriter,
+    message_store,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bringup.recording.mcap_format import (
     CHUNK,
     CHUNK_START,
     MAGIC,

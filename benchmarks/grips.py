@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Simulated trials with their truth, at the sensor's rate or another."""
 
 from __future__ import annotations
@@ -11,14 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_trials import PlannedTrial, plan_trial
+from tactile_bringup.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.records import StrainBlock
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.fast_trials import STEPS_PER_SAMPLE, SimulatedMotion, simulate_motion
-from tactile_sim.scene import build_scene
-from tactile_sim.sensing import read_tension
-from tactile_sim.variation import Variation, draw_variation
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.sensing import read_tension
+from tactile_sim.physics.variation import draw_variation, Variation
 
 FloatArray = NDArray[np.float64]
 

@@ -1,20 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Five fingers at once: from a block of samples to a classification, over two hops of DDS."""
 
 from __future__ import annotations
 
-import multiprocessing
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+import multiprocessing
 from pathlib import Path
+import tempfile
 
-import numpy as np
 from domain_coordinator import domain_id
-from hand_processes import A_NODE, EXECUTORS, STARTUP_S, Case, Work, collect, publish, work
+from hand_processes import A_NODE, Case, collect, EXECUTORS, publish, STARTUP_S, Work, work
 from measuring import Report, Row
+import numpy as np
 
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.model_file import write_model

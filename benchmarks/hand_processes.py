@@ -1,19 +1,31 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The processes of the benchmark of a hand: nodes under test, publisher, sink."""
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+import threading
+import time
 from typing import Any
 
+from builtin_interfaces.msg import Time
 import numpy as np
 import rclpy
-from builtin_interfaces.msg import Time
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental.events_executor import EventsExecutor
@@ -22,11 +34,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
-from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.records import FeatureConfig
 from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 

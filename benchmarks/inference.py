@@ -1,21 +1,33 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One window through the model file, against scikit-learn."""
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
+import tempfile
 
+from measuring import measure_ratio, Report, Row
 import numpy as np
-from measuring import Report, Row, measure_ratio
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import Pipeline
 
 from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
 from tactile_classifier.estimators import compute_raw_scores
-from tactile_classifier.neighbours import NEIGHBOURS, NearestNeighbours
-from tactile_features import FeatureConfig, compute_spectrum, spec_for
+from tactile_classifier.neighbours import NearestNeighbours, NEIGHBOURS
+from tactile_features import compute_spectrum, FeatureConfig, spec_for
 
 
 def run_inference(quick: bool) -> Report:

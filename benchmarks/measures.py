@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The measures of simulated windows against the truth: error, and coverage of the uncertainty."""
 
 from __future__ import annotations
@@ -7,9 +19,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 from grips import CONTACTS, FAST_HZ, FloatArray, Grips, simulate_grips
 from measuring import Report, Row
+import numpy as np
 from scipy.optimize import least_squares
 
 from tactile_bringup.records import TrialConfig
@@ -17,14 +29,14 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures_pitch import find_ripple
 from tactile_features.measures_press import (
-    Press,
-    Value,
     calibrate_presses,
     find_object_stiffness,
     measure_press,
     measure_relaxation,
+    Press,
+    Value,
 )
-from tactile_sim.catalogue import default_catalogue
+from tactile_sim.descriptions.catalogue import default_catalogue
 
 SEED = 1000
 """Apart from the seed on which the estimators were designed (1)."""

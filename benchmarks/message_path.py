@@ -1,28 +1,40 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """From publish to callback over DDS, between two processes."""
 
 from __future__ import annotations
 
-import multiprocessing
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+import multiprocessing
+import time
 from typing import Any
 
-import numpy as np
-import rclpy
 from builtin_interfaces.msg import Time
 from domain_coordinator import domain_id
 from measuring import Report, Row
+import numpy as np
+import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
-from tactile_msgs.msg import StrainBlock
 
 from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
 
 TOPIC = 'tendon_sensor/strain'

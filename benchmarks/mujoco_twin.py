@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The texture scene in MuJoCo: the finger as a chain of hinges, for one trial.
 
 What it shares with `tactile_sim`: geometry, elasticity, damping, weight, tendon and the law of
@@ -9,19 +21,19 @@ and creep are left out, so the other side of a comparison must be simulated with
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 import importlib
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_sim.description import Finger
-from tactile_sim.mechanics import GRAVITY_M_S2
-from tactile_sim.surface import Surface
+from tactile_sim.descriptions.description import Finger
+from tactile_sim.physics.mechanics import GRAVITY_M_S2
+from tactile_sim.physics.surface import Surface
 
 FloatArray = NDArray[np.float64]
 Positions = Callable[[FloatArray], FloatArray]

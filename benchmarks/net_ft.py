@@ -1,19 +1,31 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A Net F/T from datagrams to blocks: pynetft against whole arrays."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 import multiprocessing
 import time
-from contextlib import ExitStack
 from typing import Any
 
-import numpy as np
 from measuring import Report, Row
+import numpy as np
 
-from tactile_sim.net_ft_box import NetFtBox
-from tactile_sim.net_ft_device import HOST, NetFtDevice
+from tactile_sim.devices.net_ft_box import NetFtBox
+from tactile_sim.devices.net_ft_device import HOST, NetFtDevice
 from tendon_sensor_driver import net_ft_links
 from tendon_sensor_driver.net_ft import NetFtClient
 from tendon_sensor_driver.records import TendonSensorConfig

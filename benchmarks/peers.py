@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Other people's features beside ours on the same trials, in the same run.
 
 MiniRocket comes from aeon and many statistics from tsfresh: ``pip install aeon tsfresh`` into the
@@ -8,15 +20,15 @@ environment that runs this. What is not installed is left out, with a sentence.
 
 from __future__ import annotations
 
-import importlib.util
-import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+import importlib.util
+import time
 from typing import Any
+import warnings
 
-import numpy as np
 from measuring import Report, Row
+import numpy as np
 from numpy.typing import NDArray
 from sklearn.linear_model import RidgeClassifierCV
 from sklearn.model_selection import StratifiedKFold
@@ -26,20 +38,20 @@ from sklearn.preprocessing import StandardScaler
 from speeds import (
     FABRIC_FINEST_M,
     FOLDER,
-    SIMULATED_FINEST_M,
     Glides,
     over_distance,
     simulate,
+    SIMULATED_FINEST_M,
     waveform,
 )
 
 from tactile_classifier.archive import load_archive
 from tactile_classifier.estimators import build_estimator
 from tactile_features import (
-    SpatialWindow,
     compute_spatial,
     compute_spectrum,
     features_from_trials,
+    SpatialWindow,
 )
 
 Array = NDArray[Any]

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Simulated sessions as one stream each, with what is known of their trials."""
 
 from __future__ import annotations
@@ -12,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_trials import plan_trial
+from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.records import StrainBlock, TrialEvent
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.fast_trials import simulate_trials
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.physics.fast_trials import simulate_trials
 
 FloatArray = NDArray[np.float64]
 

@@ -1,29 +1,41 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How often and how exactly the phases of a trial are found in the tension itself."""
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Iterable, Sequence
+import os
 from pathlib import Path
+import time
 from typing import Any
 
+from measuring import measure_ratio, Report, Row
 import numpy as np
-from measuring import Report, Row, measure_ratio
 from numpy.typing import NDArray
-from phase_streams import Disturbance, Session, StatedTrial, as_blocks, simulate_session
+from phase_streams import as_blocks, Disturbance, Session, simulate_session, StatedTrial
 
-from tactile_classifier.estimators import CLASSIFIERS, DEFAULT_SCALING, build_estimator
+from tactile_classifier.estimators import build_estimator, CLASSIFIERS, DEFAULT_SCALING
 from tactile_features import (
     FeatureConfig,
     FeatureWindow,
+    find_phases,
     Outcome,
     StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
-    find_phases,
 )
 
 CONTACTS = ('flexion', 'abduction')

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How long guide and tendon of the simulated rig move on after a fault, phase by phase.
 
 Every node is a process of its own, and so is the program that commands them. The truth comes
@@ -8,12 +20,12 @@ from the simulated rig, not from the drivers.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from measuring import Report, Row
@@ -200,12 +212,12 @@ def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
 
 def _command() -> None:
     """Take requests from standard input, a line of JSON each, and say how they ended."""
-    import rclpy
     from action_msgs.msg import GoalStatus
+    import rclpy
     from rclpy.action import ActionClient
     from std_msgs.msg import Empty
-    from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
 
+    from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
     from tactile_ros.node_group import NodeGroup
     from tactile_ros.requests import send
 

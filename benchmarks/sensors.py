@@ -1,36 +1,48 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """From the sensor's bytes to published blocks: cost, loss and latency."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, ExitStack
 import multiprocessing
 import os
 import select
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from typing import Any
 
+from domain_coordinator import domain_id
+from measuring import measure_ratio, Report, Row
 import numpy as np
 import rclpy
-from domain_coordinator import domain_id
-from measuring import Report, Row, measure_ratio
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from tactile_msgs.msg import StrainBlock
 
+from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
-from tactile_sim.net_ft_box import NetFtBox
-from tactile_sim.net_ft_device import HOST, NetFtDevice
-from tendon_sensor_driver.digital_ft_protocol import RECORD_BYTES, StreamDecoder, encode_record
-from tendon_sensor_driver.line_protocol import LineDecoder, encode_reading
-from tendon_sensor_driver.net_ft_protocol import RECORD, decode_records, encode_records
+from tactile_sim.devices.net_ft_box import NetFtBox
+from tactile_sim.devices.net_ft_device import HOST, NetFtDevice
+from tendon_sensor_driver.digital_ft_protocol import encode_record, RECORD_BYTES, StreamDecoder
+from tendon_sensor_driver.line_protocol import encode_reading, LineDecoder
+from tendon_sensor_driver.net_ft_protocol import decode_records, encode_records, RECORD
 from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.stream import StrainStream
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rank-sum tests of all pairs of classes and all features, against one call a test."""
 
 from __future__ import annotations
@@ -7,8 +19,8 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
+from measuring import measure_ratio, Report, Row
 import numpy as np
-from measuring import Report, Row, measure_ratio
 from numpy.typing import NDArray
 from scipy.stats import mannwhitneyu
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulator of texture trials: speed against error, by scheme and step."""
 
 from __future__ import annotations
@@ -7,24 +19,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
 from measuring import Ratio, Report, Row
+import numpy as np
 from simulator_trials import (
-    CONTACTS,
-    PLATES,
-    FloatArray,
-    TrialSet,
     compare,
+    CONTACTS,
     draw_trials,
+    FloatArray,
     name_choice,
+    PLATES,
     remove_line,
     remove_mean,
     time_in_turns,
+    TrialSet,
 )
 
 from tactile_features import compute_spectrum
-from tactile_sim.fast_trials import STEPS_PER_SAMPLE
-from tactile_sim.steps import BDF2, EULER, Scheme
+from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE
+from tactile_sim.physics.steps import BDF2, EULER, Scheme
 
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
 REFERENCE_STEPS = 160

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulator where descriptions are extreme and steps are far too long.
 
 Run by the NumPy solver, which gives the same bytes as the compiled one, so that steps that were
@@ -8,39 +20,39 @@ cut into parts can be counted.
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+import dataclasses
 from dataclasses import dataclass, field
+import math
 from typing import Any
 from unittest.mock import patch
 
-import numpy as np
 from measuring import Report, Row
+import numpy as np
 from simulator_trials import (
-    FloatArray,
     compare,
     cut_after_window,
     draw_trials,
     find_window,
+    FloatArray,
     remove_line,
 )
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_trials import plan_trial
+from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_sim import layout as at
-from tactile_sim import numpy_solver
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.fast_trials import STEPS_PER_SAMPLE, SimulatedMotion, simulate_motion
-from tactile_sim.mechanics import compute_line
-from tactile_sim.scene import Scene
-from tactile_sim.solver import TOLERANCE_NM, advance_trials
-from tactile_sim.steps import BDF2, split_inputs
-from tactile_sim.surface import build_plate_surface
-from tactile_sim.timeline import Move, Timeline, plan_timeline
-from tactile_sim.variation import Variation
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.physics import layout as at
+from tactile_sim.physics import numpy_solver
+from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
+from tactile_sim.physics.mechanics import compute_line
+from tactile_sim.physics.scene import Scene
+from tactile_sim.physics.solver import advance_trials, TOLERANCE_NM
+from tactile_sim.physics.steps import BDF2, split_inputs
+from tactile_sim.physics.surface import build_plate_surface
+from tactile_sim.physics.timeline import Move, plan_timeline, Timeline
+from tactile_sim.physics.variation import Variation
 
 PLATE = 'R3'
 REFERENCE_STEPS = 160

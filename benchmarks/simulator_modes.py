@@ -1,23 +1,36 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The finger's equations once more, with as many curvature modes as asked for.
 
-Written apart from `tactile_sim.mechanics`, in matrices and one trial at a time, to tell what
-three modes leave out and whether both are the same equations. Without tendon friction and creep.
+Written apart from `tactile_sim.physics.mechanics`, in matrices and one trial at a time, to tell
+what three modes leave out and whether both are the same equations. Without tendon friction
+and creep.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+import math
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from tactile_sim.description import Finger
-from tactile_sim.mechanics import GRAVITY_M_S2
-from tactile_sim.surface import Surface
+from tactile_sim.descriptions.description import Finger
+from tactile_sim.physics.mechanics import GRAVITY_M_S2
+from tactile_sim.physics.surface import Surface
 
 FloatArray = NDArray[np.float64]
 Positions = Callable[[FloatArray], FloatArray]

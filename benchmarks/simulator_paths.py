@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The other ways through the simulator: readings, stiffness, NumPy, the live rig; aliasing."""
 
 from __future__ import annotations
@@ -8,27 +20,27 @@ import dataclasses
 import time
 from typing import Any
 
-import numpy as np
 from measuring import Report, Row
+import numpy as np
 from simulator_trials import (
-    CONTACTS,
-    PLATES,
-    FloatArray,
-    TrialSet,
     compare,
+    CONTACTS,
     draw_trials,
+    FloatArray,
+    PLATES,
     remove_line,
     time_best,
+    TrialSet,
 )
 
 from tactile_features import compute_regression, compute_spectrum
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.fast_trials import STEPS_PER_SAMPLE, simulate_motion, simulate_trials
-from tactile_sim.plant import Plant
-from tactile_sim.rig import STEP_S, PalpationRig
-from tactile_sim.steps import BDF2
-from tactile_sim.timeline import plan_timeline
-from tactile_sim.variation import Variation
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.physics.fast_trials import simulate_motion, simulate_trials, STEPS_PER_SAMPLE
+from tactile_sim.physics.plant import Plant
+from tactile_sim.physics.steps import BDF2
+from tactile_sim.physics.timeline import plan_timeline
+from tactile_sim.physics.variation import Variation
+from tactile_sim.rig import PalpationRig, STEP_S
 
 PLATE = 'R3'
 REFERENCE_STEPS = 160

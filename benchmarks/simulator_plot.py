@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Draw the simulator's error against its time per trial, for docs/benchmarks.md.
 
 Usage: ./tactile run python benchmarks/simulator_plot.py [--quick] [FILE]
@@ -8,21 +20,21 @@ Usage: ./tactile run python benchmarks/simulator_plot.py [--quick] [FILE]
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
+import sys
 
 import matplotlib
-import numpy as np
 from mujoco_twin import MujocoMissingError
+import numpy as np
 from simulator import BOUND_PERCENT, Choice, measure_choices
-from simulator_twin import Speed, measure_our_speeds, measure_twin_speeds
+from simulator_twin import measure_our_speeds, measure_twin_speeds, Speed
 
-from tactile_sim.fast_trials import STEPS_PER_SAMPLE
-from tactile_sim.steps import BDF2, EULER
+from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE
+from tactile_sim.physics.steps import BDF2, EULER
 
 matplotlib.use('Agg')
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+import matplotlib.pyplot as plt
 
 FILE = Path(__file__).resolve().parents[1] / 'docs' / 'images' / 'simulator_speed_error.png'
 STYLES = {

@@ -1,43 +1,55 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulator beside a chain of hinges in MuJoCo: how far apart, at which speeds."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from functools import lru_cache, partial
+import math
 
-import numpy as np
 from measuring import Report, Row
 from mujoco_twin import (
-    MujocoMissingError,
-    TwinContact,
-    TwinResult,
     compute_chain_tip,
     import_mujoco,
+    MujocoMissingError,
     simulate_twin,
+    TwinContact,
+    TwinResult,
 )
+import numpy as np
 from scipy.signal import lfilter
 from simulator_modes import ModeLine
 from simulator_trials import (
-    PLATES,
-    FloatArray,
     compare,
     cut_after_window,
     draw_trials,
+    FloatArray,
     name_choice,
+    PLATES,
     remove_mean,
     time_in_turns,
 )
 
-from tactile_sim.fast_trials import STEPS_PER_SAMPLE, simulate_motion
-from tactile_sim.motion import Motion
-from tactile_sim.scene import Scene
-from tactile_sim.sensing import low_pass_coefficients
-from tactile_sim.steps import BDF2
-from tactile_sim.timeline import Timeline, plan_timeline
-from tactile_sim.variation import Variation
+from tactile_sim.physics.fast_trials import simulate_motion, STEPS_PER_SAMPLE
+from tactile_sim.physics.motion import Motion
+from tactile_sim.physics.scene import Scene
+from tactile_sim.physics.sensing import low_pass_coefficients
+from tactile_sim.physics.steps import BDF2
+from tactile_sim.physics.timeline import plan_timeline, Timeline
+from tactile_sim.physics.variation import Variation
 
 DENSE = STEPS_PER_SAMPLE
 """Comparisons take so many values a sample: the grooves pass in whole numbers of samples, so

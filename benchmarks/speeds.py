@@ -1,17 +1,29 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Texture at a sliding speed that training never saw: accuracy, and what it rests on."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from measuring import Report, Row
+import numpy as np
 from numpy.typing import NDArray
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.ensemble import ExtraTreesClassifier
@@ -19,13 +31,13 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_trials import plan_trial
+from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.archive import load_archive
-from tactile_classifier.estimators import CLASSIFIERS, SCALINGS, build_estimator
-from tactile_features import SpatialWindow, compute_spatial_trials, compute_spectrum
-from tactile_sim.catalogue import Catalogue
-from tactile_sim.fast_trials import simulate_trials
+from tactile_classifier.estimators import build_estimator, CLASSIFIERS, SCALINGS
+from tactile_features import compute_spatial_trials, compute_spectrum, SpatialWindow
+from tactile_sim.descriptions.catalogue import Catalogue
+from tactile_sim.physics.fast_trials import simulate_trials
 
 Array = NDArray[Any]
 

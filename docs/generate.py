@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Renew the pictures and tables of the documentation: ./tactile run python docs/generate.py."""
 
 from __future__ import annotations
@@ -8,21 +20,21 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-import numpy as np
 from constants import build_tables, replace_tables
 from interfaces import build_page
+import matplotlib as mpl
+import numpy as np
 from numpy.typing import NDArray
 
-import tactile_sim
 from tactile_features import compute_regression
-from tactile_sim import layout as at
-from tactile_sim.curve import compute_curve
-from tactile_sim.fast_trials import simulate_motion
-from tactile_sim.scene import Scene, build_scene
-from tactile_sim.solver import choose_solver
-from tactile_sim.timeline import Move, Timeline
-from tactile_sim.variation import Variation
+import tactile_sim
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.curve import compute_curve
+from tactile_sim.physics.fast_trials import simulate_motion
+from tactile_sim.physics.scene import build_scene, Scene
+from tactile_sim.physics.solver import choose_solver
+from tactile_sim.physics.timeline import Move, Timeline
+from tactile_sim.physics.variation import Variation
 
 mpl.use('Agg')
 

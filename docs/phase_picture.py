@@ -1,19 +1,31 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The picture of docs/phases.md: two simulated trials with the phases found in them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 from matplotlib import pyplot as plt
+import numpy as np
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_trials import plan_trial
+from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features import FeatureConfig, find_phases
-from tactile_sim.fast_trials import simulate_trials
+from tactile_sim.physics.fast_trials import simulate_trials
 
 _TRIALS = (('stiffness', 'sponge', 'flexion'), ('texture', 'R1', 'abduction'))
 _SEED = 5

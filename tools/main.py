@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What `./tactile` does with its arguments: set up what is missing, then run the command."""
 
 from __future__ import annotations
@@ -9,7 +21,7 @@ import shutil
 import sys
 
 from testing import run_tests
-from workspace import ROOT, SetupError, Workspace, say
+from workspace import ROOT, say, SetupError, Workspace
 
 DEFAULT_DISTRO = 'jazzy'
 OURS = ('build', 'clean', 'run', 'test')

@@ -1,15 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`./tactile test`: the rules of the house, then the tests of every package."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from pathlib import Path
 import shutil
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass, field
-from pathlib import Path
 
 from workspace import ROOT, Workspace
 
@@ -65,6 +77,7 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         'ruff format': ['ruff', 'format', '--quiet', '--check', *folders],
         'mypy --strict': ['mypy', *cores],
         'import contracts': ['lint-imports', '--no-cache'],
+        'copyright': ['python', 'tools/headers.py'],
     }
     outcomes = []
     for name, command in rules.items():

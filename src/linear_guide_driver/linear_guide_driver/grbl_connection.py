@@ -1,14 +1,26 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The conversation with one Grbl controller: lines and answers, status polling, stops, faults."""
 
 from __future__ import annotations
 
-import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+import threading
+import time
 
 from linear_guide_driver import grbl_protocol as grbl
 from linear_guide_driver.errors import (
@@ -17,7 +29,7 @@ from linear_guide_driver.errors import (
     MotionFailedError,
     MotionStoppedError,
 )
-from linear_guide_driver.serial_link import TICK_S, SerialLink
+from linear_guide_driver.serial_link import SerialLink, TICK_S
 
 GREETING_S = 0.3
 """A controller that was not reset by opening its port answers ``?`` well within this."""
@@ -200,9 +212,8 @@ class GrblConnection:
         try:
             for line in lines:
                 size = len(line)
-                wait(  # type: ignore[misc]
-                    lambda size=size: self._unanswered_bytes + size <= RECEIVE_BYTES
-                )
+                room = RECEIVE_BYTES - len(line)
+                wait(lambda room=room: self._unanswered_bytes <= room)  # type: ignore[misc]
                 with self._changed:
                     self._unanswered.append(line)
                 self._link.write(line)

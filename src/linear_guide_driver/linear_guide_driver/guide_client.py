@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The linear guide: moves a Grbl 1.1 controller's X axis and knows when it is at rest.
 
 Grbl keeps no watch over the line and forgets its position when it is reset while
@@ -10,9 +22,9 @@ happens to the controller makes the position unknown until the guide has been ho
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import logging
 import time
-from collections.abc import Callable
 from typing import NoReturn
 
 from linear_guide_driver import grbl_protocol as grbl

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The linear guide as a ROS 2 node: actions to home and to move, a service to stop."""
 
 from __future__ import annotations
@@ -11,8 +23,6 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
-from tactile_msgs.action import HomeGuide, MoveGuide
-from tactile_msgs.msg import StrainBlock
 
 from linear_guide_driver.conversions import joint_state_to_msg
 from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
@@ -20,7 +30,9 @@ from linear_guide_driver.guide_client import LinearGuideClient
 from linear_guide_driver.needs import Needs
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.throttle import Throttle
-from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
+from tactile_msgs.action import HomeGuide, MoveGuide
+from tactile_msgs.msg import StrainBlock
+from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode

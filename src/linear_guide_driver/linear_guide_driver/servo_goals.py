@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The goals of the tendon's servo: each one numbered, so that a later one ends an earlier.
 
 The servo's bus watchdog stops it when nothing is heard for a while, so a dead
@@ -21,7 +33,7 @@ from linear_guide_driver.errors import (
     MotionStoppedError,
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
-from linear_guide_driver.servo_monitor import ServoMonitor, describe_watchdog
+from linear_guide_driver.servo_monitor import describe_watchdog, ServoMonitor
 from linear_guide_driver.tendon_setup import arm_watchdog, set_up_servo
 
 POLL_WAIT_S = 1.0

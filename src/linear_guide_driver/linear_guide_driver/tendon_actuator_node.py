@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The tendon actuator as a ROS 2 node: actions to pull and to home, guarded by the tension."""
 
 from __future__ import annotations
@@ -11,8 +23,6 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
-from tactile_msgs.action import HomeTendon, PullTendon
-from tactile_msgs.msg import StrainBlock
 
 from linear_guide_driver.conversions import joint_state_to_msg
 from linear_guide_driver.errors import (
@@ -25,7 +35,9 @@ from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.tendon_client import TendonActuatorClient
 from linear_guide_driver.tension_guard import TensionGuard, Verdict
 from linear_guide_driver.throttle import Throttle
-from tactile_ros.diagnostics import ERROR, OK, WARN, Diagnostics, Health
+from tactile_msgs.action import HomeTendon, PullTendon
+from tactile_msgs.msg import StrainBlock
+from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode

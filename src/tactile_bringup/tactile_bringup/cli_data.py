@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Arguments and help of the commands on recordings; the work is in `tactile_bringup.commands`.
 
 Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
@@ -16,10 +28,10 @@ from tactile_bringup.cli_options import (
     Contact,
     JsonOption,
     Protocol,
+    refusals,
     Scaling,
     SeedOption,
     SimulatedProtocol,
-    refusals,
 )
 
 
@@ -81,7 +93,7 @@ def simulate(
     slip features yet. Their bag says when each object truly began to slip.
     """
     with refusals():
-        from tactile_bringup.commands.simulate import SimulateRequest, run_simulate
+        from tactile_bringup.commands.simulate import run_simulate, SimulateRequest
 
         complete = run_simulate(
             SimulateRequest(
@@ -164,7 +176,7 @@ def train(
     files of an earlier training without --force.
     """
     with refusals():
-        from tactile_bringup.commands.train import TrainRequest, run_train
+        from tactile_bringup.commands.train import run_train, TrainRequest
 
         run_train(
             bags,

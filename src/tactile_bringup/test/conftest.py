@@ -1,15 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A small recording, made once a test run, and a ROS context for node tests."""
 
-import pytest
 from domain_coordinator import domain_id
+import pytest
 
-from tactile_bringup.bags import BagWriter, RecordedTopic, TactileBag
-from tactile_bringup.graph_runner import ros_context
+from tactile_bringup.nodes.graph_runner import ros_context
+from tactile_bringup.recording.bags import BagWriter, RecordedTopic, TactileBag
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_bags import write_simulated_bag
-from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_bringup.simulation.simulated_bags import write_simulated_bag
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_features.records import FeatureConfig
 
 
@@ -50,8 +62,8 @@ def stiffness_bag(tmp_path_factory):
 def trained(stiffness_bag, tmp_path_factory):
     """Return a folder with a model that was trained on the small recording."""
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    from tactile_bringup.bag_tables import read_tables
-    from tactile_bringup.model_folder import model_path
+    from tactile_bringup.datasets.bag_tables import read_tables
+    from tactile_bringup.wiring.model_folder import model_path
     from tactile_classifier.model_file import write_model
     from tactile_classifier.training import train
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Labelled-trials archives: raw signals of many trials in one NumPy ``.npz`` file.
 
 ``x`` (trials, channels, samples), ``label`` (trials,), ``rate_hz`` () and any number
@@ -8,12 +20,12 @@ of further columns (trials,) to select, group or hold out by. No pickled objects
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import dataclasses
 import math
-import zipfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any, IO
+import zipfile
 
 import numpy as np
 import numpy.typing as npt

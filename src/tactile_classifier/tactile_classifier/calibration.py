@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Scores and novelties of trials that were held out, and what follows from them.
 
 Trials of one session share a mounting, so a session is held out as a whole wherever
@@ -8,8 +20,8 @@ the table has two or more of them.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+import dataclasses
 
 import numpy as np
 import numpy.typing as npt
@@ -19,12 +31,12 @@ from sklearn.model_selection import StratifiedKFold
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators import (
-    RANDOM_STATE,
-    SCORE_KINDS,
     build_estimator,
     compute_raw_scores,
+    RANDOM_STATE,
+    SCORE_KINDS,
 )
-from tactile_classifier.novelty import NoveltyMeasure, choose_metric, compute_threshold
+from tactile_classifier.novelty import choose_metric, compute_threshold, NoveltyMeasure
 from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6

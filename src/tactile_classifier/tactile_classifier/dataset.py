@@ -1,13 +1,25 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tables of features with labels: what training and evaluation work on."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +30,7 @@ from tactile_classifier.errors import DatasetError
 from tactile_classifier.records import TASKS
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import features_from_trials
-from tactile_features.spatial import SpatialWindow, compute_spatial_trials
+from tactile_features.spatial import compute_spatial_trials, SpatialWindow
 from tactile_features.spec import FeatureSpec, spatial_spec
 
 

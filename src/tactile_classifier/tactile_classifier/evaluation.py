@@ -1,27 +1,39 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Cross-validated accuracy: repeated stratified folds, or groups held out in turn."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
+import dataclasses
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.estimators import CLASSIFIERS, RANDOM_STATE, SCALINGS, build_estimator
-from tactile_classifier.intervals import Interval, accuracy_interval
+from tactile_classifier.estimators import build_estimator, CLASSIFIERS, RANDOM_STATE, SCALINGS
+from tactile_classifier.intervals import accuracy_interval, Interval
 from tactile_classifier.neighbours import predict_neighbours
-from tactile_classifier.plans import Task, run_plans
+from tactile_classifier.plans import run_plans, Task
 from tactile_classifier.splits import (
-    FOLDS,
-    REPETITIONS,
     Fold,
-    Split,
+    FOLDS,
     grouped_split,
+    REPETITIONS,
+    Split,
     stratified_split,
 )
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whether it helps to keep only the features with the lowest mean rank-sum p (section IV).
 
 The ranking and the number of features kept are chosen on the training trials of each fold
@@ -8,8 +20,8 @@ alone: chosen on all trials, they would have seen those of the test.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -18,7 +30,7 @@ import numpy.typing as npt
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import CLASSIFIERS, RANDOM_STATE, SCALINGS
 from tactile_classifier.evaluation import predict_folds
-from tactile_classifier.intervals import Interval, difference_interval
+from tactile_classifier.intervals import difference_interval, Interval
 from tactile_classifier.plans import Task
 from tactile_classifier.significance import rank_features
 from tactile_classifier.splits import Fold, Split

@@ -1,14 +1,26 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A model file in use: checked when loaded, then one answer a window."""
 
 from __future__ import annotations
 
-import hashlib
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+import hashlib
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.manifest import WHOLE, Manifest
+from tactile_classifier.manifest import Manifest, WHOLE
 from tactile_classifier.onnx_container import check_seal, open_container
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_features.records import FeatureWindow

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The ONNX file as a sealed container of a graph and a manifest.
 
 Only what must be known before the file is handed to a runtime is read here, from
@@ -12,8 +24,8 @@ damaged file from a whole one; it is no signature.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
+import hashlib
 
 from tactile_classifier.errors import ModelFileError
 

@@ -1,11 +1,23 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How well a model knows what it does not know: each label left out in turn."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,10 +35,10 @@ from tactile_classifier.calibration import (
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators import (
-    DEFAULT_SCALING,
-    SCORE_KINDS,
     build_estimator,
     compute_raw_scores,
+    DEFAULT_SCALING,
+    SCORE_KINDS,
 )
 
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the classifier says of a window, and the node's parameters, free of ROS.
 
 The constants repeat those of Classification.msg; a test keeps them equal.
@@ -14,12 +26,12 @@ from typing import Any
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
+    FeatureConfig,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
     SET_STIFFNESS_REGRESSION,
     SET_TEXTURE_SPATIAL,
     SET_TEXTURE_SPECTRUM,
-    FeatureConfig,
 )
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')

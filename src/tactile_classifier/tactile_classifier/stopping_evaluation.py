@@ -1,11 +1,23 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How well running answers do: accuracy against seconds seen, and the stopping rule's errors."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -14,7 +26,7 @@ import numpy.typing as npt
 from tactile_classifier.calibration import calibrate_part, deal
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.estimators import DEFAULT_SCALING, build_estimator, compute_raw_scores
+from tactile_classifier.estimators import build_estimator, compute_raw_scores, DEFAULT_SCALING
 from tactile_classifier.stopping import find_first_stop, fit_stop_threshold
 
 Matrix = npt.NDArray[np.float64]

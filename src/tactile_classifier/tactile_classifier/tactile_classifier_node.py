@@ -1,13 +1,23 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The node around `TactileModel`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
-
-from tactile_msgs.msg import Classification, TactileFeatures
 
 from tactile_classifier.conversions import classification_to_msg
 from tactile_classifier.errors import ModelFileError
@@ -16,7 +26,8 @@ from tactile_classifier.records import ClassifierConfig
 from tactile_classifier.vision import vision_class, vision_from_msg
 from tactile_features.conversions import feature_window_from_msg
 from tactile_features.spec import spec_for
-from tactile_ros.diagnostics import OK, Diagnostics, Health
+from tactile_msgs.msg import Classification, TactileFeatures
+from tactile_ros.diagnostics import Diagnostics, Health, OK
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import RESULTS

@@ -1,27 +1,39 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Fitting a classifier to a table of features, with the manifest of its model file."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import dataclasses
 import datetime
 import importlib.metadata
-import platform
-from collections.abc import Mapping
 from itertools import zip_longest
+import platform
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
-from tactile_classifier.calibration import CalibratedPart, Calibration, calibrate_part, deal
+from tactile_classifier.calibration import calibrate_part, CalibratedPart, Calibration, deal
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators import DEFAULT_SCALING, SCORE_KINDS, build_estimator
+from tactile_classifier.estimators import build_estimator, DEFAULT_SCALING, SCORE_KINDS
 from tactile_classifier.evaluation import Score
-from tactile_classifier.manifest import WHOLE, Manifest, Part
+from tactile_classifier.manifest import Manifest, Part, WHOLE
 from tactile_classifier.novelty import NoveltyMeasure
 from tactile_classifier.records import PROBABILITY
 from tactile_classifier.stopping import fit_stop_threshold

@@ -1,9 +1,21 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Cuts the tension stream into windows and computes texture and stiffness features."""
 
 from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.extractor import TrialFeatureExtractor, features_from_trials
+from tactile_features.extractor import features_from_trials, TrialFeatureExtractor
 from tactile_features.records import (
     FeatureConfig,
     FeatureWindow,
@@ -13,8 +25,8 @@ from tactile_features.records import (
 )
 from tactile_features.regression import compute_regression
 from tactile_features.signal_phases import find_phases
-from tactile_features.sliding import SlidingSpectrum, sliding_spectrum
-from tactile_features.spatial import SpatialWindow, compute_spatial, compute_spatial_trials
+from tactile_features.sliding import sliding_spectrum, SlidingSpectrum
+from tactile_features.spatial import compute_spatial, compute_spatial_trials, SpatialWindow
 from tactile_features.spec import FeatureSpec, spec_for
 from tactile_features.spectrum import compile_spectrum, compute_spectrum
 

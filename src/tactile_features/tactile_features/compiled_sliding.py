@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The sliding sums, compiled: the same operations in the same order as in `sliding`.
 
 Bins go in groups of known width that stand in one array, so that the compiler proves them
@@ -9,10 +21,10 @@ independent and takes them side by side. Nothing is contracted to fused operatio
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
-import numpy as np
 from numba import njit
+import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The transform of `spectrum_transform`, compiled for windows of one length.
 
 Sixteen windows go side by side. Their rows stand in one array at places that the compiler
@@ -9,13 +21,13 @@ is compiled for itself. Contraction to fused operations stays off: the bits are 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
+import math
 from typing import Any
 
-import numpy as np
 from numba import njit
+import numpy as np
 from numpy.typing import NDArray
 
 from tactile_features import spectrum_transform

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Messages to records and back.
 
 ``*_from_msg`` read fields by name alone, so that they take rclpy's messages and
@@ -52,6 +64,7 @@ def event_to_msg(event: TrialEvent) -> Any:
     """Return the ``tactile_msgs/TrialEvent`` of a record."""
     from builtin_interfaces.msg import Time
     from std_msgs.msg import Header
+
     from tactile_msgs.msg import TrialEvent as TrialEventMsg
 
     fields = dataclasses.asdict(event)
@@ -97,6 +110,7 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
     """Return the ``tactile_msgs/TactileFeatures`` of a record."""
     from builtin_interfaces.msg import Time
     from std_msgs.msg import Header
+
     from tactile_msgs.msg import Measure as MeasureMsg
     from tactile_msgs.msg import TactileFeatures
 
@@ -139,6 +153,7 @@ def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
     """Return the ``tactile_msgs/Slip`` of a record."""
     from builtin_interfaces.msg import Time
     from std_msgs.msg import Header
+
     from tactile_msgs.msg import Slip as SlipMsg
 
     return SlipMsg(

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Samples and trial events in, windows of features out.
 
 The one implementation behind the live node, the replay of bags and training.
@@ -15,22 +27,22 @@ from numpy.typing import ArrayLike, NDArray
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.phase_window import PhaseWindow
 from tactile_features.records import (
+    FeatureConfig,
+    FeatureWindow,
+    Outcome,
     PHASE_ABORTED,
     PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
     PHASES_STATED,
     PROTOCOL_TEXTURE,
-    FeatureConfig,
-    FeatureWindow,
-    Outcome,
     StrainBlock,
     TrialEvent,
 )
 from tactile_features.regression import compute_regression
-from tactile_features.running_window import RunningWindow, compute_running_spectrum
+from tactile_features.running_window import compute_running_spectrum, RunningWindow
 from tactile_features.signal_phases import SignalPhases
-from tactile_features.spec import FeatureSpec, array_spec
+from tactile_features.spec import array_spec, FeatureSpec
 from tactile_features.spectrum import compute_spectrum
 from tactile_features.windows import SampleBuffer
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Physical quantities of a window, each with its uncertainty or the reason why there is none.
 
 See docs/measures.md for what each means, and how far it may be trusted.
@@ -7,8 +19,8 @@ See docs/measures.md for what each means, and how far it may be trusted.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +28,10 @@ from numpy.typing import NDArray
 from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures_pitch import find_ripple
 from tactile_features.measures_press import (
-    Press,
-    Value,
     measure_press,
     measure_relaxation,
+    Press,
+    Value,
 )
 from tactile_features.records import Measure
 from tactile_features.windows import Samples

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The window that belongs to one finished phase: its samples, their fitness, its features."""
 
 from __future__ import annotations
@@ -13,6 +25,10 @@ from numpy.typing import NDArray
 from tactile_features.errors import FeatureError
 from tactile_features.measures import measure_glide, measure_hold
 from tactile_features.records import (
+    FeatureConfig,
+    FeatureWindow,
+    Measure,
+    Outcome,
     PHASE_ABORTED,
     PHASE_CONTACT,
     PHASE_GLIDE,
@@ -20,10 +36,6 @@ from tactile_features.records import (
     STATUS_DEVICE_ERROR,
     STATUS_SATURATED,
     STATUS_STUCK,
-    FeatureConfig,
-    FeatureWindow,
-    Measure,
-    Outcome,
     TrialEvent,
 )
 from tactile_features.regression import compute_regression

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The phases of a trial found in the tension itself, where nobody states them.
 
     rest ── rise ──▶ held ──────────────▶ fall ── flat ──▶ rest
@@ -18,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.errors import FeatureError
 from tactile_features.records import (
+    FeatureConfig,
     PHASE_ABORTED,
     PHASE_CONTACT,
     PHASE_DONE,
@@ -27,7 +40,6 @@ from tactile_features.records import (
     PHASES_STATED,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
-    FeatureConfig,
     TrialEvent,
 )
 from tactile_features.signal_changes import (

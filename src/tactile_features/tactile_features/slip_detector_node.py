@@ -1,16 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The node around `SlipDetector`."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
-
 from tactile_features.conversions import event_from_msg, slip_to_msg, strain_block_from_msg
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_features.slip import SlipConfig, SlipDetector
+from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM

@@ -1,24 +1,36 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a vector of features is: the one description that node and model file compare."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Mapping
+import dataclasses
 from dataclasses import dataclass, field
+import math
 from types import MappingProxyType
 from typing import Any
 
 from tactile_features.errors import FeatureError
 from tactile_features.records import (
+    FeatureConfig,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
     SET_STIFFNESS_REGRESSION,
     SET_TEXTURE_SPATIAL,
     SET_TEXTURE_SPECTRUM,
-    FeatureConfig,
 )
 from tactile_features.regression import REGRESSION_NAMES, REGRESSION_UNITS
 from tactile_features.spatial import SpatialWindow

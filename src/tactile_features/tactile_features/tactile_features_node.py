@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The node around `TrialFeatureExtractor`."""
 
 from __future__ import annotations
@@ -8,8 +20,6 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
-
 from tactile_features.conversions import (
     event_from_msg,
     event_to_msg,
@@ -17,9 +27,10 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.extractor import TrialFeatureExtractor
-from tactile_features.records import PHASE_ABORTED, FeatureConfig, FeatureWindow, Outcome
+from tactile_features.records import FeatureConfig, FeatureWindow, Outcome, PHASE_ABORTED
 from tactile_features.records import StrainBlock as StrainRecord
-from tactile_ros.diagnostics import OK, WARN, Diagnostics, Health
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM

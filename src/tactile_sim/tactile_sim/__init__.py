@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The palpation rig as physics, and simulated devices that speak the real wire protocols."""
 
 from __future__ import annotations
@@ -8,18 +20,18 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    'Catalogue': 'catalogue',
+    'Catalogue': 'descriptions.catalogue',
     'ConvergenceError': 'errors',
     'DescriptionError': 'errors',
-    'Move': 'timeline',
+    'Move': 'physics.timeline',
     'RigError': 'errors',
     'SimulatedRig': 'rig_process',
-    'SimulatedTrials': 'fast_trials',
+    'SimulatedTrials': 'physics.fast_trials',
     'TactileSimError': 'errors',
-    'Timeline': 'timeline',
-    'list_objects': 'catalogue',
-    'move_duration_s': 'motion',
-    'simulate_trials': 'fast_trials',
+    'Timeline': 'physics.timeline',
+    'list_objects': 'descriptions.catalogue',
+    'move_duration_s': 'physics.motion',
+    'simulate_trials': 'physics.fast_trials',
 }
 
 __all__ = sorted(_HOMES)

@@ -1,20 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Serves the rig's devices on pseudo-terminals, in real time, from one thread."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 import select
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import TypeVar
 
-from tactile_sim.faults import FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
-from tactile_sim.pty_port import PtyPort
-from tactile_sim.rig import STEP_S, PalpationRig
+from tactile_sim.devices.faults import FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
+from tactile_sim.devices.pty_port import PtyPort
+from tactile_sim.rig import PalpationRig, STEP_S
 
 _CHUNK_S = 0.02
 _MOST_BEHIND_S = 0.5

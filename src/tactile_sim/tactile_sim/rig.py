@@ -1,19 +1,31 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The palpation rig: three devices around one physical state."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from tactile_sim.catalogue import Catalogue, default_catalogue
-from tactile_sim.dynamixel_device import DynamixelDevice
+from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
+from tactile_sim.devices.dynamixel_device import DynamixelDevice
+from tactile_sim.devices.grbl_device import GrblDevice
+from tactile_sim.devices.load_cell_device import LoadCellDevice
 from tactile_sim.errors import RigError
-from tactile_sim.grbl_device import GrblDevice
-from tactile_sim.load_cell_device import LoadCellDevice
-from tactile_sim.plant import Plant
-from tactile_sim.scene import build_scene
-from tactile_sim.variation import Variation, draw_variation, make_generator
+from tactile_sim.physics.plant import Plant
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.variation import draw_variation, make_generator, Variation
 
 STEP_S = 1e-3
 _SLACK_M = 1e-3  # homing shifts the zero by some 0.6 mm

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Starts the simulated rig as a process of its own and talks to it."""
 
 from __future__ import annotations
@@ -7,13 +19,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from pathlib import Path
 import select
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -121,7 +133,7 @@ class SimulatedRig:
     def fault(
         self, device: str, kind: str, duration_s: float | None = None, **options: float
     ) -> None:
-        """Begin a fault of a device; `tactile_sim.faults.KINDS` has all with their options.
+        """Begin a fault of a device; `tactile_sim.devices.faults.KINDS` has all, with options.
 
         Parameters
         ----------

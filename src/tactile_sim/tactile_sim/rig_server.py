@@ -1,24 +1,36 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulated rig as a program: three ptys, and a line of JSON for the experimenter's hand."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 import json
 import math
 import os
+from pathlib import Path
 import select
 import signal
 import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-from tactile_sim.catalogue import Catalogue
+from tactile_sim.descriptions.catalogue import Catalogue
+from tactile_sim.devices.faults import FaultRequest
 from tactile_sim.errors import RigError, TactileSimError
-from tactile_sim.faults import FaultRequest
 from tactile_sim.pty_server import PtyServer
 from tactile_sim.rig import PalpationRig
 
@@ -34,7 +46,8 @@ def main() -> int:
 
     Prints the ports as one line of JSON when ready. Understands, one line of JSON each:
     ``{"mount": {"protocol": ..., "object": ..., "contact": ...}}``, ``{"state": true}`` and
-    ``{"fault": {"device": ..., "kind": ..., "duration_s": ...}}``, see `tactile_sim.faults`.
+    ``{"fault": {"device": ..., "kind": ..., "duration_s": ...}}``, see
+    `tactile_sim.devices.faults`.
     """
     parser = argparse.ArgumentParser(
         prog='tactile_sim_rig', description='Serve a simulated palpation rig on pseudo-terminals.'

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Hard cases of the simulator: each says what it checks, a value and the bound on it."""
 
 import dataclasses
@@ -7,12 +19,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scenery import CONTACT_GUIDE_M, change, free_scene, object_scene, plate_scene, ramp, run
+from scenery import change, CONTACT_GUIDE_M, free_scene, object_scene, plate_scene, ramp, run
 
-from tactile_sim import layout as at
-from tactile_sim.description import Body, Branch, Plate
-from tactile_sim.scene import build_scene
-from tactile_sim.surface import build_plate_surface
+from tactile_sim.descriptions.description import Body, Branch, Plate
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.surface import build_plate_surface
 
 STEP_S = 1 / 600
 FINER = 40

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Scenes with changed descriptions, and short runs of them with any step."""
 
 import dataclasses
@@ -7,12 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_sim import layout as at
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.scene import Scene, build_scene
-from tactile_sim.solver import TOLERANCE_NM, advance_trials
-from tactile_sim.steps import BDF2
-from tactile_sim.variation import Variation, draw_variation
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import build_scene, Scene
+from tactile_sim.physics.solver import advance_trials, TOLERANCE_NM
+from tactile_sim.physics.steps import BDF2
+from tactile_sim.physics.variation import draw_variation, Variation
 
 CONTACT_GUIDE_M = 0.060
 PULL_M = {'flexion': 0.0054, 'abduction': 0.0075}

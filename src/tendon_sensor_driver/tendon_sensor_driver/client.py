@@ -1,20 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The sensor as a client sees it: open it and take the blocks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import queue
 import threading
-from collections.abc import Callable
 from typing import NamedTuple
 
-from tendon_sensor_driver.client_base import FIRST_DELAY_S, JOIN_TIMEOUT_S, BlockClient
+from tendon_sensor_driver.client_base import BlockClient, FIRST_DELAY_S, JOIN_TIMEOUT_S
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.line_protocol import LineDecoder
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 from tendon_sensor_driver.stream import StrainStream
-from tendon_sensor_driver.transport import SerialTransport, find_serial_number
+from tendon_sensor_driver.transport import find_serial_number, SerialTransport
 
 LONGEST_DELAY_S = 1.0
 _BURST_READINGS = 3

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The serial line of an ATI Digital F/T: questions and answers, then the stream."""
 
 from __future__ import annotations
@@ -16,6 +28,8 @@ from tendon_sensor_driver.digital_ft_protocol import (
     CALIBRATION_REGISTER,
     CALIBRATION_REGISTERS,
     CALIBRATION_STEP,
+    decode_calibration,
+    DigitalCalibration,
     GAINS_REGISTER,
     GAUGE_REGISTERS,
     JAM,
@@ -25,19 +39,17 @@ from tendon_sensor_driver.digital_ft_protocol import (
     START_STREAM,
     STATUS_REGISTER,
     UNLOCK_DATA,
-    DigitalCalibration,
-    decode_calibration,
 )
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.modbus import (
-    MOST_REGISTERS,
-    ModbusError,
     decode_frame,
     decode_read,
     decode_write,
     encode_frame,
     encode_read,
     encode_write,
+    ModbusError,
+    MOST_REGISTERS,
 )
 
 READ_TIMEOUT_S = 0.25

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The straight line under "arrival minus device time": offset and drift of two clocks.
 
 A sample arrives some delay after it was taken. Most delays are short, some are long (a busy
@@ -11,9 +23,9 @@ Towsley, "Estimation and removal of clock skew from network delay measurements",
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from itertools import pairwise
+import math
 
 SECOND_NS = 1_000_000_000
 STEP_NS = SECOND_NS

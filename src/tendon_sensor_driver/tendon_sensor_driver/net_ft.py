@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The ATI Net F/T as a client sees it: open it and take the blocks."""
 
 from __future__ import annotations
@@ -11,7 +23,7 @@ from tendon_sensor_driver.ati_stream import CountedStream
 from tendon_sensor_driver.client_base import LinkClient
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.net_ft_links import LinkCounts, NetFtLink, open_link
-from tendon_sensor_driver.net_ft_protocol import MOST_RECORDS, compute_rate_hz, describe_status
+from tendon_sensor_driver.net_ft_protocol import compute_rate_hz, describe_status, MOST_RECORDS
 from tendon_sensor_driver.net_ft_web import BoxConfiguration, BoxWeb
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Two ways to receive the records of a Net F/T: through pynetft, or in whole arrays.
 
 pynetft turns each record into Python objects, which costs 19 µs a sample (measured: 14 % of
@@ -9,26 +21,26 @@ the rates up to `PYNETFT_MOST_HZ`, and NumPy over a socket of our own those abov
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import contextlib
 import select
 import socket
 import time
-from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import pynetft
 from numpy.typing import NDArray
+import pynetft
 
 from tendon_sensor_driver.ati_counter import Batch
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.net_ft_protocol import (
-    MOST_RECORDS,
-    RECORD_BYTES,
-    Command,
     classify_status,
+    Command,
     decode_records,
     encode_request,
+    MOST_RECORDS,
+    RECORD_BYTES,
 )
 from tendon_sensor_driver.net_ft_web import BoxConfiguration
 

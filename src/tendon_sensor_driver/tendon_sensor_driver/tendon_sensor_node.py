@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The sensor as a ROS node."""
 
 from __future__ import annotations
@@ -12,22 +24,22 @@ from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
-from tactile_msgs.msg import StrainBlock, Tare
 
+from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros import diagnostics
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tendon_sensor_driver import tare
 from tendon_sensor_driver.conversions import (
-    LEVEL_OK,
     assess_health,
+    LEVEL_OK,
     to_strain_msg,
     to_tare_msg,
     to_values,
     to_wrench_msg,
 )
 from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.sensors import SensorClient, make_sensor
+from tendon_sensor_driver.sensors import make_sensor, SensorClient
 
 WATCH_PERIOD_S = 0.1
 _NEWS_PERIODS = 10  # what was counted in the last second is news

@@ -1,16 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import threading
 
-import pytest
 from background import wait_until
 from diagnostic_msgs.msg import DiagnosticArray
+import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
-from tactile_msgs.action import HomeGuide, MoveGuide
-from tactile_msgs.msg import StrainBlock
 
 from linear_guide_driver.linear_guide_node import LinearGuideNode
+from tactile_msgs.action import HomeGuide, MoveGuide
+from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
 
 

@@ -1,24 +1,36 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from itertools import pairwise
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+import pytest
 
 from linear_guide_driver import grbl_protocol as grbl
-from linear_guide_driver.grbl_codes import STATES, describe_alarm, describe_error
+from linear_guide_driver.grbl_codes import describe_alarm, describe_error, STATES
 from linear_guide_driver.grbl_protocol import (
-    MAX_LINE_BYTES,
     Alarm,
     Banner,
+    encode_event,
     Error,
     GrblDecoder,
+    MAX_LINE_BYTES,
     Message,
     Ok,
     Setting,
     StatusReport,
-    encode_event,
 )
 
 coordinates = st.integers(-999_999, 999_999).map(lambda n: n / 1000)

@@ -1,12 +1,24 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile check`: exercise each device and say what it found."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,10 +28,15 @@ from rich.table import Table
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bringup.commands.output import Output
-from tactile_bringup.commands.rig import PortArguments, open_ports
-from tactile_bringup.device_checks import CheckReport, check_guide, check_sensor, check_tendon
+from tactile_bringup.commands.rig import open_ports, PortArguments
+from tactile_bringup.devices.device_checks import (
+    check_guide,
+    check_sensor,
+    check_tendon,
+    CheckReport,
+)
 from tactile_bringup.errors import BringupError
-from tactile_bringup.parameter_files import read_parameters
+from tactile_bringup.wiring.parameter_files import read_parameters
 from tendon_sensor_driver.records import TendonSensorConfig
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}

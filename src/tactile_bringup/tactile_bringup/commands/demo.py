@@ -1,38 +1,50 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile demo`: the whole chain on the simulated rig."""
 
 from __future__ import annotations
 
-import json
-import time
 from collections.abc import Sequence
+import json
 from pathlib import Path
+import time
 from typing import Any
 
-import numpy as np
 from domain_coordinator import domain_id
+import numpy as np
 
-from tactile_bringup.bags import TactileBag
 from tactile_bringup.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_bringup.commands.output import Output
-from tactile_bringup.commands.replay import ReplayReport, print_report, replay_and_compare
+from tactile_bringup.commands.replay import print_report, replay_and_compare, ReplayReport
 from tactile_bringup.commands.simulate import make_bags
 from tactile_bringup.commands.train import (
-    TrainedModel,
-    TrainRequest,
     read_with_progress,
     train_models,
+    TrainedModel,
+    TrainRequest,
 )
+from tactile_bringup.datasets.traces import read_trace
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import Ports
 from tactile_bringup.plots import plot_spectra, plot_strain
-from tactile_bringup.replay import recorded_results
-from tactile_bringup.simulated_bags import paper_plans
-from tactile_bringup.traces import read_trace
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import recorded_results
+from tactile_bringup.simulation.simulated_bags import paper_plans
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.dataset import FeatureTable
-from tactile_sim.catalogue import list_objects
+from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
 
 MATCH_TIMEOUT_S = 10.0

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile evaluate`: cross-validated accuracy on archives and bags, and the report."""
 
 from __future__ import annotations
@@ -12,17 +24,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.commands.output import Output
+from tactile_bringup.datasets.bag_tables import read_tables
+from tactile_bringup.datasets.tables import accuracy_caption, accuracy_table
 from tactile_bringup.errors import BringupError
-from tactile_bringup.report.analysis import SetResult, analyse
+from tactile_bringup.report.analysis import analyse, SetResult
 from tactile_bringup.report.build import report_path, write_report
-from tactile_bringup.report.recordings import RecordingSet, array_examples, bag_sets
+from tactile_bringup.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_set
-from tactile_bringup.tables import accuracy_caption, accuracy_table
 from tactile_classifier.archive import LabelledTrials, load_archive
 from tactile_classifier.dataset import FeatureTable, table_from_trials, table_over_distance
-from tactile_classifier.evaluation import Evaluation, evaluate
+from tactile_classifier.evaluation import evaluate, Evaluation
 from tactile_features.errors import FeatureError
 from tactile_features.records import PROTOCOL_TEXTURE
 from tactile_features.spatial import SpatialWindow

@@ -1,30 +1,42 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Trials run one after the other on a rig, recorded, and classified where models are at hand."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+import time
 from typing import Any
 
-from tactile_bringup.audit import Audit
 from tactile_bringup.commands.output import Output
 from tactile_bringup.commands.replay import print_audits
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import (
-    Ports,
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.recording.audit import Audit
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import (
     classifier_name,
     feature_parameters_of,
+    Ports,
     recorder_node,
     rig_graph,
 )
-from tactile_bringup.graph_runner import ros_context, running_graph
-from tactile_bringup.model_folder import find_models
-from tactile_bringup.operator_node import OperatorNode
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.model_folder import find_models
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_sim.rig_process import SimulatedRig
 

@@ -1,15 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile repair`: a closed copy of a bag whose recorder was killed."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from tactile_bringup.audit import audit_bag, summarise_audits
-from tactile_bringup.bag_repair import repair_bag
 from tactile_bringup.commands.output import Output
 from tactile_bringup.commands.replay import print_audits
+from tactile_bringup.recording.audit import audit_bag, summarise_audits
+from tactile_bringup.recording.bag_repair import repair_bag
 
 
 def run_repair(source: Path, target: Path, *, as_json: bool) -> bool:

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile replay`: a recording run again and compared with itself."""
 
 from __future__ import annotations
@@ -11,22 +23,22 @@ from typing import Any
 
 from domain_coordinator import domain_id
 
-from tactile_bringup.audit import Audit, audit_open_bag, summarise_audits
-from tactile_bringup.bags import TactileBag
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph_runner import ros_context
-from tactile_bringup.model_folder import find_models
-from tactile_bringup.replay import (
-    Comparison,
-    TactileResults,
+from tactile_bringup.nodes.graph_runner import ros_context
+from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_bringup.recording.audit import Audit, audit_open_bag, summarise_audits
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import (
     compare,
+    Comparison,
     load_models,
     recorded_config,
     recorded_results,
     replay_through_core,
+    TactileResults,
 )
-from tactile_bringup.replay_nodes import replay_through_nodes
+from tactile_bringup.wiring.model_folder import find_models
 from tactile_features.records import FeatureConfig
 
 

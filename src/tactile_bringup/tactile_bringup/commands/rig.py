@@ -1,30 +1,42 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile rig`: all nodes of the rig in one process."""
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+import signal
+import threading
 from typing import Any
 
 from tactile_bringup.commands.output import Output
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import (
-    RIG_NODES,
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
+from tactile_bringup.wiring.graph import (
+    feature_parameters_of,
     NodeDescription,
     Ports,
-    feature_parameters_of,
     recorder_node,
     rig_graph,
+    RIG_NODES,
 )
-from tactile_bringup.graph_runner import ros_context, running_graph
-from tactile_bringup.model_folder import find_models
-from tactile_bringup.parameter_files import read_parameters
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.wiring.parameter_files import read_parameters
 from tactile_ros.node_group import ignore_signals
 from tactile_sim.rig_process import SimulatedRig
 

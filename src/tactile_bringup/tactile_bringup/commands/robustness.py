@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile robustness`: how good sensor and rig must be, on simulated trials."""
 
 from __future__ import annotations
@@ -10,9 +22,9 @@ from tactile_bringup.commands.output import Output
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.report.build import report_path
 from tactile_bringup.report.figures_robustness import build_robustness_page, tell_axis
-from tactile_bringup.robustness import Study, describe, run_study
-from tactile_bringup.robustness_axes import list_axes
-from tactile_sim.catalogue import Catalogue
+from tactile_bringup.simulation.robustness import describe, run_study, Study
+from tactile_bringup.simulation.robustness_axes import list_axes
+from tactile_sim.descriptions.catalogue import Catalogue
 
 
 def run_robustness(

@@ -1,21 +1,37 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile simulate`: bags of simulated trials."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+import time
 
-from tactile_bringup.commands.output import Output, make_output_folder
+from tactile_bringup.commands.output import make_output_folder, Output
 from tactile_bringup.errors import BagError, BringupError
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_bags import SimulatedBag, count_trials, write_simulated_bag
-from tactile_bringup.simulated_trials import SimulationPlan
-from tactile_features.records import PROTOCOL_TEXTURE, FeatureConfig
-from tactile_sim.catalogue import Catalogue
+from tactile_bringup.simulation.simulated_bags import (
+    count_trials,
+    SimulatedBag,
+    write_simulated_bag,
+)
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
+from tactile_features.records import FeatureConfig, PROTOCOL_TEXTURE
+from tactile_sim.descriptions.catalogue import Catalogue
 
 
 @dataclass(frozen=True)
@@ -74,7 +90,7 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
     trials = sum(bag.trials for bag in bags)
     output.say(f'{trials} trials in {elapsed_s:.1f} s: {trials / elapsed_s:.0f} a second')
     if request.plot is not None:
-        from tactile_bringup.simulation_plots import plot_simulated_trial
+        from tactile_bringup.simulation.simulation_plots import plot_simulated_trial
 
         config = plans[0].configure(TrialConfig(simulated=True))
         plot_simulated_trial(request.plot, plans[0], config, catalogue)

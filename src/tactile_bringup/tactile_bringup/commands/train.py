@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile train`: bags in, table of accuracies and model files out."""
 
 from __future__ import annotations
@@ -9,18 +21,18 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.bag_tables import BagTables, read_tables
 from tactile_bringup.commands.evaluate import evaluate_with_progress, parse_over
-from tactile_bringup.commands.output import Output, make_output_folder
-from tactile_bringup.errors import BringupError
-from tactile_bringup.model_folder import model_path
-from tactile_bringup.running_tables import read_running_tables
-from tactile_bringup.tables import (
-    CLASSIFIER_TITLES,
-    SCALING_TITLES,
+from tactile_bringup.commands.output import make_output_folder, Output
+from tactile_bringup.datasets.bag_tables import BagTables, read_tables
+from tactile_bringup.datasets.running_tables import read_running_tables
+from tactile_bringup.datasets.tables import (
     accuracy_caption,
     accuracy_table,
+    CLASSIFIER_TITLES,
+    SCALING_TITLES,
 )
+from tactile_bringup.errors import BringupError
+from tactile_bringup.wiring.model_folder import model_path
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import DEFAULT_SCALING
 from tactile_classifier.evaluation import Evaluation

@@ -1,17 +1,29 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile trials`: a session of trials on one plate or object, recorded."""
 
 from __future__ import annotations
 
-import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+import time
 
 from tactile_bringup.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_bringup.commands.output import Output
-from tactile_bringup.commands.rig import PortArguments, open_ports, read_rig_parameters
+from tactile_bringup.commands.rig import open_ports, PortArguments, read_rig_parameters
 from tactile_bringup.trial_protocols import TrialRequest
 
 

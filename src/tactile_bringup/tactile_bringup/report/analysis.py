@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """All analyses of the report on one set of trials, as parts of one list of work."""
 
 from __future__ import annotations
@@ -18,8 +30,8 @@ from tactile_classifier.evaluation import AccuracyPlan, Evaluation
 from tactile_classifier.feature_selection import SelectionPlan, SelectionResult
 from tactile_classifier.learning_curves import LearningCurve, LearningPlan
 from tactile_classifier.plans import Plan, run_plans
-from tactile_classifier.significance import RankSum, rank_sum_p_values
-from tactile_classifier.splits import Split, grouped_split, stratified_split
+from tactile_classifier.significance import rank_sum_p_values, RankSum
+from tactile_classifier.splits import grouped_split, Split, stratified_split
 from tactile_features.records import PROTOCOL_STIFFNESS
 
 FORCE_UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}

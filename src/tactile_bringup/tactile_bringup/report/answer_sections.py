@@ -1,16 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The report's sections on what a model says besides a label."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, short_scaling
 from tactile_bringup.report.analysis import SetResult
 from tactile_bringup.report.answers import MeasureSummary
 from tactile_bringup.report.figures_answers import draw_open_set, draw_stopping
 from tactile_bringup.report.page import Page
-from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
 from tactile_classifier.open_set_evaluation import OpenSetEvaluation
 from tactile_classifier.stopping_evaluation import StoppingEvaluation
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a model can say besides a label: "I don't know", sooner, and in physical units."""
 
 from __future__ import annotations
@@ -12,15 +24,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_bringup.datasets.measure_tables import read_measures
+from tactile_bringup.datasets.running_tables import read_running_tables
 from tactile_bringup.errors import BringupError
-from tactile_bringup.measure_tables import read_measures
-from tactile_bringup.running_tables import read_running_tables
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
-from tactile_classifier.open_set_evaluation import OpenSetEvaluation, evaluate_open_set
+from tactile_classifier.open_set_evaluation import evaluate_open_set, OpenSetEvaluation
 from tactile_classifier.plans import Task
-from tactile_classifier.stopping_evaluation import StoppingEvaluation, evaluate_stopping
-from tactile_features.records import PROTOCOL_TEXTURE, SET_TEXTURE_SPECTRUM, Measure
+from tactile_classifier.stopping_evaluation import evaluate_stopping, StoppingEvaluation
+from tactile_features.records import Measure, PROTOCOL_TEXTURE, SET_TEXTURE_SPECTRUM
 
 CLASSIFIER = 'knn'
 """What `tactile train` takes when not told otherwise, with the scaling it takes then."""

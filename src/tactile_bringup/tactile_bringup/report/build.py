@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The order of the report: what stands where, and under which sentence."""
 
 from __future__ import annotations
@@ -7,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, short_scaling
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report import figures_accuracy, figures_signals, sentences
 from tactile_bringup.report.analysis import SetResult
@@ -19,9 +32,8 @@ from tactile_bringup.report.figures_significance import (
     explain_mean_p,
 )
 from tactile_bringup.report.page import Page
-from tactile_bringup.report.provenance import Source, describe_sources, find_versions
+from tactile_bringup.report.provenance import describe_sources, find_versions, Source
 from tactile_bringup.report.published import compare_with_paper
-from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
 from tactile_classifier.evaluation import Evaluation
 from tactile_classifier.feature_selection import SelectionResult
 

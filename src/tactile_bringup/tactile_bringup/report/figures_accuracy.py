@@ -1,20 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Accuracies as figures: all classifiers on all sets, learning curves, confusion, scaling."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+import numpy as np
 from numpy.typing import NDArray
 
+from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
 from tactile_bringup.report.analysis import SetResult
-from tactile_bringup.report.drawing import CLASSIFIER_COLOURS, INK, Drawing, render
+from tactile_bringup.report.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
 from tactile_bringup.report.published import lowest_published
-from tactile_bringup.tables import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
 from tactile_classifier.estimators import CLASSIFIERS, SCALINGS
 
 FloatArray = NDArray[np.float64]

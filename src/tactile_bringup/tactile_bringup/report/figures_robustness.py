@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Accuracy against what gets worse, as one figure, with the numbers below it."""
 
 from __future__ import annotations
@@ -7,16 +19,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+import numpy as np
 
-from tactile_bringup.report.drawing import INK, Drawing, render
+from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_bringup.report.drawing import Drawing, INK, render
 from tactile_bringup.report.page import Page
 from tactile_bringup.report.provenance import find_versions
-from tactile_bringup.robustness import Point
-from tactile_bringup.robustness_axes import Axis
-from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_bringup.simulation.robustness import Point
+from tactile_bringup.simulation.robustness_axes import Axis
 
 _COLOURS = {'texture': '#2a78b8', 'stiffness': '#d98c00'}
 _LOGARITHMIC = ('noise', 'drift', 'sample rate')

@@ -1,13 +1,25 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Signals as figures: one window a class in time and frequency, one trial with its phases."""
 
 from __future__ import annotations
 
-import numpy as np
 from matplotlib.figure import Figure
+import numpy as np
 
-from tactile_bringup.plots import MARK_COLOUR, TRACE_COLOUR, draw_spectrum, draw_strain
+from tactile_bringup.plots import draw_spectrum, draw_strain, MARK_COLOUR, TRACE_COLOUR
 from tactile_bringup.report.analysis import SetResult
 from tactile_bringup.report.components import Components
 from tactile_bringup.report.drawing import Drawing, render

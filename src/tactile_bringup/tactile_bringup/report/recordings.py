@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One set of labelled trials as the report needs it: features, and some of the signals."""
 
 from __future__ import annotations
@@ -11,8 +23,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bringup.bags import STRAIN, TactileBag
-from tactile_bringup.traces import TrialTrace, read_trace
+from tactile_bringup.datasets.traces import read_trace, TrialTrace
+from tactile_bringup.recording.bags import STRAIN, TactileBag
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.splits import grouped_split

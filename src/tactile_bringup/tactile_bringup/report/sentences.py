@@ -1,16 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the numbers say, in sentences that follow from them by rule."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, short_scaling
 from tactile_bringup.report.analysis import SetResult
 from tactile_bringup.report.answers import Answers
 from tactile_bringup.report.figures_accuracy import distance_shares
-from tactile_bringup.report.published import AGREES, DISAGREES, UNTESTED, Comparison
-from tactile_bringup.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_bringup.report.published import AGREES, Comparison, DISAGREES, UNTESTED
 from tactile_classifier.estimators import CLASSIFIERS
 from tactile_classifier.evaluation import Score
 from tactile_classifier.intervals import Interval

@@ -1,18 +1,30 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile devices` and `tactile check` on the simulated rig's ports."""
 
+from http.server import BaseHTTPRequestHandler, HTTPServer
 import json
 import threading
 import time
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 import serial
 from typer.testing import CliRunner
 
 from tactile_bringup.cli import app
-from tactile_bringup.device_probe import FoundDevice, probe_net_ft, probe_ports
+from tactile_bringup.devices.device_probe import FoundDevice, probe_net_ft, probe_ports
 from tactile_sim import SimulatedRig
 
 

@@ -1,28 +1,40 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the launch tests share: a launched file, models, and an ear on its topics."""
 
 import atexit
 import contextlib
 import os
+from pathlib import Path
 import tempfile
 import time
-from pathlib import Path
 
-import launch_testing.actions
 from ament_index_python.packages import get_package_share_directory
 from domain_coordinator import domain_id
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
+import launch_testing.actions
 from rclpy.node import Node
 
-from tactile_bringup.bag_tables import read_tables
-from tactile_bringup.graph_runner import ros_context
-from tactile_bringup.model_folder import model_path
+from tactile_bringup.datasets.bag_tables import read_tables
+from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_bags import write_simulated_bag
-from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_bringup.simulation.simulated_bags import write_simulated_bag
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
+from tactile_bringup.wiring.model_folder import model_path
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
 from tactile_features.records import FeatureConfig

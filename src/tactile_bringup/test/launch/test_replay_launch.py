@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A recording through launched nodes, on its own time: what the plain core says of it."""
 
 import unittest
@@ -14,11 +26,11 @@ pytest.importorskip('skl2onnx', reason='skl2onnx, which models are trained with,
 import launch_testing
 import launch_testing.asserts
 from launched import DEADLINE_S, Ear, launched, new_folder, simulated_bag, trained_model
-from tactile_msgs.msg import Classification
 
-from tactile_bringup.bags import TactileBag
-from tactile_bringup.replay import load_models, recorded_config, replay_through_core
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import load_models, recorded_config, replay_through_core
 from tactile_classifier.conversions import classification_from_msg
+from tactile_msgs.msg import Classification
 
 CLASSIFIER = 'stiffness_flexion_classifier'
 ANSWERS = f'{CLASSIFIER}/classification'

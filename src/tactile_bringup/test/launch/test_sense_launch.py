@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A finger that something else moves, with phases stated by it or found in the tension.
 
 What moves it here is the rig's own motion, run by the test: to the launched nodes it is a hand.
@@ -19,12 +31,12 @@ import launch_testing
 import launch_testing.asserts
 import launch_testing.markers
 from launched import Ear, launched, new_folder, trained_model, until_end
-from tactile_msgs.msg import Classification, TactileFeatures
 
-from tactile_bringup.graph import Ports, rig_graph
-from tactile_bringup.graph_runner import running_graph
-from tactile_bringup.operator_node import OperatorNode
+from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import Ports, rig_graph
+from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_sim.rig_process import SimulatedRig
 
 FEATURES = 'index/tactile_features/features'

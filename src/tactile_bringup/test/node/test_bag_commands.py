@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`tactile replay` and `tactile repair`, on recordings made of simulated ones."""
 
 import json
@@ -7,10 +19,10 @@ import json
 import pytest
 from rclpy.serialization import serialize_message
 
-from tactile_bringup.bags import FEATURES_TOPIC, STRAIN, BagWriter, TactileBag
 from tactile_bringup.commands.repair import run_repair
 from tactile_bringup.commands.replay import run_replay
-from tactile_bringup.replay import recorded_config, replay_windows
+from tactile_bringup.recording.bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
+from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_features.conversions import feature_window_to_msg
 
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import os
 import subprocess
 import sys
@@ -10,12 +22,12 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
-from tactile_msgs.msg import StrainBlock, TrialEvent
 
-from tactile_bringup.bags import EVENT, STRAIN, TactileBag
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import NodeDescription
-from tactile_bringup.graph_runner import create_node, running_graph
+from tactile_bringup.nodes.graph_runner import create_node, running_graph
+from tactile_bringup.recording.bags import EVENT, STRAIN, TactileBag
+from tactile_bringup.wiring.graph import NodeDescription
+from tactile_msgs.msg import StrainBlock, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, EVENTS, STREAM
 
@@ -109,7 +121,9 @@ def test_playing_can_be_ended(context, stiffness_bag):
 
 
 def test_its_process_ends_with_0_at_the_end_of_the_bag(context, stiffness_bag):
-    program = 'import sys; from tactile_bringup.bag_player_node import main; sys.exit(main())'
+    program = (
+        'import sys; from tactile_bringup.nodes.bag_player_node import main; sys.exit(main())'
+    )
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
     arguments = ['--ros-args', '-p', f'bag:={stiffness_bag}', '-p', 'rate:=1000.0']
     done = subprocess.run(

@@ -1,21 +1,33 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The tactile command as a user meets it: a process with arguments, output and an exit code."""
 
 import ast
 import inspect
 import json
+from pathlib import Path
 import shutil
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tactile_bringup import cli_data, cli_options, cli_rig
-from tactile_bringup.bags import STRAIN
+from tactile_bringup.recording.bags import STRAIN
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_bringup.cli import main; main()'
 

@@ -1,15 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where phases are found in the tension: nodes and core agree, and a hand can train on them."""
 
 import dataclasses
 
 from rclpy.serialization import serialize_message
 
-from tactile_bringup.bag_tables import read_tables
-from tactile_bringup.bags import EVENT_TOPIC, STRAIN, STRAIN_TOPIC, BagWriter, TactileBag
-from tactile_bringup.replay import compare, recorded_config, replay_through_core
-from tactile_bringup.replay_nodes import replay_through_nodes
+from tactile_bringup.datasets.bag_tables import read_tables
+from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_bringup.recording.bags import BagWriter, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, TactileBag
+from tactile_bringup.recording.replay import compare, recorded_config, replay_through_core
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extractor import TrialFeatureExtractor
 

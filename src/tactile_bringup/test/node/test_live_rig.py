@@ -1,22 +1,34 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Trials on the simulated rig through every real part: serial lines, drivers, DDS."""
 
-import time
 from contextlib import contextmanager
+import time
 
 import pytest
 from rclpy.action import ActionClient
 from rclpy.node import Node
-from tactile_msgs.action import RunTrial
-from tactile_msgs.msg import TrialEvent
 
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import Ports, rig_graph
-from tactile_bringup.graph_runner import running_graph
-from tactile_bringup.model_folder import find_models
-from tactile_bringup.operator_node import OperatorNode
+from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import Ports, rig_graph
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_msgs.action import RunTrial
+from tactile_msgs.msg import TrialEvent
 from tactile_ros.qos import EVENTS
 from tactile_ros.requests import send
 from tactile_sim.rig_process import SimulatedRig

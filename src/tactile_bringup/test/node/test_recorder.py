@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 import errno
 import os
@@ -8,18 +20,25 @@ import subprocess
 import sys
 import time
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import pytest
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
-from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
 
-from tactile_bringup.bag_repair import repair_bag
-from tactile_bringup.bags import AUDIT, EVENT, STRAIN, STRAIN_TOPIC, BagWriter, TactileBag
 from tactile_bringup.errors import BagError
-from tactile_bringup.graph import recorder_node
-from tactile_bringup.graph_runner import create_node, running_graph
-from tactile_bringup.mcap_writer import McapWriter
+from tactile_bringup.nodes.graph_runner import create_node, running_graph
+from tactile_bringup.recording.bag_repair import repair_bag
+from tactile_bringup.recording.bags import (
+    AUDIT,
+    BagWriter,
+    EVENT,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bringup.recording.mcap_writer import McapWriter
+from tactile_bringup.wiring.graph import recorder_node
+from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
 
@@ -141,7 +160,7 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
     source = Node('source', context=context)
     strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
     path = tmp_path / 'bag'
-    program = 'from tactile_bringup.bag_recorder_node import main; main()'
+    program = 'from tactile_bringup.nodes.bag_recorder_node import main; main()'
     facts = '{"simulated": true, "operator": "nobody"}'
     arguments = ['--ros-args', '-p', f'bag:={path}', '-p', f"facts:='{facts}'"]
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}

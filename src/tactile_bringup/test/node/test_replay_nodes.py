@@ -1,14 +1,31 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 
 import pytest
 
-from tactile_bringup.bags import TactileBag
 from tactile_bringup.errors import BringupError
-from tactile_bringup.model_folder import find_models
-from tactile_bringup.replay import compare, load_models, recorded_config, replay_through_core
-from tactile_bringup.replay_nodes import replay_through_nodes
+from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import (
+    compare,
+    load_models,
+    recorded_config,
+    replay_through_core,
+)
+from tactile_bringup.wiring.model_folder import find_models
 
 
 def test_bag_through_nodes_equals_bag_through_core(stiffness_bag, trained, context):

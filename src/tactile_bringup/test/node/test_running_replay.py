@@ -1,27 +1,39 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Answers while the finger glides: recorded live from a model file alone, replayed equal."""
 
 from collections import Counter
 
-import pytest
 from domain_coordinator import domain_id
+import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bringup.bag_tables import read_tables
-from tactile_bringup.bags import TactileBag
 from tactile_bringup.commands.live_trials import LiveSetup, run_live_trials
 from tactile_bringup.commands.output import Output
 from tactile_bringup.commands.replay import replay_and_compare
+from tactile_bringup.datasets.bag_tables import read_tables
+from tactile_bringup.datasets.running_tables import read_running_tables
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import Ports
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import recorded_config, recorded_results
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.replay import recorded_config, recorded_results
-from tactile_bringup.running_tables import read_running_tables
-from tactile_bringup.simulated_bags import write_simulated_bag
-from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_bringup.simulation.simulated_bags import write_simulated_bag
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
 from tactile_features.records import FeatureConfig

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Nodes that take the time from /clock: what they stamp is of that time."""
 
 import threading
@@ -7,10 +19,10 @@ import threading
 from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
-from tactile_msgs.msg import StrainBlock
 
-from tactile_bringup.graph_runner import running_graph
-from tactile_bringup.launch_plans import plan_launch
+from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.wiring.launch_plans import plan_launch
+from tactile_msgs.msg import StrainBlock
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM
 from tactile_sim.rig_process import SimulatedRig

@@ -1,10 +1,22 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Trials that end early, on devices that a test can take away."""
 
+from dataclasses import dataclass
 import threading
 import time
-from dataclasses import dataclass
 
 import pytest
 from rclpy.action import ActionClient
@@ -13,10 +25,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
+
+from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
-
-from tactile_bringup.trial_runner_node import TrialRunnerNode
 from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import NodeGroup

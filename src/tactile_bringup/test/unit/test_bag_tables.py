@@ -1,12 +1,24 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import numpy as np
 import pytest
 
-from tactile_bringup.bag_tables import number_blocks, read_tables
-from tactile_bringup.bags import EVENT, STRAIN, BagWriter, RecordedTopic, TactileBag
+from tactile_bringup.datasets.bag_tables import number_blocks, read_tables
 from tactile_bringup.errors import BagError
-from tactile_bringup.simulated_trials import SAMPLES_PER_BLOCK
+from tactile_bringup.recording.bags import BagWriter, EVENT, RecordedTopic, STRAIN, TactileBag
+from tactile_bringup.simulation.simulated_trials import SAMPLES_PER_BLOCK
 
 
 def test_table_has_one_row_a_trial_with_its_label(stiffness_bag):

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import shutil
 
 import numpy as np
@@ -7,17 +19,17 @@ import pytest
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
-from tactile_bringup.bags import (
+from tactile_bringup.errors import BagError
+from tactile_bringup.recording.bags import (
+    BagWriter,
     EVENT,
     EVENT_TOPIC,
-    STRAIN,
-    STRAIN_TOPIC,
-    BagWriter,
-    TactileBag,
     join_topic,
     message_store,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
 )
-from tactile_bringup.errors import BagError
 
 
 def block(store, sequence, values):

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Bags of simulated trials whose phases are found in the tension, not read from the events."""
 
 import dataclasses
@@ -7,12 +19,19 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_bringup.audit import audit_bag
-from tactile_bringup.bags import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, BagWriter, TactileBag
+from tactile_bringup.recording.audit import audit_bag
+from tactile_bringup.recording.bags import (
+    BagWriter,
+    EVENT,
+    EVENT_TOPIC,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.replay import recorded_config, replay_windows
-from tactile_bringup.simulated_bags import write_simulated_bag
-from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_bringup.simulation.simulated_bags import write_simulated_bag
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_features.records import FeatureConfig, Outcome
 
 WITHIN_NS = 50_000_000

@@ -1,11 +1,23 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the check of a sensor makes of its blocks."""
 
 import numpy as np
 import pytest
 
-from tactile_bringup.device_checks import judge_blocks
+from tactile_bringup.devices.device_checks import judge_blocks
 from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
 
 PERIOD_NS = 16_666_667

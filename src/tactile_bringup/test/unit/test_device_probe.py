@@ -1,16 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Recognising devices by what they say: bytes in, a sentence out."""
 
 import os
-import re
 from pathlib import Path
+import re
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+import pytest
 
-from tactile_bringup.device_probe import NAME_FOLDERS, find_holders, find_names, recognise
+from tactile_bringup.devices.device_probe import find_holders, find_names, NAME_FOLDERS, recognise
 
 MILLISECONDS = {'time_column': 0, 'time_unit_s': 0.001}
 

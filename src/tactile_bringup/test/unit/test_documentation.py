@@ -1,16 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the documents say must be what the code does."""
 
 import importlib
-import re
 from pathlib import Path
+import re
 
-import pytest
 from ament_index_python.packages import get_package_share_directory
+import pytest
 
+from tactile_bringup.wiring.parameter_tables import renew
 import tactile_sim
-from tactile_bringup.parameter_tables import renew
 
 README = Path(__file__).resolve().parents[4] / 'README.md'
 UNITLESS = {
@@ -31,7 +43,7 @@ def test_tables_in_the_docs_are_those_of_the_code(name):
         pytest.skip('the packages are not in their own repository: no docs beside them')
     text = page.read_text()
     assert renew(text) == text, (
-        f'renew them: ./tactile run python -m tactile_bringup.parameter_tables docs/{name}'
+        f'renew them: ./tactile run python -m tactile_bringup.wiring.parameter_tables docs/{name}'
     )
 
 

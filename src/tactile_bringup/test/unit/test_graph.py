@@ -1,24 +1,36 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
-import json
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from importlib import import_module
+import json
 from pathlib import Path
 
 import pytest
 
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import (
-    RIG_NODES,
-    Ports,
+from tactile_bringup.nodes.graph_runner import NODE_CLASSES
+from tactile_bringup.wiring.graph import (
     all_classifier_names,
     classifier_name,
     parse_classifier_name,
+    Ports,
     recorder_node,
     rig_graph,
+    RIG_NODES,
     slip_node,
 )
-from tactile_bringup.graph_runner import NODE_CLASSES
-from tactile_bringup.model_folder import find_models
+from tactile_bringup.wiring.model_folder import find_models
 
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
 

@@ -1,27 +1,46 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Bags from strangers: whatever is in them, a sentence and no more memory than is stated."""
 
+from contextlib import suppress
 import json
 import os
 import sqlite3
 import subprocess
 import sys
 import zlib
-from contextlib import suppress
 
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
 import lz4.frame
 import numpy as np
 import pytest
 import zstandard
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
-from tactile_bringup.audit import FingerAuditor
-from tactile_bringup.bag_metadata import parse_metadata
-from tactile_bringup.bags import EVENT, STRAIN, STRAIN_TOPIC, BagMessage, BagWriter, TactileBag
 from tactile_bringup.errors import BagError, BringupError
-from tactile_bringup.mcap_format import (
+from tactile_bringup.recording.audit import FingerAuditor
+from tactile_bringup.recording.bag_metadata import parse_metadata
+from tactile_bringup.recording.bags import (
+    BagMessage,
+    BagWriter,
+    EVENT,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bringup.recording.mcap_format import (
     CHANNEL,
     CHUNK,
     CHUNK_START,
@@ -31,15 +50,15 @@ from tactile_bringup.mcap_format import (
     MAGIC,
     MESSAGE,
     MESSAGE_START,
-    RECORD_START,
-    SCHEMA,
     pack_number,
     pack_record,
     pack_text,
     pack_texts,
+    RECORD_START,
+    SCHEMA,
 )
-from tactile_bringup.plain_yaml import parse_plain_yaml
-from tactile_bringup.recorded_topics import message_store
+from tactile_bringup.recording.recorded_topics import message_store
+from tactile_bringup.wiring.plain_yaml import parse_plain_yaml
 from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import FeatureConfig, StrainBlock, TrialEvent
 
@@ -159,7 +178,7 @@ def test_hostile_file_is_refused_with_a_sentence(read_file, name):
 
 
 def test_chunks_that_all_overlap_are_not_all_read_at_once(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bringup.bag_reader.MAX_OPEN_BYTES', 1000)
+    monkeypatch.setattr('tactile_bringup.recording.bag_reader.MAX_OPEN_BYTES', 1000)
     records = message(bytes(100), at_ns=0) + message(bytes(100), at_ns=9)
     assert len(read_file(DEFINED + 3 * chunk(records) + END)[0]) == 6
     with pytest.raises(BagError, match='overlap in time'):
@@ -167,13 +186,13 @@ def test_chunks_that_all_overlap_are_not_all_read_at_once(read_file, monkeypatch
 
 
 def test_the_number_of_chunks_is_limited(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bringup.mcap_reader.MAX_CHUNKS', 3)
+    monkeypatch.setattr('tactile_bringup.recording.mcap_reader.MAX_CHUNKS', 3)
     with pytest.raises(BagError, match='more than 3 chunks'):
         read_file(DEFINED + 4 * chunk(message()) + END)
 
 
 def test_definitions_are_limited_together(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bringup.mcap_reader.MAX_DEFINITION_BYTES', 200)
+    monkeypatch.setattr('tactile_bringup.recording.mcap_reader.MAX_DEFINITION_BYTES', 200)
     definition = [
         pack_record(SCHEMA, pack_number(i, 2), pack_text('x'), pack_text(''), pack_text('y' * 50))
         for i in range(2, 9)
@@ -185,7 +204,7 @@ def test_definitions_are_limited_together(read_file, monkeypatch):
 LIMITED = """
 import resource, sys
 from pathlib import Path
-from tactile_bringup.bags import TactileBag
+from tactile_bringup.recording.bags import TactileBag
 from tactile_bringup.errors import BagError
 (size,) = [line.split()[1] for line in open('/proc/self/status') if line.startswith('VmSize')]
 limit = int(size) * 1024 + 400 * 2**20
@@ -325,7 +344,7 @@ def test_a_packed_file_is_unpacked_up_to_a_limit(small_bag, monkeypatch):
     )
     with TactileBag(small_bag) as bag:
         assert len(list(bag.messages(STRAIN))) == 5
-    monkeypatch.setattr('tactile_bringup.bag_reader.MAX_UNPACKED_BYTES', 100)
+    monkeypatch.setattr('tactile_bringup.recording.bag_reader.MAX_UNPACKED_BYTES', 100)
     with pytest.raises(BagError, match='unpacked'):
         TactileBag(small_bag)
 

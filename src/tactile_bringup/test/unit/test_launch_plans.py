@@ -1,20 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 import json
+from pathlib import Path
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tactile_bringup.cli_options import Phases
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import PLAYER, RIG_NODES
-from tactile_bringup.launch_arguments import LAUNCH_FILES
-from tactile_bringup.launch_plans import plan_launch
-from tactile_bringup.parameter_tables import argument_tables
+from tactile_bringup.wiring.graph import PLAYER, RIG_NODES
+from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
+from tactile_bringup.wiring.launch_plans import plan_launch
+from tactile_bringup.wiring.parameter_tables import argument_tables
 from tactile_classifier.errors import ModelFileError
 
 LAUNCH_FOLDER = Path(__file__).resolve().parents[2] / 'launch'
@@ -64,7 +76,7 @@ def test_every_argument_says_what_it_is_for(name):
 
 def test_arguments_are_read_without_launch_and_without_ros():
     code = (
-        'import sys, tactile_bringup.launch_plans as plans; '
+        'import sys, tactile_bringup.wiring.launch_plans as plans; '
         'assert not {"launch", "rclpy"} & set(sys.modules), sorted(sys.modules)'
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)

@@ -1,17 +1,34 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Every topic and field that a layout shows is one that our nodes publish."""
 
 import json
+from pathlib import Path
 import re
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
 import pytest
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bringup.bags import DIAGNOSTICS, RecordedTopic, message_store, recorded_topics
-from tactile_bringup.graph import all_classifier_names
+from tactile_bringup.recording.bags import (
+    DIAGNOSTICS,
+    message_store,
+    recorded_topics,
+    RecordedTopic,
+)
+from tactile_bringup.wiring.graph import all_classifier_names
 
 FOLDER = Path(__file__).resolve().parents[2] / 'layouts'
 JOINT_STATE = 'sensor_msgs/msg/JointState'

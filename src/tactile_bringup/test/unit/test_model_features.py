@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A model says which features it wants; the feature node, classifiers and recorder are told."""
 
 import json
@@ -10,10 +22,10 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bringup.errors import BringupError
-from tactile_bringup.graph import sensing_graph
-from tactile_bringup.launch_plans import plan_launch
-from tactile_bringup.model_features import wanted_features
-from tactile_bringup.model_folder import find_models
+from tactile_bringup.wiring.graph import sensing_graph
+from tactile_bringup.wiring.launch_plans import plan_launch
+from tactile_bringup.wiring.model_features import wanted_features
+from tactile_bringup.wiring.model_folder import find_models
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file import write_model

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Simulated glides at several speeds: from `tactile simulate --speed` to a table over distance."""
 
 import dataclasses
@@ -10,9 +22,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tactile_bringup.bag_tables import read_tables
 from tactile_bringup.cli import app
 from tactile_bringup.commands.evaluate import EvaluateRequest, parse_over, run_evaluate
+from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.errors import BringupError
 from tactile_classifier.inference import TactileModel
 from tactile_features.records import FeatureConfig

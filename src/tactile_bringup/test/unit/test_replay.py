@@ -1,20 +1,32 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 
 import numpy as np
 import pytest
 
-from tactile_bringup.bags import TactileBag
 from tactile_bringup.errors import BagError
-from tactile_bringup.model_folder import find_models
-from tactile_bringup.replay import (
-    TactileResults,
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import (
     compare,
     load_models,
     recorded_config,
     replay_through_core,
+    TactileResults,
 )
+from tactile_bringup.wiring.model_folder import find_models
 from tactile_classifier.errors import ClassifierError
 
 NAMES = ('one', 'other')

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The report: what it says must follow from the numbers, and it must stand alone."""
 
 import html.parser
@@ -8,7 +20,7 @@ import json
 import numpy as np
 import pytest
 
-from tactile_bringup.bag_tables import read_tables
+from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report.analysis import analyse, in_unit
 from tactile_bringup.report.build import build_page, report_path, write_report
@@ -16,7 +28,7 @@ from tactile_bringup.report.components import find_components
 from tactile_bringup.report.drawing import INK, render
 from tactile_bringup.report.page import Page
 from tactile_bringup.report.published import compare_with_paper
-from tactile_bringup.report.recordings import RecordingSet, array_examples, bag_sets
+from tactile_bringup.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_comparison, summarise_set
 from tactile_classifier.dataset import FeatureTable
 from tactile_features.records import FeatureConfig

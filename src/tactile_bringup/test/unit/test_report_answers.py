@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the report says of answers besides a label follows from the trials."""
 
 import json
@@ -7,23 +19,23 @@ import json
 import numpy as np
 import pytest
 
-from tactile_bringup.bag_tables import read_tables
-from tactile_bringup.bags import TactileBag
 from tactile_bringup.commands.evaluate import select_features
+from tactile_bringup.datasets.bag_tables import read_tables
+from tactile_bringup.datasets.measure_tables import read_measures
 from tactile_bringup.errors import BagError
-from tactile_bringup.measure_tables import read_measures
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.replay import recorded_config, replay_windows
 from tactile_bringup.report.analysis import analyse
 from tactile_bringup.report.answer_sections import list_unmeasured
 from tactile_bringup.report.answers import AnswersPlan, summarise_measures
 from tactile_bringup.report.build import build_page
 from tactile_bringup.report.components import find_components
 from tactile_bringup.report.figures_significance import explain_mean_p
-from tactile_bringup.report.recordings import RecordingSet, bag_sets
+from tactile_bringup.report.recordings import bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_answers
-from tactile_bringup.simulated_bags import write_simulated_bag
-from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_bringup.simulation.simulated_bags import write_simulated_bag
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.open_set_evaluation import evaluate_open_set
 from tactile_classifier.plans import run_plans

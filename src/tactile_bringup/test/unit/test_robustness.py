@@ -1,25 +1,37 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The study of what makes accuracy fall: its trials are those of the simulator."""
 
 import numpy as np
 import pytest
 
-from tactile_bringup.bag_tables import read_tables
+from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.report.figures_robustness import build_robustness_page, tell_axis
-from tactile_bringup.robustness import (
+from tactile_bringup.simulation.robustness import (
     CleanTrials,
-    Point,
-    Study,
     describe,
     make_features,
+    Point,
     score,
+    Study,
 )
-from tactile_bringup.robustness_axes import Axis, Sensing, Setting, list_axes
+from tactile_bringup.simulation.robustness_axes import Axis, list_axes, Sensing, Setting
 from tactile_features.records import FeatureConfig
-from tactile_sim.catalogue import Catalogue
-from tactile_sim.fast_trials import simulate_trials
+from tactile_sim.descriptions.catalogue import Catalogue
+from tactile_sim.physics.fast_trials import simulate_trials
 
 SMALL = Study(train_sessions=1, test_sessions=1, train_trials=2, test_trials=1)
 

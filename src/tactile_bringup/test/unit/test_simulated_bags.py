@@ -1,30 +1,47 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 import json
-import threading
 from pathlib import Path
+import threading
 
 import joblib
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tactile_bringup import simulated_bags, simulated_trials
-from tactile_bringup.bag_tables import read_tables
-from tactile_bringup.bags import EVENT, STRAIN, TactileBag
 from tactile_bringup.cli import app
 from tactile_bringup.commands import simulate
 from tactile_bringup.commands.replay import run_replay
-from tactile_bringup.commands.simulate import SimulateRequest, run_simulate
+from tactile_bringup.commands.simulate import run_simulate, SimulateRequest
+from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.errors import BagError, BringupError
+from tactile_bringup.recording.bags import EVENT, STRAIN, TactileBag
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_bags import paper_plans, write_simulated_bag
-from tactile_bringup.simulated_trials import SLIP_M, SimulationPlan, find_onset_s, plan_trial
+from tactile_bringup.simulation import simulated_bags, simulated_trials
+from tactile_bringup.simulation.simulated_bags import paper_plans, write_simulated_bag
+from tactile_bringup.simulation.simulated_trials import (
+    find_onset_s,
+    plan_trial,
+    SimulationPlan,
+    SLIP_M,
+)
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_features.records import FeatureConfig
-from tactile_sim.fast_trials import SimulatedTrials
+from tactile_sim.physics.fast_trials import SimulatedTrials
 
 CONFIG = TrialConfig(simulated=True)
 RATE_HZ = 60

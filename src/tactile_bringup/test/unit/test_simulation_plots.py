@@ -1,18 +1,30 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import numpy as np
 import pytest
 
 from tactile_bringup.errors import BringupError
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulated_trials import SimulationPlan
-from tactile_bringup.simulation_plots import (
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
+from tactile_bringup.simulation.simulation_plots import (
     draw_picture,
     plot_simulated_trial,
     simulate_picture,
     surface_drop_m,
 )
-from tactile_sim.catalogue import Catalogue
+from tactile_sim.descriptions.catalogue import Catalogue
 
 CONFIG = TrialConfig(simulated=True)
 

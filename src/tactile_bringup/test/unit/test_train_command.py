@@ -1,21 +1,33 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What `tactile train` makes of a small simulated recording of texture."""
 
 import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bringup.bag_tables import read_tables
-from tactile_bringup.bags import TactileBag
 from tactile_bringup.commands.output import Output
-from tactile_bringup.commands.train import TrainRequest, describe_answers, train_models
+from tactile_bringup.commands.train import describe_answers, train_models, TrainRequest
+from tactile_bringup.datasets.bag_tables import read_tables
+from tactile_bringup.datasets.running_tables import read_running_tables
 from tactile_bringup.errors import BagError, BringupError
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.replay import recorded_config, replay_windows
-from tactile_bringup.running_tables import read_running_tables
-from tactile_bringup.simulated_bags import write_simulated_bag
-from tactile_bringup.simulated_trials import SimulationPlan
+from tactile_bringup.simulation.simulated_bags import write_simulated_bag
+from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_classifier.inference import TactileModel
 from tactile_features.records import FeatureConfig
 

@@ -1,14 +1,26 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 
 import pytest
-from tactile_msgs.msg import Classification
 
 from tactile_classifier import records
 from tactile_classifier.conversions import classification_from_msg, classification_to_msg
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.records import Outcome
+from tactile_msgs.msg import Classification
 
 
 def test_constants_are_those_of_the_message():

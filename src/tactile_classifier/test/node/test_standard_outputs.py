@@ -1,21 +1,33 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the node says in messages that others know: diagnostics, vision_msgs."""
 
 import importlib.util
 import time
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from tactile_msgs.msg import TactileFeatures
 
 from tactile_classifier.records import Outcome as Answer
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome
+from tactile_msgs.msg import TactileFeatures
 from tactile_ros.qos import RESULTS
 
 DEADLINE_S = 30.0

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The node over real DDS: features in, classifications out."""
 
 import time
@@ -8,17 +20,17 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from tactile_msgs.msg import Classification, TactileFeatures
 
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.model_file import write_model
 from tactile_classifier.records import ClassifierConfig, Outcome
-from tactile_classifier.tactile_classifier_node import TactileClassifierNode, load_fitting_model
+from tactile_classifier.tactile_classifier_node import load_fitting_model, TactileClassifierNode
 from tactile_classifier.training import train
 from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome as FeatureOutcome
+from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_ros.qos import RESULTS
 
 DEADLINE_S = 10.0

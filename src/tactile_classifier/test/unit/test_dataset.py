@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 
 import numpy as np
@@ -8,7 +20,7 @@ import pytest
 from tactile_classifier.archive import LabelledTrials
 from tactile_classifier.dataset import FeatureTable, table_from_trials, table_over_distance
 from tactile_classifier.errors import DatasetError
-from tactile_features.spatial import SpatialWindow, compute_spatial
+from tactile_features.spatial import compute_spatial, SpatialWindow
 
 
 def test_table_refuses_what_does_not_fit(small_table):

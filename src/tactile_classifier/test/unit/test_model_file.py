@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import builtins
 import dataclasses
 
@@ -9,23 +21,23 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 import onnx
-from onnx import TensorProto, helper
+from onnx import helper, TensorProto
 
 from tactile_classifier import inference
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators import (
+    build_estimator,
     CLASSIFIERS,
+    compute_raw_scores,
     SCALINGS,
     SCORE_KINDS,
-    build_estimator,
-    compute_raw_scores,
 )
-from tactile_classifier.inference import TactileModel, read_manifest
-from tactile_classifier.manifest import WHOLE, Manifest
+from tactile_classifier.inference import read_manifest, TactileModel
+from tactile_classifier.manifest import Manifest, WHOLE
 from tactile_classifier.model_file import write_model
 from tactile_classifier.onnx_container import open_container, seal
-from tactile_classifier.training import FittedPart, Trained, train
+from tactile_classifier.training import FittedPart, train, Trained
 from tactile_features.records import FeatureConfig
 from tactile_features.spec import spec_for
 

@@ -1,16 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
-import numpy as np
-import pytest
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
+import numpy as np
+import pytest
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from tactile_classifier.answer_graph import add_scaling
 from tactile_classifier.estimators import build_estimator
-from tactile_classifier.neighbours import NearestNeighbours, halve, predict_neighbours
+from tactile_classifier.neighbours import halve, NearestNeighbours, predict_neighbours
 from tactile_classifier.neighbours_graph import add_neighbours
 from tactile_classifier.onnx_graph import Graph
 from tactile_classifier.splits import stratified_split

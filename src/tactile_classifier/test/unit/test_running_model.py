@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Model files that answer before the window is full, and that may say "unknown"."""
 
 import dataclasses
@@ -10,7 +22,7 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper, numpy_helper, TensorProto
 
 from tactile_classifier.conversions import classification_from_msg, classification_to_msg
 from tactile_classifier.errors import DatasetError, ModelFileError

@@ -1,18 +1,29 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 from pathlib import Path
 
-import numpy as np
-import pytest
 from ament_index_python.packages import get_package_share_directory
 from builtin_interfaces.msg import Time
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
+import numpy as np
+import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from std_msgs.msg import Header
-from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 
 from tactile_features import FeatureWindow, Outcome, records
 from tactile_features.conversions import (
@@ -22,6 +33,7 @@ from tactile_features.conversions import (
     feature_window_to_msg,
     strain_block_from_msg,
 )
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 
 uint32 = st.integers(0, 2**32 - 1)
 uint64 = st.integers(0, 2**64 - 1)

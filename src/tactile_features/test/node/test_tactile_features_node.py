@@ -1,19 +1,30 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The node over DDS: what it publishes is what the core computes."""
 
 import time
 
+from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
-from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 
 from tactile_features import FeatureConfig, Outcome, TrialFeatureExtractor
 from tactile_features.conversions import (
@@ -22,6 +33,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
 PERIOD_NS = 16_666_667

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The same equations by another route: a stiff solver of SciPy with adaptive steps.
 
 Other than the package's: the integrals along the finger (16 nodes instead of 4), their
@@ -16,10 +28,10 @@ import pytest
 from scenery import run
 from scipy.integrate import solve_ivp
 
-from tactile_sim import layout as at
-from tactile_sim.mechanics import GRAVITY_M_S2
-from tactile_sim.scene import build_scene
-from tactile_sim.variation import Variation
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.mechanics import GRAVITY_M_S2
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.variation import Variation
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 XI, WEIGHT = (_POINTS + 1) / 2, _WEIGHTS / 2

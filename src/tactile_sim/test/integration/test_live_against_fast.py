@@ -1,19 +1,31 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The live rig, driven through its devices in virtual time, and the fast path agree."""
 
 import numpy as np
 import pytest
 
 from linear_guide_driver import dynamixel_registers as known
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.dynamixel_packets import encode_instruction
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.devices.dynamixel_packets import encode_instruction
 from tactile_sim.errors import RigError
-from tactile_sim.fast_trials import simulate_motion
-from tactile_sim.rig import STEP_S, PalpationRig
-from tactile_sim.scene import build_scene
-from tactile_sim.timeline import Move, Timeline
-from tactile_sim.variation import Variation
+from tactile_sim.physics.fast_trials import simulate_motion
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.timeline import Move, Timeline
+from tactile_sim.physics.variation import Variation
+from tactile_sim.rig import PalpationRig, STEP_S
 
 SPEED_UNITS = 25
 SPEED_M_S = SPEED_UNITS * 0.229 / 60 * 4096 * default_catalogue().rig().tendon.m_per_count

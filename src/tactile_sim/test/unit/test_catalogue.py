@@ -1,15 +1,35 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 import os
 import pickle
 
-import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
+import pytest
 
-from tactile_sim.catalogue import Catalogue, default_catalogue, list_objects
-from tactile_sim.description import CONTACTS, PROTOCOLS, Body, Finger, HeldObject, Plate, Rig
+from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue, list_objects
+from tactile_sim.descriptions.description import (
+    Body,
+    CONTACTS,
+    Finger,
+    HeldObject,
+    Plate,
+    PROTOCOLS,
+    Rig,
+)
 from tactile_sim.errors import DescriptionError
 
 FILES = {

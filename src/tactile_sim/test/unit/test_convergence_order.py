@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The error falls with the step as the schemes claim, where nothing sticks, slips or touches."""
 
 import dataclasses
@@ -8,9 +20,9 @@ import numpy as np
 import pytest
 from scenery import run
 
-from tactile_sim import layout as at
-from tactile_sim.scene import build_scene
-from tactile_sim.steps import BDF2, EULER
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.steps import BDF2, EULER
 
 DURATION_S = 0.3
 ROWS = [at.TENSION, at.FORCE, at.SENSED, at.MODES + 1, at.CREEP, at.SQUEEZED, at.BRANCHES]

@@ -1,15 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 import math
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+import pytest
 
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.description import Body, Finger, HeldObject, Plate, Rig
-from tactile_sim.description_text import parse_description, parse_text
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.descriptions.description import Body, Finger, HeldObject, Plate, Rig
+from tactile_sim.descriptions.description_text import parse_description, parse_text
 from tactile_sim.errors import DescriptionError
 
 BRANCH = {'stiffness_n_m': 2.0, 'relaxation_time_s': 3.0}

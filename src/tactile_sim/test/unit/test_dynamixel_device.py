@@ -1,18 +1,30 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dynamixel_sdk
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+import pytest
 
 from linear_guide_driver import dynamixel_registers as known
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.dynamixel_device import DynamixelDevice
-from tactile_sim.dynamixel_packets import (
-    InstructionParser,
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.devices.dynamixel_device import DynamixelDevice
+from tactile_sim.devices.dynamixel_packets import (
     compute_crc,
     encode_instruction,
     encode_status,
+    InstructionParser,
 )
 
 DRIVE = default_catalogue().rig().tendon

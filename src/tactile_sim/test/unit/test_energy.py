@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What nothing feeds loses energy, and never gains any."""
 
 import dataclasses
@@ -8,10 +20,10 @@ import numpy as np
 import pytest
 from scenery import free_scene, object_scene, ramp, run
 
-from tactile_sim import layout as at
-from tactile_sim.description import Body, Branch
-from tactile_sim.solver import advance_trials
-from tactile_sim.steps import BDF2, EULER
+from tactile_sim.descriptions.description import Body, Branch
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.solver import advance_trials
+from tactile_sim.physics.steps import BDF2, EULER
 
 SHARE = np.array([1.0, 1 / 3, 1 / 5])[:, np.newaxis]
 GRAVITY_M_S2 = 9.80665

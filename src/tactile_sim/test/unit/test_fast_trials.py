@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Many trials at once: repeatable, sampled on time, honest about failure, near the paper."""
 
 import dataclasses
@@ -8,19 +20,19 @@ import math
 import numpy as np
 import pytest
 
-from tactile_sim import layout as at
-from tactile_sim.catalogue import default_catalogue
+from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.errors import DescriptionError
-from tactile_sim.fast_trials import (
-    STEPS_PER_SAMPLE,
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.fast_trials import (
     _Schedule,
     simulate_motion,
     simulate_trials,
+    STEPS_PER_SAMPLE,
 )
-from tactile_sim.scene import build_scene
-from tactile_sim.solver import advance_trials
-from tactile_sim.timeline import Move, Timeline, plan_timeline
-from tactile_sim.variation import Variation, draw_variation
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.solver import advance_trials
+from tactile_sim.physics.timeline import Move, plan_timeline, Timeline
+from tactile_sim.physics.variation import draw_variation, Variation
 
 CELL = default_catalogue().rig().load_cell
 SHORT = Timeline([Move(0.5, 0.070, 0.015)], [Move(0.1, 0.0054, 0.02)], 1.3)

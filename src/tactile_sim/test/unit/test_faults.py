@@ -1,21 +1,40 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Faulty lines in virtual time, byte by byte."""
 
 from pathlib import Path
 
-import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+import numpy as np
+import pytest
 
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.dynamixel_device import DynamixelDevice
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.devices.dynamixel_device import DynamixelDevice
+from tactile_sim.devices.faults import (
+    FaultRequest,
+    FaultyLine,
+    GuideLine,
+    KINDS,
+    SensorLine,
+    TendonLine,
+)
+from tactile_sim.devices.grbl_device import GrblDevice
+from tactile_sim.devices.line_faults import resample_uart
+from tactile_sim.devices.load_cell_device import LoadCellDevice
 from tactile_sim.errors import RigError
-from tactile_sim.faults import KINDS, FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
-from tactile_sim.grbl_device import GrblDevice
-from tactile_sim.line_faults import resample_uart
-from tactile_sim.load_cell_device import LoadCellDevice
 
 RIG = default_catalogue().rig()
 

@@ -1,21 +1,33 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Hard cases stay within their bounds; descriptions that are merely accepted never mislead."""
 
 import dataclasses
 import math
 
-import numpy as np
-import pytest
 from hard_cases import CASES
 from hypothesis import given, settings
 from hypothesis import strategies as st
+import numpy as np
+import pytest
 from scenery import build_scene, change, ramp, run
 
-from tactile_sim import layout as at
-from tactile_sim.description import Body, Branch, Finger, Plate
+from tactile_sim.descriptions.description import Body, Branch, Finger, Plate
 from tactile_sim.errors import ConvergenceError, DescriptionError
-from tactile_sim.surface import build_plate_surface
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.surface import build_plate_surface
 
 
 def name_case(value):

@@ -1,13 +1,25 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 
 import numpy as np
 import pytest
 
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.load_cell_device import LoadCellDevice
-from tactile_sim.sensing import read_tension
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.devices.load_cell_device import LoadCellDevice
+from tactile_sim.physics.sensing import read_tension
 from tendon_sensor_driver.line_protocol import LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The finger's equations against integrals and derivatives made in another way."""
 
 import itertools
@@ -7,18 +19,18 @@ import itertools
 import numpy as np
 import pytest
 
-from tactile_sim.curve import compute_curve
-from tactile_sim.mechanics import (
-    GRAVITY_M_S2,
-    MAX_CHANGE_RAD,
-    NODE_WEIGHT,
-    NODE_XI,
-    Constants,
+from tactile_sim.physics.curve import compute_curve
+from tactile_sim.physics.mechanics import (
     compute_balance,
     compute_line,
     compute_object_contact,
     compute_rigid_contact,
     compute_sine_cosine,
+    Constants,
+    GRAVITY_M_S2,
+    MAX_CHANGE_RAD,
+    NODE_WEIGHT,
+    NODE_XI,
 )
 
 FINE_XI, FINE_WEIGHT = (np.longdouble(v) for v in np.polynomial.legendre.leggauss(64))

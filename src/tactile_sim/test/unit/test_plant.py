@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The live rig's physics, a step at a time, and what can be mounted on the rig."""
 
 import importlib.util
@@ -9,13 +21,13 @@ import numpy as np
 import pytest
 from scenery import ramp, run
 
-from tactile_sim import layout as at
 from tactile_sim.errors import ConvergenceError, DescriptionError, RigError
-from tactile_sim.plant import Plant
-from tactile_sim.rig import STEP_S, PalpationRig
-from tactile_sim.scene import build_scene
-from tactile_sim.steps import EULER
-from tactile_sim.variation import Variation
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.plant import Plant
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.steps import EULER
+from tactile_sim.physics.variation import Variation
+from tactile_sim.rig import PalpationRig, STEP_S
 
 TIMES_S = STEP_S * np.arange(801)
 TENDON_M = ramp(TIMES_S, 0.05, 0.0, 0.0054, 0.02)

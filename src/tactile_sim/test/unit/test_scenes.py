@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a scene leaves out changes nothing, and what it has does what its name says."""
 
 import dataclasses
@@ -7,13 +19,13 @@ import math
 
 import numpy as np
 import pytest
-from scenery import CONTACT_GUIDE_M, PULL_M, change, draw, object_scene, plate_scene, ramp, run
+from scenery import change, CONTACT_GUIDE_M, draw, object_scene, plate_scene, PULL_M, ramp, run
 
-from tactile_sim import layout as at
-from tactile_sim.catalogue import default_catalogue, list_objects
-from tactile_sim.description import Body, Branch
+from tactile_sim.descriptions.catalogue import default_catalogue, list_objects
+from tactile_sim.descriptions.description import Body, Branch
 from tactile_sim.errors import DescriptionError
-from tactile_sim.scene import build_scene
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import build_scene
 
 STEP_S = 1 / 600
 TIMES_S = STEP_S * np.arange(481)

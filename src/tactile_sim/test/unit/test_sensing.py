@@ -1,15 +1,27 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import dataclasses
 from decimal import Decimal, localcontext
 
-import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+import numpy as np
+import pytest
 
-from tactile_sim.catalogue import default_catalogue
-from tactile_sim.sensing import convert_to_reading, low_pass_coefficients, read_tension
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.physics.sensing import convert_to_reading, low_pass_coefficients, read_tension
 
 CELL = default_catalogue().rig().load_cell
 QUIET = dataclasses.replace(CELL, noise_n=0.0, drift_n_rt_s=0.0)

@@ -1,5 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The compiled and the NumPy solver: same bytes, independent trials, honest failures."""
 
 import dataclasses
@@ -7,14 +19,14 @@ import importlib.util
 
 import numpy as np
 import pytest
-from scenery import CONTACT_GUIDE_M, PULL_M, change, draw, free_scene, plate_scene, ramp, run
+from scenery import change, CONTACT_GUIDE_M, draw, free_scene, plate_scene, PULL_M, ramp, run
 
-from tactile_sim import layout as at
-from tactile_sim import solver as solver_module
 from tactile_sim.errors import DescriptionError
-from tactile_sim.scene import build_scene
-from tactile_sim.solver import advance_trials, choose_solver
-from tactile_sim.steps import BDF2, EULER
+from tactile_sim.physics import layout as at
+from tactile_sim.physics import solver as solver_module
+from tactile_sim.physics.scene import build_scene
+from tactile_sim.physics.solver import advance_trials, choose_solver
+from tactile_sim.physics.steps import BDF2, EULER
 
 STEP_S = 1 / 600
 TIMES_S = STEP_S * np.arange(361)

@@ -1,22 +1,33 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import struct
 
-import numpy as np
-import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+import numpy as np
+import pytest
 
 from tendon_sensor_driver import LinkError
 from tendon_sensor_driver.digital_ft_protocol import (
     CALIBRATION_REGISTERS,
-    StreamDecoder,
     decode_calibration,
     describe_status,
     encode_record,
+    StreamDecoder,
 )
 from tendon_sensor_driver.modbus import (
-    ModbusError,
     compute_crc,
     decode_frame,
     decode_read,
@@ -24,6 +35,7 @@ from tendon_sensor_driver.modbus import (
     encode_frame,
     encode_read,
     encode_write,
+    ModbusError,
 )
 
 GAUGES = st.lists(

@@ -1,13 +1,25 @@
 # Copyright 2026 Tendon Tactile maintainers
-# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The real drivers notice every fault of the simulated rig, or get over it; and come back."""
 
 import threading
 import time
 
+from faulty_rig import DEADLINE_S, wait_for
 import numpy as np
 import pytest
-from faulty_rig import DEADLINE_S, wait_for
 
 from linear_guide_driver import (
     LinearGuideClient,
@@ -16,7 +28,7 @@ from linear_guide_driver import (
     TendonActuatorClient,
     TendonActuatorConfig,
 )
-from tactile_sim.faults import KINDS
+from tactile_sim.devices.faults import KINDS
 from tendon_sensor_driver.records import StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 

@@ -1,0 +1,72 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Results as tables for a terminal."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from tactile_classifier.evaluation import Evaluation
+
+CLASSIFIER_TITLES = {
+    'knn': '3 nearest neighbours',
+    'svm_linear': 'SVM, linear kernel',
+    'svm_rbf': 'SVM, RBF kernel',
+    'tree': 'decision tree',
+}
+
+SCALING_TITLES = {
+    'standard': 'scaled (zero mean, unit variance)',
+    'none': 'not scaled',
+}
+
+
+def short_scaling(scaling: str) -> str:
+    """Return ``scaled`` or ``not scaled``."""
+    return SCALING_TITLES[scaling].partition(' (')[0]
+
+
+def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
+    """Return accuracies [%] by classifier and scaling, with their spread, and intervals."""
+    scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
+    table = Table(title=title, title_justify='left', title_style='bold')
+    table.add_column('classifier')
+    for scaling in scalings:
+        title = short_scaling(scaling) if intervals else SCALING_TITLES[scaling]
+        table.add_column(title, justify='right')
+    for classifier in dict.fromkeys(score.classifier for score in evaluation.scores):
+        cells = []
+        for scaling in scalings:
+            score = evaluation.score(classifier, scaling)
+            cell = f'{100 * score.mean:.1f} ± {100 * score.spread:.1f}'
+            if intervals and not score.interval.reason:
+                low, high = score.interval.low, score.interval.high
+                cell += f'  ({100 * low:.0f} to {100 * high:.0f})'
+            cells.append(cell)
+        table.add_row(CLASSIFIER_TITLES[classifier], *cells)
+    return table
+
+
+def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
+    """Return what the numbers of `accuracy_table` are."""
+    first = evaluation.scores[0]
+    parts = [
+        f'accuracy in %: {evaluation.split}, {evaluation.trials} trials',
+        f'± standard deviation over {first.spread_of}',
+        f'chance {100 * evaluation.chance:.1f}',
+    ]
+    if intervals and any(not score.interval.reason for score in evaluation.scores):
+        parts.insert(2, 'in brackets the 95 % interval')
+    return '; '.join(parts)

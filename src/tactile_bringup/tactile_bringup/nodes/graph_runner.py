@@ -1,0 +1,143 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Runs a described graph in this process, where ``launch`` is not needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.exceptions import ParameterException
+from rclpy.logging import LoggingSeverity
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.wiring.graph import join_namespaces, NodeDescription
+from tactile_ros.node_group import NodeGroup
+
+NODE_CLASSES = {
+    'tendon_sensor_node': 'tendon_sensor_driver.tendon_sensor_node:TendonSensorNode',
+    'linear_guide_node': 'linear_guide_driver.linear_guide_node:LinearGuideNode',
+    'tendon_actuator_node': 'linear_guide_driver.tendon_actuator_node:TendonActuatorNode',
+    'tactile_features_node': 'tactile_features.tactile_features_node:TactileFeaturesNode',
+    'slip_detector_node': 'tactile_features.slip_detector_node:SlipDetectorNode',
+    'tactile_classifier_node': 'tactile_classifier.tactile_classifier_node:TactileClassifierNode',
+    'trial_runner_node': 'tactile_bringup.nodes.trial_runner_node:TrialRunnerNode',
+    'bag_recorder_node': 'tactile_bringup.nodes.bag_recorder_node:BagRecorderNode',
+    'bag_player_node': 'tactile_bringup.nodes.bag_player_node:BagPlayerNode',
+}
+
+
+def create_node(
+    description: NodeDescription, context: Context, namespace: str = '', *, quiet: bool = False
+) -> Any:
+    """Return the described node, unconfigured; a quiet one logs warnings and errors only.
+
+    ``namespace`` is the one that the description's own lies in.
+
+    Raises
+    ------
+    BringupError
+        When a parameter is not known, out of range or of the wrong type.
+    """
+    module, _, name = NODE_CLASSES[description.executable].partition(':')
+    node_class = getattr(import_module(module), name)
+    overrides = [
+        Parameter(key, value=list(value) if isinstance(value, tuple) else value)
+        for key, value in description.parameters.items()
+        if value != ()  # ROS cannot tell the type of an empty list, which is the default
+    ]
+    try:
+        node = node_class(
+            node_name=description.name,
+            namespace=join_namespaces(namespace, description.namespace),
+            context=context,
+            parameter_overrides=overrides,
+        )
+    except ParameterException as error:
+        raise BringupError(f'the node {description.name} cannot be made: {error}') from error
+    unknown = [name for name in description.parameters if not node.has_parameter(name)]
+    if unknown:
+        node.take_down()
+        raise BringupError(f'the node {description.name} has no parameter {", ".join(unknown)}')
+    if quiet:
+        node.get_logger().set_level(LoggingSeverity.WARN)
+    return node
+
+
+@contextmanager
+def ros_context(domain_id: int | None = None) -> Iterator[Context]:
+    """Give a ROS context of its own, which no signal takes down behind our back."""
+    context = Context()
+    rclpy.init(
+        context=context,
+        domain_id=domain_id,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+    try:
+        yield context
+    finally:
+        rclpy.try_shutdown(context=context)
+
+
+@contextmanager
+def running_graph(
+    descriptions: Sequence[NodeDescription],
+    context: Context,
+    *,
+    namespace: str = '',
+    others: Sequence[Any] = (),
+    quiet: bool = False,
+    on_end: Callable[[], None] = lambda: None,
+) -> Iterator[dict[str, Any]]:
+    """Run nodes on one executor until the block ends; give them by name, with their namespace.
+
+    Parameters
+    ----------
+    descriptions : sequence of NodeDescription
+    context : rclpy.context.Context
+    namespace : str
+        The namespace that those of the descriptions lie in.
+    others : sequence of rclpy.node.Node
+        Nodes that are spun beside them, and destroyed at the end.
+    quiet : bool
+        Log warnings and errors only.
+    on_end : callable
+        Called, on a thread of the graph, when the nodes have stopped running.
+
+    Raises
+    ------
+    BringupError
+        When a node cannot be configured or activated, or a callback of one failed.
+    """
+    nodes: dict[str, Any] = {}
+    try:
+        for description in descriptions:
+            nodes[description.path] = create_node(description, context, namespace, quiet=quiet)
+        for name, node in nodes.items():
+            if not node.bring_up():
+                raise BringupError(f'the node {name} could not be started; its log says why')
+    except BaseException:
+        NodeGroup([*others, *nodes.values()], context=context).close()
+        raise
+    with NodeGroup([*others, *nodes.values()], context=context, on_end=on_end) as group:
+        yield nodes
+    if group.error is not None:
+        raise BringupError(f'a node failed and all were ended: {group.error}') from group.error

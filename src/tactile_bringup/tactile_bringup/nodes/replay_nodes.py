@@ -1,0 +1,177 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording sent again, byte for byte, through real feature and classifier nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+import time
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.nodes.graph_runner import create_node
+from tactile_bringup.recording.bags import (
+    classification_topic,
+    EVENT,
+    EVENT_TOPIC,
+    FEATURES_TOPIC,
+    RUNNING_FEATURES_TOPIC,
+    running_topic,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bringup.recording.replay import TactileResults
+from tactile_bringup.wiring.graph import NodeDescription, sensing_graph
+from tactile_classifier.conversions import classification_from_msg
+from tactile_features.conversions import feature_window_from_msg
+from tactile_features.records import FeatureConfig
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+DEADLINE_S = 30.0
+"""How long to wait for the nodes to answer what has been sent."""
+
+BATCH = 200
+"""Strain blocks sent before waiting for the nodes; well below the topics' history depth."""
+
+
+def replay_through_nodes(
+    bag: TactileBag,
+    models: Mapping[str, str],
+    config: FeatureConfig,
+    context: Context,
+    *,
+    expected: TactileResults,
+    namespace: str = '',
+) -> TactileResults:
+    """Send a recording's strain and events to fresh nodes and collect what they publish.
+
+    As fast as the nodes take it: sample time, not arrival time, decides what they
+    compute.
+
+    Parameters
+    ----------
+    bag : TactileBag
+    models : mapping of str to str
+        Model file by classifier node name.
+    config : FeatureConfig
+    context : rclpy.context.Context
+        A context on a ROS domain where nobody else publishes.
+    expected : TactileResults
+        How many windows and classifications to wait for.
+    namespace : str
+        Namespace of the finger in the recording.
+
+    Raises
+    ------
+    BringupError
+        When a node cannot be started, or does not answer in time.
+    """
+    results = TactileResults()
+    executor = SingleThreadedExecutor(context=context)
+    nodes: list[Any] = []
+    player = Node('bag_player', context=context, namespace=namespace)
+    try:
+        executor.add_node(player)
+        for description in _replay_graph(models, config):
+            node = create_node(description, context, namespace, quiet=True)
+            nodes.append(node)
+            if not node.bring_up():
+                raise BringupError(f'the node {description.name} could not be started')
+            executor.add_node(node)
+        features, *classifiers = nodes
+        topics = {FEATURES_TOPIC.name: TactileFeatures}
+        topics[RUNNING_FEATURES_TOPIC.name] = TactileFeatures
+        for name, classifier in zip(models, classifiers, strict=True):
+            topics[classification_topic(name).name] = Classification
+            if classifier.model.running_samples:
+                topics[running_topic(name).name] = Classification
+
+        def take(message: Any) -> None:
+            if isinstance(message, TactileFeatures):
+                results.windows.append(feature_window_from_msg(message))
+            else:
+                results.classifications.append(classification_from_msg(message))
+
+        for topic, message_type in topics.items():
+            player.create_subscription(message_type, topic, take, RESULTS)
+        publishers = {
+            STRAIN: player.create_publisher(StrainBlock, STRAIN_TOPIC.name, STREAM),
+            EVENT: player.create_publisher(TrialEvent, EVENT_TOPIC.name, EVENTS),
+        }
+        _spin_until(
+            executor,
+            lambda: all(p.get_subscription_count() > 0 for p in publishers.values())
+            and all(player.count_publishers(player.resolve_topic_name(t)) > 0 for t in topics)
+            and player.count_subscribers(player.resolve_topic_name(FEATURES_TOPIC.name))
+            > len(classifiers),
+            lambda: 'the nodes did not find each other',
+        )
+        sent = {STRAIN: 0, EVENT: 0}
+
+        def lag() -> str:
+            taken = {STRAIN: features.extractor.block_count, EVENT: features.extractor.event_count}
+            return f'the nodes lag behind, with {taken} taken of {sent}'
+
+        for message in bag.messages(STRAIN, EVENT, namespace=namespace):
+            publishers[message.type_name].publish(message.data)
+            sent[message.type_name] += 1
+            # The latched topic is short: an event must be taken before the next one.
+            if message.type_name == EVENT or sent[STRAIN] % BATCH == 0:
+                _spin_until(executor, lambda: _caught_up(features, sent), lag)
+        _spin_until(executor, lambda: _caught_up(features, sent), lag)
+        _spin_until(
+            executor,
+            lambda: len(results.windows) >= len(expected.windows)
+            and len(results.classifications) >= len(expected.classifications),
+            lambda: f'the nodes answered with {len(results.windows)} windows and '
+            f'{len(results.classifications)} classifications, expected were '
+            f'{len(expected.windows)} and {len(expected.classifications)}',
+        )
+    finally:
+        for node in nodes:
+            executor.remove_node(node)
+            node.take_down()
+        executor.remove_node(player)
+        player.destroy_node()
+        executor.shutdown()
+    return results.sort()
+
+
+def _replay_graph(models: Mapping[str, str], config: FeatureConfig) -> list[NodeDescription]:
+    """Return the sensing graph without the sensor: the bag takes its place."""
+    graph = sensing_graph('', models, {'tactile_features': asdict(config)})
+    return [node for node in graph if node.name != 'tendon_sensor']
+
+
+def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:
+    extractor = features.extractor
+    return bool(extractor.block_count >= sent[STRAIN] and extractor.event_count >= sent[EVENT])
+
+
+def _spin_until(
+    executor: SingleThreadedExecutor, condition: Callable[[], bool], otherwise: Callable[[], str]
+) -> None:
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        if time.monotonic() > deadline:
+            raise BringupError(f'replay through nodes: {otherwise()} within {DEADLINE_S:.0f} s')
+        executor.spin_once(timeout_sec=0.05)

@@ -1,0 +1,218 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording run again through the plain core, and compared with what was recorded.
+
+Nothing here needs a ROS graph: `replay_through_core` reads the bag and calls the
+very objects that the nodes call. `tactile_bringup.nodes.replay_nodes` does the same
+through real nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_bringup.errors import BagError
+from tactile_bringup.recording.bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
+from tactile_bringup.wiring.graph import parse_classifier_name
+from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.inference import TactileModel
+from tactile_classifier.records import ClassificationResult, ClassifierConfig
+from tactile_features.conversions import (
+    event_from_msg,
+    feature_window_from_msg,
+    strain_block_from_msg,
+)
+from tactile_features.errors import FeatureError
+from tactile_features.extractor import TrialFeatureExtractor
+from tactile_features.records import FeatureConfig, FeatureWindow
+from tactile_features.spec import spec_for
+
+
+@dataclass
+class TactileResults:
+    """What one pass over a recording yields, in the order of the windows' ends."""
+
+    windows: list[FeatureWindow] = field(default_factory=list)
+    classifications: list[ClassificationResult] = field(default_factory=list)
+
+    def sort(self) -> TactileResults:
+        """Bring the results into the order of time, whatever order they arrived in."""
+        self.windows.sort(
+            key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, not w.running)
+        )
+        self.classifications.sort(
+            key=lambda c: (c.window_end_ns, c.trial_id, c.model_id, not c.running)
+        )
+        return self
+
+
+def recorded_config(bag: TactileBag) -> FeatureConfig:
+    """Return the feature parameters that the recording was made with."""
+    values = bag.facts.get('feature_config', {})
+    try:
+        return FeatureConfig(**values)
+    except (TypeError, FeatureError) as error:
+        raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
+
+
+def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
+    """Return the features and classifications that were published while recording."""
+    results = TactileResults()
+    for message in bag.messages(FEATURES, namespace=namespace):
+        results.windows.append(feature_window_from_msg(message.decode()))
+    for message in bag.messages(CLASSIFICATION, namespace=namespace):
+        results.classifications.append(classification_from_msg(message.decode()))
+    return results.sort()
+
+
+def replay_windows(
+    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
+) -> list[FeatureWindow]:
+    """Return the feature windows of a recording, computed anew by the plain core.
+
+    With ``finish``, phases that were still undecided when the recording ended yield
+    a window without features too.
+    """
+    extractor = TrialFeatureExtractor(config)
+    windows: list[FeatureWindow] = []
+    for message in bag.messages(STRAIN, EVENT, namespace=namespace):
+        if message.type_name == STRAIN:
+            windows += extractor.add_block(strain_block_from_msg(message.decode()))
+        else:
+            windows += extractor.add_event(event_from_msg(message.decode()))
+    if finish:
+        windows += extractor.finish()
+    return windows
+
+
+def replay_through_core(
+    bag: TactileBag,
+    models: Mapping[str, TactileModel],
+    config: FeatureConfig,
+    namespace: str = '',
+) -> TactileResults:
+    """Return features and classifications of a recording, without any node.
+
+    Parameters
+    ----------
+    bag : TactileBag
+    models : mapping of str to TactileModel
+        By the name of the classifier node, which says the contact that it takes.
+    config : FeatureConfig
+    namespace : str
+        Namespace of the finger.
+    """
+    for model in models.values():
+        model.check_fits(spec_for(model.task, config))
+    results = TactileResults(windows=replay_windows(bag, config, namespace))
+    for window in results.windows:
+        for name, model in models.items():
+            task, contact = parse_classifier_name(name)
+            takes_contact = ClassifierConfig(task=task, contact=contact).takes_contact
+            if model.accepts(window) and takes_contact(window.contact):
+                results.classifications.append(model.classify(window))
+    return results.sort()
+
+
+def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:
+    """Load model files by the name of their classifier node.
+
+    Raises
+    ------
+    ModelFileError
+        When a file cannot be used, or is for another task or contact than its name says.
+    """
+    models = {}
+    for name, path in paths.items():
+        model = models[name] = TactileModel.load(Path(path))
+        task, contact = parse_classifier_name(name)
+        if model.task != task or model.contact not in ('', contact):
+            raise ModelFileError(
+                f'model {path} is for {model.task} {model.contact}, not for {task} {contact}; '
+                'give the file the name of what it is for'
+            )
+    return models
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Whether two passes over a recording agree, bit for bit.
+
+    Attributes
+    ----------
+    first_difference : str
+        Empty when equal; otherwise one sentence.
+    window_count, classification_count : int
+        How many were compared.
+    """
+
+    first_difference: str
+    window_count: int
+    classification_count: int
+
+    @property
+    def is_equal(self) -> bool:
+        return not self.first_difference
+
+
+def compare(one: TactileResults, other: TactileResults, names: tuple[str, str]) -> Comparison:
+    """Compare two passes: every feature, label, score and stamp.
+
+    Parameters
+    ----------
+    one, other : TactileResults
+    names : tuple of str
+        What to call them in the sentence about a difference.
+    """
+    difference = _first_difference('feature windows', one.windows, other.windows, names)
+    difference = difference or _first_difference(
+        'classifications', one.classifications, other.classifications, names
+    )
+    return Comparison(difference, len(one.windows), len(one.classifications))
+
+
+def _first_difference(
+    what: str, one: Sequence[Any], other: Sequence[Any], names: tuple[str, str]
+) -> str:
+    for left, right in zip(one, other, strict=False):
+        for item in fields(left):
+            a, b = getattr(left, item.name), getattr(right, item.name)
+            if not _same(a, b):
+                return (
+                    f'{what} of trial {left.trial_id or "(none)"}: {item.name} is '
+                    f'{_short(a)} in {names[0]} and {_short(b)} in {names[1]}'
+                )
+    if len(one) != len(other):
+        return f'{len(one)} {what} in {names[0]}, {len(other)} in {names[1]}'
+    return ''
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+        return bool(a.shape == b.shape and a.tobytes() == b.tobytes())
+    # The texts tell -0.0 from 0.0, and no other two numbers that are equal.
+    return bool(a == b) and repr(a) == repr(b)
+
+
+def _short(value: Any) -> str:
+    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    return text if len(text) <= 60 else text[:57] + '...'

@@ -1,0 +1,151 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the study of robustness makes worse, one thing at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from tactile_bringup.records import TrialConfig
+from tactile_sim.descriptions.description import LoadCell
+
+_BRIDGED = 'lost samples, gaps bridged'
+_LOST = (0.0, 0.003, 0.01, 0.03, 0.1)
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """What the sensor does to the same motion; None keeps what the rig's description says.
+
+    Attributes
+    ----------
+    noise_n, drift_n_rt_s : float or None
+        Standard deviation of noise [N], random walk of the zero in a root second [N].
+    lost : float
+        Share of samples that are lost, each on its own [1].
+    jitter : float
+        Standard deviation of the time of sampling, of which the stamps know nothing, in
+        periods [1].
+    """
+
+    noise_n: float | None = None
+    drift_n_rt_s: float | None = None
+    lost: float = 0.0
+    jitter: float = 0.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One condition: how the trial runs, how fast is sampled, what the sensor does.
+
+    Gaps of up to ``max_gap_samples`` are bridged; see `FeatureConfig`.
+    """
+
+    axis: str
+    value: float
+    glide_speed_m_s: float | None = None
+    depth: float = 1.0
+    rate_hz: float | None = None
+    max_gap_samples: int = 0
+    sensing: Sensing = field(default_factory=Sensing)
+
+    @property
+    def motion(self) -> tuple[float | None, float, float | None]:
+        """What must be simulated anew when it differs."""
+        return self.glide_speed_m_s, self.depth, self.rate_hz
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One thing that gets worse.
+
+    Attributes
+    ----------
+    name, unit : str
+    settings : tuple of Setting
+    nominal : float
+        Its value where the others are varied.
+    trains_elsewhere : bool
+        Whether a model that was trained at the nominal value can be asked at all: it refuses
+        another sample rate.
+    """
+
+    name: str
+    unit: str
+    settings: tuple[Setting, ...]
+    nominal: float
+    trains_elsewhere: bool = True
+
+
+def list_axes(cell: LoadCell, config: TrialConfig) -> tuple[Axis, ...]:
+    """Return what is varied, around the rig's own values."""
+    steps = (1.0, 3.0, 10.0, 30.0)
+
+    def sensed(name: str, values: Sequence[float], key: str) -> tuple[Setting, ...]:
+        return tuple(Setting(name, v, sensing=Sensing(**{key: v})) for v in values)
+
+    return (
+        Axis(
+            'noise',
+            'N',
+            sensed('noise', [cell.noise_n * s for s in steps], 'noise_n'),
+            cell.noise_n,
+        ),
+        Axis(
+            'drift',
+            'N/√s',
+            sensed('drift', [cell.drift_n_rt_s * s**2 for s in steps], 'drift_n_rt_s'),
+            cell.drift_n_rt_s,
+        ),
+        Axis('lost samples', 'share', sensed('lost samples', _LOST, 'lost'), 0.0),
+        Axis(
+            _BRIDGED,
+            'share',
+            tuple(
+                Setting(
+                    'lost samples, gaps bridged',
+                    lost,
+                    max_gap_samples=3,
+                    sensing=Sensing(lost=lost),
+                )
+                for lost in _LOST
+            ),
+            0.0,
+        ),
+        Axis('jitter', 'periods', sensed('jitter', (0.0, 0.1, 0.3, 0.6), 'jitter'), 0.0),
+        Axis(
+            'glide speed',
+            'm/s',
+            tuple(
+                Setting('glide speed', speed, glide_speed_m_s=speed)
+                for speed in (0.005, 0.010, 0.0135, config.glide_speed_m_s, 0.0165)
+            ),
+            config.glide_speed_m_s,
+        ),
+        Axis(
+            'contact depth',
+            'of nominal pull',
+            tuple(Setting('contact depth', d, depth=d) for d in (0.8, 0.9, 1.0, 1.1)),
+            1.0,
+        ),
+        Axis(
+            'sample rate',
+            'Hz',
+            tuple(Setting('sample rate', r, rate_hz=r) for r in (15.0, 30.0, cell.rate_hz, 120.0)),
+            cell.rate_hz,
+            trains_elsewhere=False,
+        ),
+    )

@@ -1,0 +1,284 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which nodes make up the system, and with which parameters.
+
+The graph is described here once; the launch files and the one-process runner
+are both made from it, see `tactile_bringup.wiring.launch_plans`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.records import CONTACTS, PROTOCOLS
+from tactile_bringup.wiring.model_features import wanted_features
+from tactile_classifier.records import ClassifierConfig
+from tactile_features.records import FeatureConfig
+from tactile_features.slip import SlipConfig
+
+FEATURES_NODE = 'tactile_features'
+"""Name of the node that computes features."""
+
+SENSING_NODES = ('tendon_sensor', FEATURES_NODE)
+"""Names of the nodes of a finger that a hand moves, but for its classifiers."""
+
+SLIP_NODE = 'slip_detector'
+"""Name of the node that finds a slip, where one is wanted."""
+
+RIG_NODES = (*SENSING_NODES, 'linear_guide', 'tendon_actuator', 'trial_runner')
+"""Names of the nodes of the whole rig, but for its classifiers."""
+
+PLAYER = 'bag_player'
+"""Name of the node that plays a recording."""
+
+STRAIN_TIMEOUT_S = 0.15
+"""Nine samples at 60 Hz; with it an approach at 50 mm/s, too, ends within 0.3 s."""
+
+
+@dataclass(frozen=True)
+class NodeDescription:
+    """One node: what to start, under which name, with which parameters.
+
+    Attributes
+    ----------
+    namespace : str
+        That of the node's finger, without slashes around it; empty: the root.
+    """
+
+    package: str
+    executable: str
+    name: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    namespace: str = ''
+
+    @property
+    def path(self) -> str:
+        """The name with its namespace, such as ``index/tendon_sensor``."""
+        return join_namespaces(self.namespace, self.name)
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Serial ports of the three devices."""
+
+    guide: str
+    tendon: str
+    sensor: str
+
+
+def sensing_graph(
+    sensor_port: str,
+    models: Mapping[str, str],
+    parameters: Mapping[str, Mapping[str, Any]],
+    *,
+    namespace: str = '',
+) -> list[NodeDescription]:
+    """Return the nodes that sense with one finger: sensor, features, one classifier a model.
+
+    The feature node is told what the models need, unless the parameters say it.
+
+    Parameters
+    ----------
+    sensor_port : str
+        Serial port of the load cell; empty: that of the parameters.
+    models : mapping of str to str
+        Model file by classifier name, see `classifier_name`.
+    parameters : mapping
+        Further parameters by node name; they win over those given here.
+
+    Raises
+    ------
+    BringupError
+        When a classifier's name does not say its task and contact, or two models need
+        different features.
+    ModelFileError
+        When a file is no model.
+    """
+    stated = parameters.get(FEATURES_NODE, {})
+    wanted = wanted_features(models, stated)
+    of_features = _shared(ClassifierConfig, {**wanted, **stated})
+    nodes = [
+        NodeDescription(
+            'tendon_sensor_driver',
+            'tendon_sensor_node',
+            'tendon_sensor',
+            {'port': sensor_port} if sensor_port else {},
+        ),
+        NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted),
+    ]
+    for name, model in models.items():
+        task, contact = parse_classifier_name(name)
+        nodes.append(
+            NodeDescription(
+                'tactile_classifier',
+                'tactile_classifier_node',
+                name,
+                # What the feature node is told about windows, its classifiers must know.
+                {'model': model, 'task': task, 'contact': contact, **of_features},
+            )
+        )
+    return [_placed(node, parameters, namespace) for node in nodes]
+
+
+def slip_node(
+    parameters: Mapping[str, Mapping[str, Any]], *, simulated: bool, namespace: str = ''
+) -> NodeDescription:
+    """Return the node that finds the slip of a held object; of the same sensor as the features."""
+    shared = _shared(SlipConfig, parameters.get(FEATURES_NODE, {}))
+    node = NodeDescription(
+        'tactile_features', 'slip_detector_node', SLIP_NODE, {'simulated': simulated, **shared}
+    )
+    return _placed(node, parameters, namespace)
+
+
+def rig_graph(
+    ports: Ports,
+    models: Mapping[str, str],
+    parameters: Mapping[str, Mapping[str, Any]],
+    *,
+    simulated: bool,
+    watched: bool = False,
+    namespace: str = '',
+) -> list[NodeDescription]:
+    """Return the nodes of the whole palpation rig: sensing, motion, trial runner.
+
+    Parameters
+    ----------
+    watched : bool
+        Motion ends when one of the other nodes falls silent: for nodes in processes of their
+        own, which can die alone.
+    """
+    guide_needs: dict[str, Any] = {}
+    tendon_needs: dict[str, Any] = {}
+    if watched:
+        guide_needs = {
+            'strain_timeout_s': STRAIN_TIMEOUT_S,
+            'heartbeat_topics': ('trial_runner/heartbeat', 'tendon_actuator/heartbeat'),
+        }
+        tendon_needs = {'heartbeat_topics': ('trial_runner/heartbeat', 'linear_guide/heartbeat')}
+    motion = [
+        NodeDescription(
+            'linear_guide_driver',
+            'linear_guide_node',
+            'linear_guide',
+            {'port': ports.guide, **guide_needs},
+        ),
+        NodeDescription(
+            'linear_guide_driver',
+            'tendon_actuator_node',
+            'tendon_actuator',
+            {'port': ports.tendon, **tendon_needs},
+        ),
+        NodeDescription(
+            'tactile_bringup', 'trial_runner_node', 'trial_runner', {'simulated': simulated}
+        ),
+    ]
+    return [
+        *sensing_graph(ports.sensor, models, parameters, namespace=namespace),
+        *(_placed(node, parameters, namespace) for node in motion),
+    ]
+
+
+def recorder_node(
+    bag: Path,
+    models: Path | None,
+    classifiers: tuple[str, ...],
+    feature_parameters: Mapping[str, Any],
+    *,
+    namespaces: Sequence[str] = ('',),
+    simulated: bool,
+    rig: bool = True,
+) -> NodeDescription:
+    """Return the recorder node for one or more fingers; it notes what a replay needs to know.
+
+    Without a ``rig`` that moves them it waits for the topics of sensing alone.
+    ``feature_parameters`` are those that the feature node gets, see `feature_parameters_of`.
+    """
+    known = {f.name for f in fields(FeatureConfig)}  # every node has further ones
+    features = FeatureConfig(**{k: v for k, v in feature_parameters.items() if k in known})
+    facts = {
+        'simulated': simulated,
+        'feature_config': asdict(features),
+        'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
+    }
+    return NodeDescription(
+        'tactile_bringup',
+        'bag_recorder_node',
+        'bag_recorder',
+        {
+            'bag': str(bag),
+            'namespaces': tuple(namespaces),
+            'facts': json.dumps(facts),
+            'rig': rig,
+            # ROS cannot tell the type of an empty list.
+            **({'classifiers': classifiers} if classifiers else {}),
+        },
+    )
+
+
+def feature_parameters_of(nodes: Iterable[NodeDescription]) -> Mapping[str, Any]:
+    """Return the parameters of the first feature node in a graph."""
+    return next(node.parameters for node in nodes if node.name == FEATURES_NODE)
+
+
+def join_namespaces(*parts: str) -> str:
+    """Return one namespace within the other, without slashes around it; empty: the root."""
+    return '/'.join(stripped for part in parts if (stripped := part.strip('/')))
+
+
+def classifier_name(task: str, contact: str) -> str:
+    """Return the node name of the classifier for a task and a kind of contact.
+
+    Without a contact: of one that takes windows of any.
+    """
+    return '_'.join(part for part in (task, contact, 'classifier') if part)
+
+
+def all_classifier_names() -> tuple[str, ...]:
+    """Return the node names of the classifiers for every task and contact."""
+    return tuple(
+        classifier_name(task, contact) for task in PROTOCOLS for contact in (*CONTACTS, '')
+    )
+
+
+def parse_classifier_name(name: str) -> tuple[str, str]:
+    """Return task and contact from a node name made by `classifier_name`."""
+    for task in PROTOCOLS:
+        for contact in (*CONTACTS, ''):
+            if name == classifier_name(task, contact):
+                return task, contact
+    raise BringupError(
+        f'"{name}" does not name a classifier; it must be one of '
+        + ', '.join(all_classifier_names())
+    )
+
+
+def _shared(config: type, of_features: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those parameters of the feature node that another node's config has, too."""
+    names = {f.name for f in fields(config)} & {f.name for f in fields(FeatureConfig)}
+    return {name: value for name, value in of_features.items() if name in names}
+
+
+def _placed(
+    node: NodeDescription, parameters: Mapping[str, Mapping[str, Any]], namespace: str
+) -> NodeDescription:
+    merged = {**node.parameters, **parameters.get(node.name, {})}
+    return replace(node, parameters=merged, namespace=join_namespaces(namespace))

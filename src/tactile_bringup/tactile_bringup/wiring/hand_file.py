@@ -1,0 +1,140 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which fingers a hand has: names, or a file that describes each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+import re
+from typing import Any
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.wiring.plain_yaml import parse_plain_yaml, read_text
+
+_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
+_MOST_BYTES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Finger:
+    """One finger of a hand, as far as it was described.
+
+    Attributes
+    ----------
+    name : str
+        Namespace of its nodes.
+    sensor_port, phases : str
+        Empty: not said.
+    model : Path or None
+    parameters : mapping
+        By node name, then by parameter name.
+    slip : bool or None
+        Whether its slip detector runs; None: not said.
+    """
+
+    name: str
+    sensor_port: str = ''
+    model: Path | None = None
+    phases: str = ''
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    slip: bool | None = None
+
+
+def parse_finger_names(text: str) -> tuple[str, ...]:
+    """Return the names in a list such as ``index,middle``.
+
+    Raises
+    ------
+    BringupError
+        When one is no name for a namespace, or is there twice.
+    """
+    names = tuple(name.strip() for name in text.split(',') if name.strip())
+    for name in names:
+        if not _NAME.fullmatch(name):
+            raise BringupError(
+                f'"{name}" is no name for a finger: letters, digits and _ only, and no digit first'
+            )
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise BringupError(f'the finger {", ".join(twice)} is named twice')
+    return names
+
+
+def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
+    """Return the fingers that a file describes: those that are wanted, or all.
+
+    The file holds ``fingers:`` and below it, by name, any of ``sensor_port``, ``model``
+    (a path, relative to the file), ``phases``, ``slip`` (true or false) and ``parameters``
+    (by node name).
+
+    Raises
+    ------
+    BringupError
+        When the file cannot be read, has another form, or lacks a wanted finger.
+    """
+    try:
+        document = parse_plain_yaml(read_text(path, _MOST_BYTES))
+    except BringupError as error:
+        raise BringupError(f'cannot read the hand in {path}: {error}') from error
+    described = document.get('fingers') if isinstance(document, dict) else None
+    if not isinstance(described, dict) or not described or set(document) != {'fingers'}:
+        raise BringupError(f'{path} is no hand file: it must hold "fingers:", and names below it')
+    names = parse_finger_names(','.join(str(name) for name in described))
+    fingers = {
+        name: _finger(name, content, path)
+        for name, content in zip(names, described.values(), strict=True)
+    }
+    missing = [name for name in wanted if name not in fingers]
+    if missing:
+        raise BringupError(
+            f'{path} does not describe {", ".join(missing)}, only {", ".join(fingers)}'
+        )
+    return tuple(fingers[name] for name in (wanted or fingers))
+
+
+def _finger(name: str, content: Any, path: Path) -> Finger:
+    content = {} if content is None else content
+    if not isinstance(content, dict):
+        raise BringupError(f'{path}: {name} must hold names and values')
+    known = ('sensor_port', 'model', 'phases', 'slip', 'parameters')
+    unknown = [str(key) for key in content if key not in known]
+    if unknown:
+        raise BringupError(
+            f'{path}: {name} has {", ".join(unknown)}; it can have {", ".join(known)}'
+        )
+    for key in ('sensor_port', 'model', 'phases'):
+        if not isinstance(content.get(key, ''), str):
+            raise BringupError(f'{path}: {key} of {name} must be text')
+    slip = content.get('slip')
+    if slip is not None and not isinstance(slip, bool):
+        raise BringupError(f'{path}: slip of {name} must be true or false')
+    parameters = content.get('parameters', {})
+    if not isinstance(parameters, dict) or not all(
+        isinstance(of_node, dict) for of_node in parameters.values()
+    ):
+        raise BringupError(
+            f'{path}: the parameters of {name} must stand below the name of their node'
+        )
+    model = content.get('model')
+    return Finger(
+        name,
+        sensor_port=content.get('sensor_port', ''),
+        model=path.parent / model if model else None,
+        phases=content.get('phases', ''),
+        parameters={str(node): dict(of_node) for node, of_node in parameters.items()},
+        slip=slip,
+    )

@@ -1,0 +1,171 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The arguments of the launch files, as data: name, meaning, default, choices.
+
+``launch`` is not needed to read or to test them, nor for the tables in the documentation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from tactile_bringup.records import CONTACTS
+from tactile_features.records import FeatureConfig
+
+
+@dataclass(frozen=True)
+class LaunchArgument:
+    """One argument of a launch file.
+
+    Attributes
+    ----------
+    description : str
+        What it is for, and what its empty value means.
+    choices : tuple of str
+        What it may be; empty: anything.
+    """
+
+    name: str
+    description: str
+    default: str = ''
+    choices: tuple[str, ...] = ()
+
+
+RIG = LaunchArgument(
+    'rig',
+    'what is behind the ports: devices, or the simulated rig, which is started here unless '
+    'ports are given. It changes the ports, and marks all that comes from a simulated rig',
+    'hardware',
+    ('hardware', 'simulated'),
+)
+SENSOR_PORT = LaunchArgument(
+    'sensor_port',
+    'serial port of the load cell; empty: the port in params_file, or /dev/tactile/sensor',
+)
+GUIDE_PORT = LaunchArgument(
+    'guide_port',
+    'serial port of the linear guide (Grbl); empty: the port in params_file, or '
+    '/dev/tactile/guide',
+)
+TENDON_PORT = LaunchArgument(
+    'tendon_port',
+    'serial port of the tendon actuator (Dynamixel); empty: the port in params_file, or '
+    '/dev/tactile/tendon',
+)
+CONTACT = LaunchArgument(
+    'contact',
+    'how the finger touches: which model of a folder is loaded',
+    'flexion',
+    CONTACTS,
+)
+MODEL = LaunchArgument(
+    'model',
+    'model file, or folder of them as "tactile train" writes it, which also says which features '
+    'are computed; empty: no classifier',
+)
+PHASES = LaunchArgument(
+    'phases',
+    'who says when a glide or a hold begins and ends: stated by trial events on '
+    'trial_runner/events, or found in the tension, for the kind of contact that is named',
+    'stated',
+    FeatureConfig.__dataclass_fields__['phases'].metadata['choices'],
+)
+DETECTED_CONTACT = LaunchArgument(
+    'contact',
+    'how the finger touches, where phases are found in the tension and nobody else says it; '
+    'empty: not known',
+    '',
+    ('', *CONTACTS),
+)
+SLIP = LaunchArgument(
+    'slip',
+    'also run the slip detector, which says on slip_detector/slip when a held object slides',
+    'false',
+    ('false', 'true'),
+)
+RECORD = LaunchArgument(
+    'record', 'folder of the bag to record into, which must not exist; empty: none'
+)
+PARAMS_FILE = LaunchArgument(
+    'params_file',
+    'YAML file with ROS parameters of the nodes; they win over those of the launch file. '
+    'Empty: the defaults',
+)
+NAMESPACE = LaunchArgument('namespace', 'namespace of all nodes; empty: the root')
+SIM_TIME = LaunchArgument(
+    'use_sim_time', 'take the time from /clock instead of the computer', 'false', ('true', 'false')
+)
+LOG_LEVEL = LaunchArgument(
+    'log_level',
+    'least severity that the nodes log',
+    'info',
+    ('debug', 'info', 'warn', 'error', 'fatal'),
+)
+
+_SHARED = (RECORD, PARAMS_FILE, NAMESPACE, SIM_TIME, LOG_LEVEL)
+
+
+def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...]:
+    simulated_object = LaunchArgument(
+        'object', f'the {beneath} under the finger of the simulated rig', example
+    )
+    ports = (GUIDE_PORT, TENDON_PORT, SENSOR_PORT)
+    return (RIG, *ports, CONTACT, MODEL, simulated_object, *_SHARED)
+
+
+LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
+    'texture': _protocol_arguments('plate', 'R1'),
+    'stiffness': _protocol_arguments('object', 'rubber_shell'),
+    'sense': (RIG, SENSOR_PORT, MODEL, PHASES, DETECTED_CONTACT, SLIP, *_SHARED),
+    'hand': (
+        RIG,
+        LaunchArgument(
+            'fingers',
+            'namespaces of the fingers, with commas between them, such as index,middle; '
+            'empty: all of hand_file',
+        ),
+        LaunchArgument(
+            'hand_file',
+            "YAML file that describes the fingers: each one's port, model, phases, slip and "
+            'parameters. Empty: each has the port /dev/tactile/<finger> and what the other '
+            'arguments say',
+        ),
+        dataclasses.replace(MODEL, description=f'{MODEL.description}. hand_file wins'),
+        dataclasses.replace(PHASES, description=f'{PHASES.description}. hand_file wins'),
+        DETECTED_CONTACT,
+        dataclasses.replace(SLIP, description=f'{SLIP.description}. hand_file wins'),
+        *_SHARED,
+    ),
+    'replay': (
+        LaunchArgument('bag', 'folder of the recording to play; must be given'),
+        LaunchArgument('rate', 'how many times faster than it was recorded', '1.0'),
+        dataclasses.replace(
+            MODEL,
+            description='model file or folder; empty: the one that the recording was made with, '
+            'if any',
+        ),
+        RECORD,
+        PARAMS_FILE,
+        dataclasses.replace(
+            NAMESPACE, description='play the finger in this namespace only; empty: all of them'
+        ),
+        dataclasses.replace(
+            SIM_TIME, description='take the time from the recording, by /clock', default='true'
+        ),
+        LOG_LEVEL,
+    ),
+}
+"""Arguments of each launch file, by its name without ``.launch.py``."""

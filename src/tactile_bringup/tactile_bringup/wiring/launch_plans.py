@@ -1,0 +1,366 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What each launch file starts, from the values of its arguments.
+
+Plain Python: `tactile_bringup.wiring.launching` makes launch actions of a plan, and the commands
+`tactile sense` and `tactile hand` run one in this process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+import dataclasses
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import recorded_config
+from tactile_bringup.records import PROTOCOLS
+from tactile_bringup.wiring.graph import (
+    feature_parameters_of,
+    FEATURES_NODE,
+    join_namespaces,
+    NodeDescription,
+    PLAYER,
+    Ports,
+    recorder_node,
+    rig_graph,
+    RIG_NODES,
+    sensing_graph,
+    SENSING_NODES,
+    SLIP_NODE,
+    slip_node,
+)
+from tactile_bringup.wiring.hand_file import Finger, parse_finger_names, read_hand
+from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
+from tactile_bringup.wiring.model_folder import choose_models, find_models
+from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_features.records import PHASES_STATED
+
+DEVICES = Path('/dev/tactile')
+"""Where the udev rules of this package put the names of the devices."""
+
+
+@dataclass(frozen=True)
+class RigDescription:
+    """A simulated rig to start before the nodes.
+
+    Attributes
+    ----------
+    links : Path
+        Folder for its ports: guide, tendon and sensor.
+    mount : tuple of str
+        Protocol, object and contact of what lies under the finger; empty: nothing.
+    """
+
+    links: Path
+    seed: int
+    mount: tuple[str, ...] = ()
+
+    @property
+    def ports(self) -> Ports:
+        """The ports that it will serve."""
+        return Ports(*(str(self.links / name) for name in ('guide', 'tendon', 'sensor')))
+
+
+@dataclass(frozen=True)
+class LaunchPlan:
+    """What is to be started.
+
+    Attributes
+    ----------
+    nodes : tuple of NodeDescription
+    rigs : tuple of RigDescription
+        Simulated rigs; their ports must be there before the nodes start.
+    ends_with : str
+        Path of the node whose end ends all; empty: none does.
+    """
+
+    nodes: tuple[NodeDescription, ...]
+    rigs: tuple[RigDescription, ...] = ()
+    ends_with: str = ''
+
+
+def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPlan:
+    """Return what a launch file starts.
+
+    Parameters
+    ----------
+    name : str
+        Name of the launch file, without ``.launch.py``.
+    given : mapping of str to str
+        Values of its arguments; what is left out has its default.
+    scratch : Path
+        Folder for the ports of simulated rigs.
+
+    Raises
+    ------
+    BringupError
+        When an argument is not known or does not fit, or a file that one names is not there.
+    """
+    arguments = {argument.name: argument for argument in LAUNCH_FILES[name]}
+    values = {argument.name: argument.default for argument in arguments.values()}
+    for key, value in given.items():
+        if key not in arguments:
+            raise BringupError(f'{name} has no argument {key}, only {", ".join(arguments)}')
+        choices = arguments[key].choices
+        if choices and value not in choices:
+            raise BringupError(f'{key} is "{value}"; it must be one of {", ".join(choices)}')
+        values[key] = value
+    if name in PROTOCOLS:
+        plan = _plan_protocol(name, values, scratch)
+    elif name == 'replay':
+        plan = _plan_replay(values)
+    else:
+        plan = _plan_fingers(_described_fingers(name, values), values, scratch)
+    if values['use_sim_time'] == 'true':
+        timed = [
+            dataclasses.replace(node, parameters={'use_sim_time': True, **node.parameters})
+            for node in plan.nodes
+            if node.name != PLAYER  # it makes that time
+        ]
+        others = [node for node in plan.nodes if node.name == PLAYER]
+        plan = dataclasses.replace(plan, nodes=(*timed, *others))
+    return plan
+
+
+def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> LaunchPlan:
+    simulated = values['rig'] == 'simulated'
+    given = {name: values[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
+    rigs = []
+    if simulated and not any(given.values()):
+        mount = (protocol, values['object'], values['contact'])
+        rigs.append(RigDescription(scratch / 'rig', 1, mount))
+        ports = rigs[0].ports
+    elif simulated and not all(given.values()):
+        missing = [f'{name}_port' for name, port in given.items() if not port]
+        raise BringupError(
+            f'name all ports of a simulated rig that runs already, also {", ".join(missing)}; '
+            'or none, and one is started'
+        )
+    else:
+        ports = Ports(**{name: port or str(DEVICES / name) for name, port in given.items()})
+    model = _path(values['model'])
+    models = choose_models(model, protocol, values['contact']) if model else {}
+    namespace = values['namespace']
+    parameters = _read(values, (*RIG_NODES, *models), namespace)
+    nodes = rig_graph(
+        ports, models, parameters, simulated=simulated, watched=True, namespace=namespace
+    )
+    if values['record']:
+        nodes.append(
+            _recorder(
+                Path(values['record']),
+                model,
+                models,
+                nodes,
+                namespace,
+                simulated=simulated,
+                rig=True,
+            )
+        )
+    return LaunchPlan(tuple(nodes), tuple(rigs))
+
+
+def _described_fingers(name: str, values: Mapping[str, str]) -> tuple[Finger, ...]:
+    if name == 'sense':
+        return (Finger('', sensor_port=values['sensor_port']),)
+    names = parse_finger_names(values['fingers'])
+    path = _path(values['hand_file'])
+    if path:
+        return read_hand(path, names)
+    if not names:
+        raise BringupError('name the fingers, as fingers:=index,middle, or a hand_file')
+    return tuple(Finger(name) for name in names)
+
+
+def _plan_fingers(
+    fingers: Sequence[Finger], values: Mapping[str, str], scratch: Path
+) -> LaunchPlan:
+    simulated = values['rig'] == 'simulated'
+    nodes: list[NodeDescription] = []
+    rigs: list[RigDescription] = []
+    for index, finger in enumerate(fingers):
+        port = finger.sensor_port
+        if simulated and not port:
+            rigs.append(RigDescription(scratch / f'rig_{finger.name or "finger"}', index + 1))
+            port = rigs[-1].ports.sensor
+        nodes += _finger_nodes(
+            finger, port or str(DEVICES / (finger.name or 'sensor')), values, simulated=simulated
+        )
+    _refuse_shared_ports(nodes)
+    return LaunchPlan(tuple(nodes), tuple(rigs))
+
+
+def _finger_nodes(
+    finger: Finger, port: str, values: Mapping[str, str], *, simulated: bool
+) -> list[NodeDescription]:
+    namespace = join_namespaces(values['namespace'], finger.name)
+    model = finger.model or _path(values['model'])
+    models = find_models(model) if model else {}
+    slips = values['slip'] == 'true' if finger.slip is None else finger.slip
+    names = (*SENSING_NODES, *([SLIP_NODE] if slips else []), *models)
+    unknown = [node for node in finger.parameters if node not in names]
+    if unknown:
+        raise BringupError(
+            f'the finger {finger.name} has parameters for {", ".join(unknown)}; its nodes are '
+            f'{", ".join(names)}'
+        )
+    phases = finger.phases or values['phases']
+    choices = next(a.choices for a in LAUNCH_FILES['hand'] if a.name == 'phases')
+    if phases not in choices:
+        raise BringupError(
+            f'phases of the finger {finger.name} is "{phases}"; it must be one of '
+            + ', '.join(choices)
+        )
+    # What only this finger's description says wins over the file for all of them.
+    parameters = _merged(
+        {FEATURES_NODE: _found_phases(phases, values['contact'], simulated)},
+        _read(values, names, namespace),
+        finger.parameters,
+    )
+    nodes = sensing_graph(port, models, parameters, namespace=namespace)
+    if slips:
+        told = _merged({FEATURES_NODE: feature_parameters_of(nodes)}, parameters)
+        nodes.append(slip_node(told, simulated=simulated, namespace=namespace))
+    if values['record']:
+        bag = Path(values['record'], finger.name)  # the sense launch file has one, without name
+        nodes.append(
+            _recorder(bag, model, models, nodes, namespace, simulated=simulated, rig=False)
+        )
+    return nodes
+
+
+def _found_phases(phases: str, contact: str, simulated: bool) -> dict[str, Any]:
+    if phases == PHASES_STATED:
+        return {}
+    return {'phases': phases, 'detected_contact': contact, 'detected_simulated': simulated}
+
+
+def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
+    owners: dict[str, str] = {}
+    for node in nodes:
+        port = node.parameters.get('port')
+        if not port or node.parameters.get('sensor') == 'net_ft':
+            continue
+        if port in owners:
+            raise BringupError(
+                f'{owners[port]} and {node.path} have the same port {port}: a port has one user'
+            )
+        owners[port] = node.path
+
+
+def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
+    path = _path(values['bag'])
+    if path is None:
+        raise BringupError('name the recording to play, as bag:=FOLDER')
+    try:
+        rate = float(values['rate'])
+    except ValueError:
+        raise BringupError(f'rate is "{values["rate"]}"; it must be a number') from None
+    with TactileBag(path) as bag:
+        config, facts, found = recorded_config(bag), bag.facts, bag.namespaces
+    wanted = values['namespace'].strip('/')
+    if wanted and wanted not in found:
+        raise BringupError(
+            f'{path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
+        )
+    namespaces = (wanted,) if wanted else found
+    model = _path(values['model'])
+    if model is None and facts.get('models'):
+        model = Path(path, facts['models'])
+        if not model.exists():
+            raise BringupError(
+                f'the models of this recording are not at {model.resolve()}; name them: model:=...'
+            )
+    models = find_models(model) if model else {}
+    nodes: list[NodeDescription] = []
+    for namespace in namespaces:
+        recorded = {FEATURES_NODE: asdict(config)}
+        parameters = _merged(recorded, _read(values, (*SENSING_NODES, *models), namespace))
+        graph = sensing_graph('', models, parameters, namespace=namespace)
+        nodes += [node for node in graph if node.name != 'tendon_sensor']
+    if values['record']:
+        nodes.append(
+            recorder_node(
+                Path(values['record']),
+                model,
+                tuple(models),
+                feature_parameters_of(nodes),
+                namespaces=namespaces,
+                simulated=bool(facts.get('simulated')),
+                rig=False,
+            )
+        )
+    chosen = {'namespace': wanted} if wanted else {}
+    player = NodeDescription(
+        'tactile_bringup',
+        'bag_player_node',
+        PLAYER,
+        {
+            'bag': str(path),
+            'rate': rate,
+            # The processes start with it, and not all as fast.
+            'subscriber_timeout_s': 60.0,
+            'start_delay_s': 3.0,
+            **chosen,
+        },
+    )
+    return LaunchPlan((*nodes, player), ends_with=player.path)
+
+
+def _recorder(
+    bag: Path,
+    model: Path | None,
+    models: Mapping[str, str],
+    nodes: Iterable[NodeDescription],
+    namespace: str,
+    *,
+    simulated: bool,
+    rig: bool,
+) -> NodeDescription:
+    node = recorder_node(
+        bag,
+        model,
+        tuple(models),
+        feature_parameters_of(nodes),
+        namespaces=(namespace.strip('/'),),
+        simulated=simulated,
+        rig=rig,
+    )
+    return dataclasses.replace(node, namespace=namespace.strip('/'))
+
+
+def _read(
+    values: Mapping[str, str], names: Iterable[str], namespace: str
+) -> Mapping[str, Mapping[str, Any]]:
+    path = _path(values['params_file'])
+    if path is None:
+        return {}
+    return read_parameters(path, names, namespace, others_allowed=True)
+
+
+def _merged(*layers: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    merged: dict[str, dict[str, Any]] = {}
+    for layer in layers:
+        for node, parameters in layer.items():
+            merged.setdefault(node, {}).update(parameters)
+    return merged
+
+
+def _path(text: str) -> Path | None:
+    return Path(text).expanduser() if text else None

@@ -1,0 +1,167 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A launch plan as launch actions; the launch files are thin wrappers of this.
+
+Imports ``launch``, which comes with an ordinary ROS 2 and not from PyPI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import shutil
+import tempfile
+from typing import Any
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    ExecuteProcess,
+    OpaqueFunction,
+    RegisterEventHandler,
+    TimerAction,
+)
+from launch.event_handlers import OnProcessExit, OnProcessIO, OnShutdown
+from launch.events import Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import ExecutableInPackage
+
+from tactile_bringup.wiring.graph import NodeDescription
+from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
+from tactile_bringup.wiring.launch_plans import LaunchPlan, plan_launch, RigDescription
+
+RIG_LINGERS_S = 3.0
+"""A simulated rig outlives the drivers that bring it to rest, as a real one does; one that
+nothing moves need not."""
+
+ENDS_WITHIN_S = '15'
+"""A trial that is ended brings the rig to rest first; with launch's own 5 s a busy computer
+could be too slow for that."""
+
+AFTER_END_S = 2.0
+"""For what is still being computed when the node has ended that ends all."""
+
+
+def launch_description(name: str) -> LaunchDescription:
+    """Return what a launch file starts.
+
+    Parameters
+    ----------
+    name : str
+        Name of the launch file, without ``.launch.py``.
+    """
+    arguments = [
+        DeclareLaunchArgument(
+            argument.name,
+            default_value=argument.default,
+            description=argument.description,
+            choices=list(argument.choices) or None,
+        )
+        for argument in LAUNCH_FILES[name]
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=_start, args=[name])])
+
+
+def _start(context: LaunchContext, name: str) -> list[Any]:
+    values = {
+        argument.name: str(LaunchConfiguration(argument.name).perform(context))
+        for argument in LAUNCH_FILES[name]
+    }
+    scratch = Path(tempfile.mkdtemp(prefix='tactile_launch_'))
+    try:
+        plan = plan_launch(name, values, scratch)
+    except Exception:
+        scratch.rmdir()
+        raise
+    nodes = {node.path: _node(node, values['log_level']) for node in plan.nodes}
+    ending = []
+    if plan.ends_with:
+        ends = TimerAction(
+            period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the end was reached'))]
+        )
+        ending = [
+            RegisterEventHandler(OnProcessExit(target_action=nodes[plan.ends_with], on_exit=ends))
+        ]
+    return [
+        RegisterEventHandler(
+            OnShutdown(on_shutdown=lambda *_: shutil.rmtree(scratch, ignore_errors=True))
+        ),
+        *ending,
+        *_after_rigs(plan, list(nodes.values())),
+    ]
+
+
+def _after_rigs(plan: LaunchPlan, nodes: list[Node]) -> list[Any]:
+    """Start simulated rigs, and the nodes once all ports are there."""
+    if not plan.rigs:
+        return nodes
+    waiting = {rig.links for rig in plan.rigs}
+
+    def on_output(rig: RigDescription) -> Callable[[Any], list[Node] | None]:
+        def start_when_last(event: Any) -> list[Node] | None:
+            if rig.links not in waiting:
+                return None
+            waiting.discard(rig.links)  # its first line says that its ports are there
+            return None if waiting else nodes
+
+        return start_when_last
+
+    actions: list[Any] = []
+    for rig in plan.rigs:
+        process = _rig(rig)
+        handler = OnProcessIO(target_action=process, on_stdout=on_output(rig))
+        actions += [RegisterEventHandler(handler), process]
+    return actions
+
+
+def _rig(rig: RigDescription) -> ExecuteProcess:
+    mount = ['--mount', *rig.mount] if rig.mount else []
+    return ExecuteProcess(
+        cmd=[
+            ExecutableInPackage(package='tactile_sim', executable='tactile_sim_rig'),
+            *('--links', str(rig.links), '--seed', str(rig.seed)),
+            *('--linger', str(RIG_LINGERS_S if mount else 0.0), *mount),
+        ],
+        name=rig.links.name,
+        output='screen',
+        sigterm_timeout=ENDS_WITHIN_S,
+    )
+
+
+def _node(description: NodeDescription, log_level: str) -> Node:
+    return Node(
+        package=description.package,
+        executable=description.executable,
+        name=description.name,
+        namespace=description.namespace,
+        parameters=[
+            # With its type: launch would read {...} or on in a text as YAML.
+            {
+                key: ParameterValue(value, value_type=_type_of(value))
+                for key, value in description.parameters.items()
+                if not isinstance(value, (tuple, list)) or len(value)
+            }
+        ],
+        arguments=['--ros-args', '--log-level', log_level],
+        output='screen',
+        sigterm_timeout=ENDS_WITHIN_S,
+    )
+
+
+def _type_of(value: Any) -> Any:
+    return list[type(value[0])] if isinstance(value, (tuple, list)) else type(value)

@@ -1,0 +1,68 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the models of a finger ask of its feature node, so that nobody has to say it twice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tactile_bringup.errors import BringupError
+from tactile_classifier.inference import read_manifest
+
+RUNNING = 'running_samples'
+
+
+def wanted_features(models: Mapping[str, str], stated: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of the feature node that models need and nobody has stated.
+
+    Running windows are those of any model: each answers its own and passes over the others.
+    A model that does not fit what is stated asks for nothing; its classifier refuses it.
+
+    Parameters
+    ----------
+    models : mapping of str to str
+        Model file by the name of its classifier.
+    stated : mapping
+        Parameters of the feature node that the user has given.
+
+    Raises
+    ------
+    BringupError
+        When two models need different features: one node computes one kind for a task.
+    ModelFileError
+        When a file is no model.
+    """
+    wanted: dict[str, Any] = {}
+    askers: dict[str, str] = {}
+    running: set[int] = set()
+    for path in models.values():
+        values = read_manifest(path).feature_values()
+        of_running = values.pop(RUNNING, ())
+        if any(stated.get(name, value) != value for name, value in values.items()):
+            continue
+        running.update(of_running)
+        for name, value in values.items():
+            if name in wanted and wanted[name] != value:
+                raise BringupError(
+                    f'the models {askers[name]} and {path} cannot share a feature node: {name} '
+                    f'would have to be {wanted[name]} for the one and {value} for the other. '
+                    'Train them alike, or name one of them alone'
+                )
+            wanted[name] = value
+            askers.setdefault(name, path)
+    if running:
+        wanted[RUNNING] = tuple(sorted(running))
+    return {name: value for name, value in wanted.items() if name not in stated}

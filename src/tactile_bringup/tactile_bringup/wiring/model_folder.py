@@ -1,0 +1,86 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Model files by the classifier node that runs them: a single file, or a folder of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.wiring.graph import (
+    all_classifier_names,
+    classifier_name,
+    parse_classifier_name,
+)
+from tactile_classifier.inference import read_manifest
+
+
+def model_path(folder: Path, task: str, contact: str) -> Path:
+    """Return where the model for a task and a contact (which may be empty) lies."""
+    return folder / (f'{task}_{contact}.onnx' if contact else f'{task}.onnx')
+
+
+def find_models(path: Path) -> dict[str, str]:
+    """Return model files by the name of the classifier node.
+
+    Parameters
+    ----------
+    path : Path
+        A model file, which says itself what it is for; or a folder with files named as
+        `model_path` does.
+
+    Raises
+    ------
+    BringupError
+        When there is none.
+    ModelFileError
+        When the single file is no model.
+    """
+    if path.is_file():
+        return {_classifier_of(path): str(path.resolve())}
+    models = {}
+    for name in all_classifier_names():
+        file = model_path(path, *parse_classifier_name(name))
+        if file.is_file():
+            models[name] = str(file.resolve())
+    if not models:
+        example = model_path(path, 'texture', 'flexion')
+        raise BringupError(
+            f'no model files in {path}, such as {example.name}; `tactile train` writes them'
+        )
+    return models
+
+
+def choose_models(path: Path, task: str, contact: str) -> dict[str, str]:
+    """Return those models that take the windows of a task and a contact.
+
+    Raises
+    ------
+    BringupError
+        When there is none.
+    ModelFileError
+        When the single file is no model.
+    """
+    wanted = (classifier_name(task, contact), classifier_name(task, ''))
+    models = find_models(path)
+    chosen = {name: file for name, file in models.items() if name in wanted}
+    if not chosen:
+        raise BringupError(f'{path} has no model for the {wanted[0]}, only {", ".join(models)}')
+    return chosen
+
+
+def _classifier_of(path: Path) -> str:
+    manifest = read_manifest(path)
+    return classifier_name(manifest.task, manifest.contact)

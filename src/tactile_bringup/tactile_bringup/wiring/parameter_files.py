@@ -1,0 +1,100 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""ROS parameter files, read as ROS reads them: which of their entries are for which node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+import re
+from typing import Any
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.recording.bags import join_topic
+from tactile_bringup.wiring.plain_yaml import parse_plain_yaml, read_text
+
+MAX_BYTES = 2**20
+"""Longest file of parameters that is read [byte]."""
+
+
+def read_parameters(
+    path: Path, names: Iterable[str], namespace: str = '', *, others_allowed: bool = False
+) -> dict[str, dict[str, Any]]:
+    """Return what a ROS parameter file sets for some nodes, by node name.
+
+    Parameters
+    ----------
+    path : Path
+    names : iterable of str
+        Names of the nodes, without their namespace.
+    namespace : str
+        Namespace of all of them.
+    others_allowed : bool
+        Pass over entries that are for none of these nodes.
+
+    Raises
+    ------
+    BringupError
+        When the file is not of ROS's form, or an entry is for none of these nodes.
+    """
+    try:
+        document = parse_plain_yaml(read_text(path, MAX_BYTES))
+    except BringupError as error:
+        raise BringupError(f'cannot read the parameters in {path}: {error}') from error
+    if not isinstance(document, dict):
+        raise BringupError(f'{path} is no ROS parameter file: node names are expected on top')
+    full_names = {name: join_topic(namespace, name) for name in names}
+    found: dict[str, dict[str, Any]] = {}
+    for pattern, parameters in _entries(document, '', path):
+        expression = _as_expression(pattern)
+        matching = [name for name, full in full_names.items() if expression.fullmatch(full)]
+        if not matching and not others_allowed:
+            raise BringupError(
+                f'{path} has parameters for {pattern}; there are {", ".join(full_names.values())}'
+            )
+        for name in matching:
+            found.setdefault(name, {}).update(_flat(parameters))
+    return found
+
+
+def _flat(parameters: Mapping[Any, Any], above: str = '') -> dict[str, Any]:
+    """Return nested parameters under the names that ROS gives them, with points between."""
+    flat: dict[str, Any] = {}
+    for key, value in parameters.items():
+        name = f'{above}{key}'
+        flat.update(_flat(value, f'{name}.') if isinstance(value, dict) else {name: value})
+    return flat
+
+
+def _entries(
+    document: Mapping[Any, Any], above: str, path: Path
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    for key, content in document.items():
+        name = f'{above}/{str(key).strip("/")}'
+        if not isinstance(content, dict) or not content:
+            raise BringupError(f'{path}: {name} has no ros__parameters below it')
+        parameters = content.get('ros__parameters', {})
+        if not isinstance(parameters, dict):
+            raise BringupError(f'{path}: the ros__parameters of {name} have no names')
+        if parameters:
+            yield name, parameters
+        below = {k: v for k, v in content.items() if k != 'ros__parameters'}
+        yield from _entries(below, name, path)
+
+
+def _as_expression(pattern: str) -> re.Pattern[str]:
+    wildcards = {'*': '/[^/]+', '**': '(?:/[^/]+)*'}
+    parts = pattern.strip('/').split('/')
+    return re.compile(''.join(wildcards.get(part, '/' + re.escape(part)) for part in parts))

@@ -1,0 +1,289 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The descriptions that the simulator knows: the packaged ones, and a user's laid over them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import copy
+from dataclasses import dataclass, field
+from functools import lru_cache
+import hashlib
+import math
+from pathlib import Path
+import re
+from typing import Any, TypeVar
+
+from tactile_sim.descriptions.description import (
+    Body,
+    CONTACTS,
+    Finger,
+    HeldObject,
+    Plate,
+    PROTOCOLS,
+    Rig,
+)
+from tactile_sim.descriptions.description_text import parse_description, parse_text, show
+from tactile_sim.errors import DescriptionError
+
+_T = TypeVar('_T')
+_PACKAGED = Path(__file__).resolve().parents[1] / 'config'
+_LARGEST_BYTES = 1 << 20
+_MOST_LABELS = 1000
+_LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z')
+_KEYED = ('finger_abduction.yaml', 'finger_flexion.yaml', 'rig.yaml')
+_LABELLED = {'texture': 'plates.yaml', 'stiffness': 'objects.yaml', 'slip': 'held_objects.yaml'}
+_GRAVITY_M_S2 = 9.80665
+# Deviations are cut at three standard deviations, of the trial and of the session.
+_WIDEST = 3.0
+
+
+@dataclass(frozen=True, init=False)
+class Catalogue:
+    """What can be simulated: fingers, the rig around them, plates and objects.
+
+    Small, hashable and picklable: it holds what the files said when it was made, so that a
+    process elsewhere needs no file.
+
+    Parameters
+    ----------
+    folder
+        Files named as the packaged ones (``config``), laid over them: ``rig.yaml`` and the
+        fingers by key, plates and objects by label. None for the packaged ones alone.
+
+    Raises
+    ------
+    DescriptionError
+        The folder or a file in it is unusable; the sentence names file, label and key.
+    """
+
+    _fingers: tuple[tuple[str, Finger], ...] = field(repr=False)
+    _rig: Rig = field(repr=False)
+    _plates: tuple[tuple[str, Plate], ...] = field(repr=False)
+    _bodies: tuple[tuple[str, Body], ...] = field(repr=False)
+    _held_objects: tuple[tuple[str, HeldObject], ...] = field(repr=False)
+    folder: Path | None = field(default=None, compare=False)
+
+    def __init__(self, folder: Path | None = None) -> None:
+        files = {} if folder is None else _read_folder(folder)
+        rig = _parse_keyed(Rig, 'rig.yaml', files)
+        fingers = []
+        for contact in CONTACTS:
+            file_name = f'finger_{contact}.yaml'
+            finger = _parse_keyed(Finger, file_name, files)
+            _check_finger(finger, rig, _name_file(file_name, files))
+            fingers.append((contact, finger))
+        values = {
+            '_fingers': tuple(fingers),
+            '_rig': rig,
+            '_plates': _parse_labelled(Plate, _LABELLED['texture'], files),
+            '_bodies': _parse_labelled(Body, _LABELLED['stiffness'], files),
+            '_held_objects': _parse_labelled(HeldObject, _LABELLED['slip'], files),
+            'folder': folder,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)  # the dataclass is frozen
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all descriptions: the same for the same ones, wherever they were read."""
+        shelves = (self._fingers, self._rig, self._plates, self._bodies, self._held_objects)
+        return hashlib.sha256(repr(shelves).encode()).hexdigest()
+
+    def finger(self, contact: str) -> Finger:
+        """The finger turned to this contact; DescriptionError if there is no such contact."""
+        if contact not in CONTACTS:
+            raise DescriptionError(f'contact is {show(contact)}; it must be one of {CONTACTS}')
+        return dict(self._fingers)[contact]
+
+    def rig(self) -> Rig:
+        """The rig around the finger."""
+        return self._rig
+
+    def with_rig(self, rig: Rig) -> Catalogue:
+        """Return the same fingers, plates and objects on another rig."""
+        other = copy.copy(self)
+        object.__setattr__(other, '_rig', rig)
+        return other
+
+    def plate(self, label: str) -> Plate:
+        """The texture plate of this label; DescriptionError if there is none."""
+        return _find(self._plates, label, 'texture plate')
+
+    def body(self, label: str) -> Body:
+        """The stiffness object of this label; DescriptionError if there is none."""
+        return _find(self._bodies, label, 'stiffness object')
+
+    def held_object(self, label: str) -> HeldObject:
+        """The slip object of this label; DescriptionError if there is none."""
+        return _find(self._held_objects, label, 'slip object')
+
+    def labels(self, protocol: str) -> tuple[str, ...]:
+        """Labels that a protocol knows, the packaged ones first, in the paper's order.
+
+        Raises
+        ------
+        DescriptionError
+            No such protocol.
+        """
+        if protocol not in PROTOCOLS:
+            raise DescriptionError(f'protocol is {show(protocol)}; it must be one of {PROTOCOLS}')
+        return tuple(label for known, label in self.mountable if known == protocol)
+
+    @property
+    def mountable(self) -> tuple[tuple[str, str], ...]:
+        """All that can lie under the finger, as pairs of protocol and label."""
+        shelves = (self._plates, self._bodies, self._held_objects)
+        pairs = zip(PROTOCOLS, shelves, strict=True)
+        return tuple((protocol, label) for protocol, shelf in pairs for label, _ in shelf)
+
+
+@lru_cache
+def default_catalogue() -> Catalogue:
+    """The packaged descriptions."""
+    return Catalogue()
+
+
+def list_objects(protocol: str) -> tuple[str, ...]:
+    """Labels of the packaged descriptions for a protocol; DescriptionError if there is none."""
+    return default_catalogue().labels(protocol)
+
+
+def _find(shelf: tuple[tuple[str, _T], ...], label: str, what: str) -> _T:
+    for known, description in shelf:
+        if known == label:
+            return description
+    labels = ', '.join(known for known, _ in shelf)
+    raise DescriptionError(f'no {what} {show(label)}; there are {labels}')
+
+
+def _read_folder(folder: Path) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Values of a user's files: file name to path and mapping."""
+    known = sorted((*_KEYED, *_LABELLED.values()))
+    try:
+        names = sorted(path.name for path in folder.iterdir() if not path.name.startswith('.'))
+    except OSError as error:
+        raise DescriptionError(
+            f'cannot read the folder of descriptions {folder}: {error.strerror}; name a folder '
+            f'with any of {", ".join(known)}'
+        ) from None
+    files = {}
+    for name in names:
+        if name not in known:
+            raise DescriptionError(
+                f'{folder} has {show(name)}, which is no description; rename or remove it. '
+                f'Known are {", ".join(known)}'
+            )
+        path = folder / name
+        files[name] = (str(path), parse_text(_read_text(path), str(path)))
+    return files
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if not path.is_file():
+            raise DescriptionError(f'{path} is no file; remove or rename it')
+        with path.open('rb') as stream:
+            data = stream.read(_LARGEST_BYTES + 1)
+    except OSError as error:
+        raise DescriptionError(f'cannot read {path}: {error.strerror}') from None
+    if len(data) > _LARGEST_BYTES:
+        raise DescriptionError(f'{path} is larger than 1 MiB; a description is a few kilobytes')
+    try:
+        return data.decode('utf-8')
+    except UnicodeDecodeError:
+        raise DescriptionError(f'{path} is no text in UTF-8; save it as such') from None
+
+
+@lru_cache
+def _read_packaged(name: str) -> Mapping[str, Any]:
+    return parse_text((_PACKAGED / name).read_text(encoding='utf-8'), name)
+
+
+def _name_file(name: str, files: Mapping[str, tuple[str, Any]]) -> str:
+    return files[name][0] if name in files else name
+
+
+def _parse_keyed(kind: type[_T], name: str, files: Mapping[str, tuple[str, dict[str, Any]]]) -> _T:
+    own = files[name][1] if name in files else {}
+    return parse_description(kind, _lay_over(_read_packaged(name), own), _name_file(name, files))
+
+
+def _lay_over(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of ``above`` instead of those of ``below``, mapping by mapping."""
+    merged = dict(below)
+    for key, value in above.items():
+        under = below.get(key)
+        both = isinstance(under, Mapping) and isinstance(value, Mapping)
+        merged[key] = _lay_over(under, value) if both else value  # type: ignore[arg-type]
+    return merged
+
+
+def _parse_labelled(
+    kind: type[_T], name: str, files: Mapping[str, tuple[str, dict[str, Any]]]
+) -> tuple[tuple[str, _T], ...]:
+    packaged, where = _read_packaged(name), _name_file(name, files)
+    own = files[name][1] if name in files else {}
+    if len(own) > _MOST_LABELS:
+        raise DescriptionError(f'{where} has {len(own)} labels; at most {_MOST_LABELS} are read')
+    for label in own:
+        if not _LABEL.match(label):
+            raise DescriptionError(
+                f'{where}: the label {show(label)} must be 1 to 64 letters, digits, _, - and ., '
+                'and start with a letter or digit'
+            )
+    shelf = {**packaged, **own}
+    return tuple(
+        (label, parse_description(kind, values, f'{where if label in own else name}: {label}'))
+        for label, values in shelf.items()
+    )
+
+
+def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
+    """Refuse a finger that this rig cannot bring to its contact bend."""
+    bend_rad = math.radians(finger.contact_bend_deg)
+    moment_nm = finger.bending_stiffness_nm_rad * bend_rad - _compute_weight_nm(finger, bend_rad)
+    if moment_nm <= 0.0:
+        raise DescriptionError(
+            f'{where}: the finger hangs lower than its contact_bend_deg by its own weight; raise '
+            'bending_stiffness_nm_rad, or lower mass_kg, tip_mass_kg or length_m'
+        )
+    tension_n = moment_nm / finger.moment_arm_m
+    if tension_n >= rig.load_cell.capacity_n:
+        raise DescriptionError(
+            f'{where}: the finger needs {tension_n:.3g} N for its contact_bend_deg, but '
+            f'load_cell.capacity_n is {rig.load_cell.capacity_n:g}; lower '
+            'bending_stiffness_nm_rad or contact_bend_deg, or raise moment_arm_m'
+        )
+    spread = rig.variation
+    widest_k = _WIDEST * (spread.trial.temperature_k + spread.session.temperature_k)
+    if abs(finger.stiffness_per_k) * widest_k > 0.9:
+        raise DescriptionError(
+            f'{where}: stiffness_per_k is {finger.stiffness_per_k:g}, and the temperature may '
+            f'deviate by {widest_k:g} K; lower it, or temperature_k of the rig, so that their '
+            'product stays below 0.9'
+        )
+
+
+def _compute_weight_nm(finger: Finger, bend_rad: float) -> float:
+    """Moment of the weight on the bend of an arc of constant curvature [N m].
+
+    The derivative of the potential energy: the tip's drop is L (1 - cos q) / q and the mean
+    drop L (1 - sin q / q) / q.
+    """
+    q, ell = bend_rad, finger.length_m
+    tip = ell * (q * math.sin(q) - 1 + math.cos(q)) / q**2
+    mean = ell * (2 * math.sin(q) - q * math.cos(q) - q) / q**3
+    return _GRAVITY_M_S2 * (finger.mass_kg * mean + finger.tip_mass_kg * tip)

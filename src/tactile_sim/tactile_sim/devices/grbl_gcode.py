@@ -1,0 +1,176 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The part of Grbl's G-code that a one-axis guide needs: a line to a command or an error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import re
+
+_match_word = re.compile(r'([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))?').match
+
+_MODAL_GROUPS = {
+    '0': 'motion',
+    '1': 'motion',
+    '4': 'dwell',
+    '21': 'units',
+    '53': 'machine',
+    '54': 'offset',
+    '90': 'distance',
+    '91': 'distance',
+    '94': 'feed',
+}
+
+
+class GcodeError(Exception):
+    """A line that Grbl answers with ``error:code``."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f'error:{code}')
+        self.code = code
+
+
+@dataclass
+class Modal:
+    """What G-code remembers from line to line."""
+
+    motion: str = '0'
+    distance: str = '90'
+    feed_mm_min: float = 0.0
+
+    def describe(self) -> str:
+        """Describe it as ``$G`` does."""
+        words = f'G{self.motion} G54 G17 G21 G{self.distance} G94'
+        return f'[GC:{words} M5 M9 T0 F{self.feed_mm_min:g} S0]'
+
+
+@dataclass(frozen=True)
+class Command:
+    """What one line asks for.
+
+    Attributes
+    ----------
+    target_mm
+        Machine coordinate of X to go to; None for none [mm].
+    feed_mm_min
+        Speed; None for the fastest [mm/min].
+    dwell_s
+        Pause after all motion has ended; None for none [s].
+    """
+
+    target_mm: float | None = None
+    feed_mm_min: float | None = None
+    dwell_s: float | None = None
+
+
+def parse_gcode(line: str, modal: Modal, position_mm: float) -> Command:
+    """Read one line without spaces and comments, in capitals; changes ``modal``.
+
+    Parameters
+    ----------
+    position_mm
+        Machine coordinate at the end of everything planned so far, for G91.
+
+    Raises
+    ------
+    GcodeError
+        The line is refused; ``modal`` is unchanged.
+    """
+    groups, values = _read_words(line)
+    motion = groups.get('motion', modal.motion)
+    distance = groups.get('distance', modal.distance)
+    feed = values.get('F', modal.feed_mm_min)
+    if 'dwell' in groups and ('X' in values or 'motion' in groups):
+        raise GcodeError(24 if 'X' in values else 21)
+    if 'dwell' in groups and 'P' not in values:
+        raise GcodeError(28)
+    if 'P' in values and 'dwell' not in groups:
+        raise GcodeError(36)
+    if 'X' in values and motion == '1' and feed == 0.0:
+        raise GcodeError(22)
+    modal.motion, modal.distance, modal.feed_mm_min = motion, distance, feed
+    if 'dwell' in groups:
+        return Command(dwell_s=values['P'])
+    if 'X' not in values:
+        return Command()
+    relative = distance == '91' and 'machine' not in groups
+    target = values['X'] + (position_mm if relative else 0.0)
+    return Command(target, feed if motion == '1' else None)
+
+
+def parse_jog(line: str, modal: Modal, position_mm: float) -> Command:
+    """Read what follows ``$J=``; words of a jog are its own and are not remembered.
+
+    Raises
+    ------
+    GcodeError
+        The jog is refused.
+    """
+    groups, values = _read_words(line)
+    if set(groups) - {'units', 'distance', 'machine'} or set(values) - {'X', 'F'}:
+        raise GcodeError(16)
+    if 'X' not in values:
+        raise GcodeError(26)
+    if not values.get('F'):
+        raise GcodeError(22)
+    relative = groups.get('distance', modal.distance) == '91' and 'machine' not in groups
+    return Command(values['X'] + (position_mm if relative else 0.0), values['F'])
+
+
+def _read_words(line: str) -> tuple[dict[str, str], dict[str, float]]:
+    groups: dict[str, str] = {}
+    values: dict[str, float] = {}
+    at = 0
+    while at < len(line):
+        word = _match_word(line, at)
+        if word is None:
+            raise GcodeError(1)
+        letter, number = word.groups()
+        if number is None:
+            raise GcodeError(2)
+        at = word.end()
+        if letter == 'G':
+            number = f'{float(number):g}'
+            group = _MODAL_GROUPS.get(number)
+            if group is None:
+                raise GcodeError(20)
+            if group in groups:
+                raise GcodeError(21)
+            groups[group] = number
+        elif letter in 'XFPN':
+            if letter in values:
+                raise GcodeError(25)
+            values[letter] = float(number)
+            if letter != 'X' and values[letter] < 0.0:
+                raise GcodeError(4)
+        else:
+            raise GcodeError(20)
+    values.pop('N', None)
+    return groups, values
+
+
+def strip_line(line: str) -> str:
+    """Remove spaces and comments, in capitals, as Grbl does while it receives."""
+    kept, depth = [], False
+    for character in line:
+        if depth:
+            depth = character != ')'
+        elif character == '(':
+            depth = True
+        elif character == ';':
+            break
+        elif character > ' ':
+            kept.append(character.upper())
+    return ''.join(kept)

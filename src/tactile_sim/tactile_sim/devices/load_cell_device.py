@@ -1,0 +1,152 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The load cell on the tendon as a device: samples on its own clock, and the lines it sends."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_sim.descriptions.description import LoadCell
+from tactile_sim.physics.sensing import (
+    compute_drift_step_n,
+    convert_to_reading,
+    low_pass_coefficients,
+)
+from tendon_sensor_driver.line_protocol import encode_reading
+
+GRAVITY_M_S2 = 9.80665
+DECIMALS = 5
+BOOT_S = 0.5
+"""From power to the first line; assumed."""
+
+_HEADER = b'\r\nSerial Load Cell Converter version 1.2\r\nBy SparkFun Electronics\r\n'
+_BANNER = _HEADER + (
+    b'No remote sensor found\r\nMinimum time between reports: 16\r\n'
+    b'Press x to bring up settings\r\nReadings:\r\n'
+)
+_MENU = _HEADER + b'System Configuration\r\n1) Tare scale to zero [0]\r\nx) Exit\r\n>'
+
+
+class LoadCellDevice:
+    """Sends a line a sample: device clock in milliseconds, kilograms, unit.
+
+    An ``x`` brings up its menu, as it does with an OpenScale: no lines until the next ``x``,
+    the only command that it knows there. Its readings are those of ``sensing.read_tension``
+    with the same generator, up to the rounding of the lines.
+
+    Parameters
+    ----------
+    cell
+        The description.
+    generator
+        Source of noise and drift.
+
+    Attributes
+    ----------
+    is_saturated
+        Whether something pulls beyond the capacity.
+    is_stuck
+        Whether the reading stays what it is.
+    """
+
+    def __init__(self, cell: LoadCell, generator: np.random.Generator) -> None:
+        self._cell = cell
+        self._generator = generator
+        self._bias_n = self._drift_n = 0.0
+        self._samples = 0
+        self._first_sample = 0  # since it was switched on
+        self._in_menu = False
+        self._last_n = 0.0
+        self.is_saturated = self.is_stuck = False
+        self._time_s: float | None = None
+        self._force_n = self._filtered_n = 0.0
+        self._output = bytearray()
+
+    def set_bias(self, bias_n: float) -> None:
+        """Reading without load from now on [N]; the drift goes on from where it is."""
+        self._bias_n = bias_n
+
+    def record(self, time_s: float, tension_n: float, contact_force_n: float) -> None:
+        """Take note of the forces at the end of a step of the physics.
+
+        Between two calls they are taken as linear, for the filter and for the samples. At the
+        first one the filter is settled.
+        """
+        force_n = tension_n + self._cell.crosstalk * contact_force_n
+        if self._time_s is None:
+            self._filtered_n = force_n
+        else:
+            step_s = time_s - self._time_s
+            while (due_s := self._samples * self._cell.period_s) <= time_s:
+                part_s = due_s - self._time_s
+                between_n = self._force_n + (force_n - self._force_n) * (part_s / step_s)
+                self._send(self._filter(part_s, between_n))
+            self._filtered_n = self._filter(step_s, force_n)
+        self._time_s, self._force_n = time_s, force_n
+
+    def _filter(self, step_s: float, force_n: float) -> float:
+        alpha, beta, gamma = low_pass_coefficients(step_s, self._cell.low_pass_hz)
+        return alpha * self._filtered_n + beta * self._force_n + gamma * force_n
+
+    def _send(self, filtered_n: float) -> None:
+        noise, step = self._generator.standard_normal(2)
+        if self._samples:
+            self._drift_n += compute_drift_step_n(self._cell) * step
+        signal_n = filtered_n + (self._bias_n + self._drift_n)
+        if self.is_saturated:
+            signal_n = math.inf
+        if not self.is_stuck:
+            self._last_n = float(convert_to_reading(self._cell, np.array([signal_n]), noise)[0])
+        sample = self._samples - self._first_sample
+        if sample == 0 and self._first_sample:
+            self._output += _BANNER
+        if sample >= 0 and not self._in_menu:
+            milliseconds = int(sample * 1000 / self._cell.rate_hz)
+            kilograms = self._last_n / GRAVITY_M_S2
+            self._output += encode_reading(milliseconds, kilograms, 'kg', DECIMALS)
+        self._samples += 1
+
+    def restart(self) -> None:
+        """Lose power for a moment: banner, then lines by a clock that starts anew."""
+        self._first_sample = self._samples + round(BOOT_S * self._cell.rate_hz)
+        self._in_menu = False
+        self._output.clear()
+
+    def enter_menu(self) -> None:
+        """Send no lines, as if somebody had typed ``x``."""
+        self._in_menu = True
+        self._output += _MENU
+
+    def leave_menu(self) -> None:
+        """Send lines again; harmless outside of the menu."""
+        if self._in_menu:
+            self._in_menu = False
+            self._output += b'Exiting\r\n'
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Take bytes from the line; they matter in the menu, or lead there."""
+        for byte in data:
+            if self._in_menu and byte == ord('x'):
+                self.leave_menu()
+            elif self._in_menu or byte == ord('x'):
+                self.enter_menu()
+        return self.poll(now_s)
+
+    def poll(self, now_s: float) -> bytes:
+        """Lines that are due since the last call."""
+        sent, self._output = bytes(self._output), bytearray()
+        return sent

@@ -1,0 +1,263 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Many trials at once, without devices and without waiting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
+from tactile_sim.errors import DescriptionError
+from tactile_sim.physics import layout as at
+from tactile_sim.physics.scene import build_scene, Scene
+from tactile_sim.physics.sensing import read_tension
+from tactile_sim.physics.solver import advance_trials, choose_solver
+from tactile_sim.physics.steps import BDF2, Scheme
+from tactile_sim.physics.timeline import plan_timeline, Timeline
+from tactile_sim.physics.variation import draw_variation, Variation
+
+FloatArray = NDArray[np.float64]
+
+STEPS_PER_SAMPLE = 12
+"""Of the sensor, while anything moves. docs/benchmarks.md has the error of other choices."""
+
+_RESTING_STEPS_PER_SAMPLE = 2
+_SETTLING_S = 0.1  # the finger's own transients last some 20 ms
+_BATCH = {'compiled': 64, 'numpy': 2048}
+_ROWS = (at.SENSED, at.TENSION, at.FORCE, at.TIP_SLIDER, at.MODES)
+_MODE_ROWS = (at.MODES + 1, at.MODES + 2)
+
+
+@dataclass(frozen=True)
+class SimulatedTrials:
+    """Trials as the load cell recorded them.
+
+    Attributes
+    ----------
+    tension_n : ndarray of float, shape (trials, samples)
+        What the load cell reads [N]; NaN from where a trial found no balance.
+    sample_times_s : ndarray of float, shape (samples,)
+        Time of each sample since the start of the timeline, by the true clock [s].
+    truth : mapping of str to ndarray, shape (trials, samples)
+        What no sensor says; see `SimulatedMotion`.
+    failed_at_s : ndarray of float, shape (trials,)
+        When a trial found no balance [s]; NaN for one that did.
+    """
+
+    tension_n: FloatArray
+    sample_times_s: FloatArray
+    truth: Mapping[str, FloatArray]
+    failed_at_s: FloatArray
+
+
+@dataclass(frozen=True)
+class SimulatedMotion:
+    """The physics of trials, without the sensor's errors.
+
+    Attributes
+    ----------
+    sample_times_s : ndarray of float, shape (samples,)
+    sensed_n : ndarray of float, shape (trials, samples)
+        Tension and crosstalk behind the sensor's low pass [N].
+    truth : mapping of str to ndarray, shape (trials, samples)
+        ``tension_n`` and ``contact_force_n`` [N], ``bend_rad`` [rad]; for slip ``slip_m``,
+        the way that the fingertip slid since the pull began [m]; if asked for,
+        ``modes_rad`` of shape (trials, samples, 3).
+    failed_at_s : ndarray of float, shape (trials,)
+        NaN, or when a trial found no balance; from there on its rows are NaN.
+    """
+
+    sample_times_s: FloatArray
+    sensed_n: FloatArray
+    truth: Mapping[str, FloatArray]
+    failed_at_s: FloatArray
+
+
+def simulate_trials(
+    protocol: str,
+    object_label: str,
+    contact: str,
+    timeline: Timeline,
+    count: int,
+    seed: int,
+    *,
+    session: int = 0,
+    first: int = 0,
+    catalogue: Catalogue | None = None,
+    solver: str = '',
+) -> SimulatedTrials:
+    """Simulate trials ``first`` to ``first + count - 1`` of one object in one session.
+
+    Each trial depends on (seed, session, protocol, contact, object, its number) alone.
+
+    Raises
+    ------
+    DescriptionError
+        No such protocol, object, contact or solver, or the timeline does not fit the rig.
+    ConvergenceError
+        The finger finds no rest at the start.
+    """
+    if count < 1 or first < 0 or session < 0 or seed < 0:
+        raise DescriptionError(
+            f'count is {count}, first {first}, session {session}, seed {seed}; '
+            'count must be at least 1, and the others at least 0'
+        )
+    catalogue = catalogue or default_catalogue()
+    scene = build_scene(protocol, object_label, contact, catalogue)
+    variation, generators = draw_variation(
+        catalogue, contact, protocol, object_label, seed, session, count, first
+    )
+    # A sample falls on the end of a step, so that nothing is interpolated where it matters.
+    phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE
+    motion = simulate_motion(scene, timeline, replace(variation, phase=phase), solver)
+    tension_n = read_tension(
+        scene.rig.load_cell, motion.sensed_n, variation.sensor_bias_n, generators
+    )
+    return SimulatedTrials(tension_n, motion.sample_times_s, motion.truth, motion.failed_at_s)
+
+
+def simulate_motion(
+    scene: Scene,
+    timeline: Timeline,
+    variation: Variation,
+    solver: str = '',
+    scheme: Scheme = BDF2,
+    steps_per_sample: int = STEPS_PER_SAMPLE,
+    keep_modes: bool = False,
+) -> SimulatedMotion:
+    """The physics of `simulate_trials` for given variations.
+
+    While the axes rest there are a sixth as many steps, at least 1 a sample.
+
+    Raises
+    ------
+    DescriptionError
+        No such solver, or the timeline does not fit the rig.
+    ConvergenceError
+        The finger finds no rest at the start.
+    """
+    solver = choose_solver(solver)
+    schedule = _Schedule(scene, timeline, steps_per_sample)
+    rows = _ROWS + _MODE_ROWS if keep_modes else _ROWS
+    parts = []
+    for begin in range(0, len(variation.phase), _BATCH[solver]):
+        some = variation.select(slice(begin, begin + _BATCH[solver]))
+        parts.append(_run_batch(scene, schedule, some, solver, scheme, rows))
+    sampled = np.concatenate([part[0] for part in parts], axis=1)
+    failed_at_s = np.concatenate([part[1] for part in parts])
+    failed = np.flatnonzero(np.isfinite(failed_at_s))
+    for trial in failed:
+        sampled[:, trial, schedule.sample_times_s > failed_at_s[trial]] = np.nan
+    sensed_n, tension_n, force_n, slider_m, bend_rad = sampled[:5]
+    truth = {'tension_n': tension_n, 'contact_force_n': force_n, 'bend_rad': bend_rad}
+    if timeline.object_moves:
+        pulled = int(np.searchsorted(schedule.sample_times_s, timeline.object_moves[0].start_s))
+        slip_m = np.abs(slider_m - slider_m[:, pulled : pulled + 1])
+        slip_m[:, :pulled] = 0.0
+        truth['slip_m'] = slip_m
+    if keep_modes:
+        truth['modes_rad'] = np.moveaxis(sampled[4:7], 0, -1)
+    return SimulatedMotion(schedule.sample_times_s, sensed_n, truth, failed_at_s)
+
+
+class _Schedule:
+    """Steps of a timeline: fine while an axis moves, coarse while all rest."""
+
+    def __init__(self, scene: Scene, timeline: Timeline, steps_per_sample: int) -> None:
+        period_s = scene.rig.load_cell.period_s
+        axes = plan_timeline(scene.rig, timeline)
+        periods = int(timeline.duration_s / period_s + 1e-9)
+        self.sample_times_s: FloatArray = period_s * np.arange(periods + 1, dtype=np.float64)
+        moving = np.zeros(periods, dtype=bool)
+        for axis in axes:
+            for start_s, end_s in axis.busy_s:
+                low, high = math.floor(start_s / period_s), (end_s + _SETTLING_S) / period_s
+                moving[max(low, 0) : math.ceil(high)] = True
+        resting = max(1, steps_per_sample * _RESTING_STEPS_PER_SAMPLE // STEPS_PER_SAMPLE)
+        steps = np.where(moving, steps_per_sample, resting)
+        self.lengths = np.repeat(np.where(moving, 0, 1), steps)
+        lengths_s = np.array([period_s / steps_per_sample, period_s / resting])
+        self.coefficients = scene.compute_coefficients(tuple(lengths_s))
+        self._before = np.concatenate([[0], np.cumsum(steps)])  # steps before each period
+        # From whole periods, so that rounding does not add up.
+        within = np.arange(len(self.lengths)) - np.repeat(self._before[:-1], steps)
+        started_s = np.repeat(self.sample_times_s[:-1], steps)
+        self.times_s = started_s + (within + 1) * lengths_s[self.lengths]
+        guide, tendon, pulled = (axis.positions_at(self.times_s) for axis in axes)
+        self.inputs = scene.compute_inputs(tendon, guide, pulled)
+        rest = [axis.positions_at(np.zeros(1) - 1.0) for axis in axes]
+        self.start = scene.compute_inputs(rest[1], rest[0], rest[2])[0]
+
+    def locate_samples(self, phase: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """Place of each sample, shape (trials, samples), as steps from the start and a share.
+
+        The sensor of a trial lags the motion by ``phase`` periods; its first sample is at rest.
+        """
+        periods = len(self._before) - 1
+        time = np.maximum(np.arange(periods + 1) - phase[:, np.newaxis], 0.0)
+        period = np.minimum(time.astype(np.intp), periods - 1)
+        steps = np.diff(self._before)[period]
+        within = (time - period) * steps
+        # Meant to be whole where it is so but for rounding.
+        whole = np.rint(within)
+        within = np.where(np.abs(within - whole) < 1e-9, whole, within)
+        low = within.astype(np.intp)
+        return self._before[period] + low, within - low
+
+
+def _run_batch(
+    scene: Scene,
+    schedule: _Schedule,
+    variation: Variation,
+    solver: str,
+    scheme: Scheme,
+    rows: tuple[int, ...],
+) -> tuple[FloatArray, FloatArray]:
+    """Sampled rows, shape (rows, trials, samples), and when each trial failed."""
+    count = len(variation.phase)
+    failed = np.full(count, -1, dtype=np.int64)
+    out = advance_trials(
+        solver,
+        scene.start_trials(solver, variation, schedule.start),
+        scene.parameters,
+        schedule.lengths,
+        schedule.start,
+        schedule.inputs,
+        schedule.coefficients,
+        rows,
+        failed,
+        scheme,
+    )
+    low, share = schedule.locate_samples(variation.phase)
+    trial = np.arange(count)[:, np.newaxis]
+    # Where the first row of each sample stands in the solver's blocks.
+    place = ((trial // out.shape[3] * out.shape[1] + low) * out.shape[2]) * out.shape[3]
+    place += trial % out.shape[3]
+    between = np.flatnonzero(share)
+    share, flat = share.ravel()[between], out.ravel()
+    sampled = np.empty((len(rows), *place.shape))
+    for row, values in enumerate(sampled):
+        here = place + row * out.shape[3]
+        np.take(flat, here, out=values)
+        before = values.ravel()[between]
+        after = flat[here.ravel()[between] + out.shape[2] * out.shape[3]]
+        values.ravel()[between] = before + share * (after - before)
+    times_s = np.concatenate([schedule.times_s, [np.nan]])
+    return sampled, times_s[failed]

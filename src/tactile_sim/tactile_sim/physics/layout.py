@@ -1,0 +1,90 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where each quantity of a trial stands in a solver's block of rows, shape (ROWS, trials).
+
+The first STATE_ROWS are what a trial remembers from one step to the next; then follow
+what makes it differ from others; the rest is scratch of one step.
+"""
+
+from __future__ import annotations
+
+MODES = 0  # q0, q1, q2 [rad]
+CREEP = 3  # their relaxed parts [rad]
+DIFFERENCES = 6  # how far they went in the last step [rad]
+TIP_SLIDER = 9  # where the fingertip stuck on the material [m]
+TENDON_SLIDER = 10  # bend at which the tendon stuck in the finger [rad]
+BRANCHES = 11  # relaxed effective compression of an object's branches [m]
+PRESSED = 14  # its effective compression [m]
+SENSED = 15  # the sensor's low-passed tension [N]
+SENSOR_INPUT = 16  # what enters its low pass [N]
+WEAKENED = 17  # how far sliding has weakened friction: 0 static, 1 kinetic
+TENSION = 18  # [N]
+FORCE = 19  # normal force on the fingertip [N]
+FRESH = 20  # 1 where the last step was of another length: differences tell nothing
+SQUEEZED = 21  # compression of the fingertip [m]
+SQUEEZED_DIFFERENCE = 22  # and how it changed in the last step [m]
+STATE_ROWS = 23
+
+CLEARANCE = 23  # drop at which the tip touches the top [m]
+OFFSET = 24  # added to guide * SCALE + reach: the tip's coordinate on the surface [m]
+SCALE = 25  # true over commanded motion of the guide
+TENDON_ZERO = 26  # added to the tendon's displacement [m]
+FRICTION = 27  # static coefficient of the fingertip
+FINGER_FACTOR = 28  # stiffness over the described one
+OBJECT_FACTOR = 29
+TRIAL_ROWS = 30
+
+NEW_MODES = 30
+BASES = 33  # what the rates of change are counted from [rad]
+RATE = 36  # 1 / time since the bases [1/s]
+CREEP_MOMENTS = 37
+REST = 40  # force that an object's relaxed branches take from it [N]
+MATERIAL = 41  # its stiffness over the step [N/m]
+REACH = 42  # tip's coordinate without what is pulled from under it [m]
+CELL = 43  # the same on the surface's grid
+HEIGHT = 44
+INCLINE = 45
+BEND = 46
+NEW_FORCE = 47
+FORCE_SLOPE = 48
+NEW_PRESSED = 49
+OPEN = 50  # 1 while the trial's step has not converged
+NEW_TENSION = 51
+NEW_TIP = 52
+NEW_TENDON = 53
+SQUEEZED_BASE = 54  # what the tip's rate of change is counted from [m]
+ACTIVE = 55  # 1 while the trial takes part in the step
+SOLVED = 56  # 1 once it has solved it
+LINE = 57
+ROWS = LINE + 19
+
+# Columns of the coefficients of a step: 1 / its length, then three numbers
+# (see compute_relaxation) for the creep, three branches, and the sensor's low pass.
+RATE_COLUMN = 0
+CREEP_COLUMN = 1
+BRANCH_COLUMN = 4
+SENSOR_COLUMN = 13
+HEALING_COLUMN = 16  # share of friction's weakening that outlasts the step
+COLUMNS = 17
+
+# Inputs at the end of a step.
+TENDON_INPUT = 0  # displacement of the tendon [m]
+GUIDE_INPUT = 1  # position of the guide [m]
+SHAPE_INPUT = 2  # how far the shape of what is touched has moved [m]
+MATERIAL_INPUT = 3  # and its material at the place of contact [m]
+PRESENT_INPUT = 4  # 1 where the guide has it under the tip, else 0
+INPUTS = 5
+
+MAX_BRANCHES = 3

@@ -1,0 +1,393 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The finger's equations, trial by trial: what both solvers evaluate.
+
+Every function here works on numbers and on arrays of trials alike, and uses nothing but
+elementary arithmetic. So the compiled solver, which runs them number by number, and the
+NumPy solver, which runs them array by array, give the same bits.
+
+The finger is a planar elastic line, clamped level, with three curvature modes. With xi
+from 0 at the base to 1 at the tip, its slope angle is
+
+    theta(xi) = q0 xi + q1 (xi^2 - xi) + q2 (2 xi^3 - 3 xi^2 + xi),
+
+that is, the curvature is q0 P0 + q1 P1 + q2 P2 with Legendre polynomials of 2 xi - 1.
+These are orthogonal, so mode i bends, damps and creeps with 1 / (2 i + 1) of the moment.
+See docs/simulation.md for the equations in one place.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+GRAVITY_M_S2 = 9.80665
+
+# Gauss-Legendre nodes along the finger. With |q1| up to 0.3 and |q2| up to 0.2, four of them
+# integrate the tip's place to 1.3e-6 of the length up to 60 deg, to 7e-6 up to 115 deg (a test).
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+NODE_XI = tuple(float(p + 1) / 2 for p in _POINTS)
+NODE_WEIGHT = tuple(float(w) / 2 for w in _WEIGHTS)
+
+
+class Node(NamedTuple):
+    """One Gauss point: slope angle of each mode, their products, weight, mass beyond it."""
+
+    b0: float
+    b1: float
+    b2: float
+    b00: float
+    b01: float
+    b02: float
+    b11: float
+    b12: float
+    b22: float
+    weight: float
+    beyond: float
+
+
+def _make_node(xi: float, weight: float) -> Node:
+    b0, b1, b2 = xi, xi * xi - xi, 2 * xi**3 - 3 * xi * xi + xi
+    products = (b0 * b0, b0 * b1, b0 * b2, b1 * b1, b1 * b2, b2 * b2)
+    return Node(b0, b1, b2, *products, weight, 1 - xi)
+
+
+NODE_0, NODE_1, NODE_2, NODE_3 = (
+    _make_node(xi, weight) for xi, weight in zip(NODE_XI, NODE_WEIGHT, strict=True)
+)
+
+# sin and cos about the middle of the angles that occur; Taylor series, error below 6e-11
+# for angles from -0.9 to 2.7 rad, below 1e-12 for -0.4 to 2.2 rad (a test).
+_MIDDLE_RAD = 0.9
+_COS_MIDDLE, _SIN_MIDDLE = math.cos(_MIDDLE_RAD), math.sin(_MIDDLE_RAD)
+_S3, _S5, _S7, _S9 = -1 / 6, 1 / 120, -1 / 5040, 1 / 362880
+_S11, _S13, _S15 = -1 / 39916800, 1 / 6227020800, -1 / 1307674368000
+_C4, _C6, _C8, _C10 = 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800
+_C12, _C14, _C16 = 1 / 479001600, -1 / 87178291200, 1 / 20922789888000
+
+MAX_CHANGE_RAD = 0.2
+"""Largest change of a mode in one iteration; a longer one is shortened."""
+
+
+class Constants(NamedTuple):
+    """What all trials of a scene share, in SI units; see `Finger` for the names.
+
+    Reciprocals (``per_``) stand beside what they belong to: a division costs as much as
+    several products.
+    """
+
+    length: float
+    arm: float
+    tendon_stiffness: float
+    tendon_friction: float
+    presliding_rad: float
+    per_presliding: float
+    stiffness: float
+    creep_stiffness: float
+    damping: float
+    mass: float
+    tip_mass: float
+    stop_rad: float
+    stop_stiffness: float
+    tip_stiffness: float
+    tip_damping: float
+    shear_stiffness: float
+    per_shear_stiffness: float
+    friction_loss: float
+    per_weakening: float
+    inverse_softening: float
+    crosstalk: float
+
+
+def select(condition: Any, yes: Any, no: Any) -> Any:
+    """Choose element by element."""
+    return np.where(condition, yes, no)
+
+
+def compute_sine_cosine(angle: Any) -> Any:
+    """Sine and cosine of a slope angle [rad]; see `_MIDDLE_RAD` for the range."""
+    d = angle - _MIDDLE_RAD
+    y = d * d
+    y2 = y * y
+    y4 = y2 * y2  # Estrin's scheme: shorter chains of operations than Horner's
+    sine = d * (
+        ((1 + _S3 * y) + y2 * (_S5 + _S7 * y)) + y4 * ((_S9 + _S11 * y) + y2 * (_S13 + _S15 * y))
+    )
+    cosine = ((1 - 0.5 * y) + y2 * (_C4 + _C6 * y)) + y4 * (
+        ((_C8 + _C10 * y) + y2 * (_C12 + _C14 * y)) + y4 * _C16
+    )
+    return sine * _COS_MIDDLE + cosine * _SIN_MIDDLE, cosine * _COS_MIDDLE - sine * _SIN_MIDDLE
+
+
+def bend_node(node: Any, q0: Any, q1: Any, q2: Any) -> Any:
+    """Weighted sine and cosine of the slope at a node."""
+    sine, cosine = compute_sine_cosine(q0 * node.b0 + q1 * node.b1 + q2 * node.b2)
+    return node.weight * sine, node.weight * cosine
+
+
+def compute_line(q0: Any, q1: Any, q2: Any, mass: float, tip_mass: float) -> Any:
+    """The bent line per unit of length: its tip, its weight, and their slopes by the modes.
+
+    Returns
+    -------
+    tuple of 19
+        Drop z and reach x; z_i; x_i; moment of the weight on each mode [N]; the weighted
+        sine and cosine at each node, from which `curve_line` makes second derivatives.
+    """
+    a, b, c, d = NODE_0, NODE_1, NODE_2, NODE_3
+    sa, ca = bend_node(a, q0, q1, q2)
+    sb, cb = bend_node(b, q0, q1, q2)
+    sc, cc = bend_node(c, q0, q1, q2)
+    sd, cd = bend_node(d, q0, q1, q2)
+    # The mass beyond a node hangs on its slope.
+    ga = ca * (GRAVITY_M_S2 * (mass * a.beyond + tip_mass))
+    gb = cb * (GRAVITY_M_S2 * (mass * b.beyond + tip_mass))
+    gc = cc * (GRAVITY_M_S2 * (mass * c.beyond + tip_mass))
+    gd = cd * (GRAVITY_M_S2 * (mass * d.beyond + tip_mass))
+    return (
+        (sa + sb) + (sc + sd),
+        (ca + cb) + (cc + cd),
+        (ca * a.b0 + cb * b.b0) + (cc * c.b0 + cd * d.b0),
+        (ca * a.b1 + cb * b.b1) + (cc * c.b1 + cd * d.b1),
+        (ca * a.b2 + cb * b.b2) + (cc * c.b2 + cd * d.b2),
+        -((sa * a.b0 + sb * b.b0) + (sc * c.b0 + sd * d.b0)),
+        -((sa * a.b1 + sb * b.b1) + (sc * c.b1 + sd * d.b1)),
+        -((sa * a.b2 + sb * b.b2) + (sc * c.b2 + sd * d.b2)),
+        (ga * a.b0 + gb * b.b0) + (gc * c.b0 + gd * d.b0),
+        (ga * a.b1 + gb * b.b1) + (gc * c.b1 + gd * d.b1),
+        (ga * a.b2 + gb * b.b2) + (gc * c.b2 + gd * d.b2),
+        sa,
+        ca,
+        sb,
+        cb,
+        sc,
+        cc,
+        sd,
+        cd,
+    )
+
+
+def curve_line(line: Any, of_z: Any, of_x: Any, mass: float, tip_mass: float) -> Any:
+    """Sums of ``of_z z_ij + of_x x_ij`` minus the weight's derivative, per unit of length.
+
+    Returns
+    -------
+    tuple of 6
+        In the order 00, 01, 02, 11, 12, 22.
+    """
+    a, b, c, d = NODE_0, NODE_1, NODE_2, NODE_3
+    ka = line[11] * (GRAVITY_M_S2 * (mass * a.beyond + tip_mass) - of_z) - line[12] * of_x
+    kb = line[13] * (GRAVITY_M_S2 * (mass * b.beyond + tip_mass) - of_z) - line[14] * of_x
+    kc = line[15] * (GRAVITY_M_S2 * (mass * c.beyond + tip_mass) - of_z) - line[16] * of_x
+    kd = line[17] * (GRAVITY_M_S2 * (mass * d.beyond + tip_mass) - of_z) - line[18] * of_x
+    return (
+        (ka * a.b00 + kb * b.b00) + (kc * c.b00 + kd * d.b00),
+        (ka * a.b01 + kb * b.b01) + (kc * c.b01 + kd * d.b01),
+        (ka * a.b02 + kb * b.b02) + (kc * c.b02 + kd * d.b02),
+        (ka * a.b11 + kb * b.b11) + (kc * c.b11 + kd * d.b11),
+        (ka * a.b12 + kb * b.b12) + (kc * c.b12 + kd * d.b12),
+        (ka * a.b22 + kb * b.b22) + (kc * c.b22 + kd * d.b22),
+    )
+
+
+def compute_rigid_contact(indentation: Any, tip_stiffness: Any, held: Any) -> Any:
+    """Normal force on the fingertip alone, and its slope [N, N/m].
+
+    Over a step the fingertip, a spring beside a damper, pushes with
+    ``tip_stiffness * compression - held``, but never pulls.
+    """
+    force = tip_stiffness * indentation - held
+    apart = force <= 0.0  # false of what is no number: that must not pass for no contact
+    return select(apart, 0.0, force), select(apart, 0.0, tip_stiffness)
+
+
+def compute_object_contact(
+    indentation: Any,
+    rest: Any,
+    material: Any,
+    tip_stiffness: Any,
+    held: Any,
+    inverse_softening: float,
+) -> Any:
+    """Fingertip and object in series: normal force, its slope, the object's compression.
+
+    The object pushes with ``material * p - rest``, where p is its effective compression:
+    its compression u is p + p^2 / (2 softening), so that its force turns from
+    proportional to growing with the root of u, as that of a buckled shell does
+    (Pogorelov, "Bending of surfaces and stability of shells", 1988).
+
+    Returns
+    -------
+    tuple of 3
+        Force [N], its slope by the indentation [N/m], effective compression p [m].
+    """
+    push = tip_stiffness * indentation - held + rest
+    push = select(push <= 0.0, 0.0, push)  # what is no number stays so
+    both = tip_stiffness + material
+    root = np.sqrt(both * both + 2 * tip_stiffness * inverse_softening * push)
+    compression = 2 * push / (both + root)
+    force = material * compression - rest
+    apart = force <= 0.0
+    slope = select(apart, 0.0, material * tip_stiffness / root)
+    # Without contact the object recovers alone.
+    alone = rest / select(material > 0.0, material, 1.0)
+    return select(apart, 0.0, force), slope, select(apart, alone, compression)
+
+
+def compute_balance(
+    line: Any,
+    contact: Any,
+    surface: Any,
+    place: Any,
+    modes: Any,
+    bases: Any,
+    sliders: Any,
+    creep: Any,
+    factors: Any,
+    tendon_m: Any,
+    rate: float,
+    grip: float,
+    constants: Any,
+) -> Any:
+    """Moments on the three modes, the Newton step that would balance them, and the forces.
+
+    Parameters
+    ----------
+    line
+        From `compute_line`.
+    contact
+        Normal force and its slope.
+    surface
+        Slope and curvature of what the tip touches.
+    place
+        Of the tip on the material of what it touches [m].
+    modes, bases
+        q, and what the rates of change are counted from: q' = (q - base) * rate.
+    sliders
+        Where the tip [m] and the tendon [rad] stuck before.
+    creep
+        Moments that the creeping branch lends to the modes, and its present stiffness.
+    factors
+        Friction coefficient as it is now, and the finger's stiffness over the described.
+    rate
+        1 / time since the bases [1/s]; 0 seeks rest.
+    grip
+        1, or 0 to let go of all friction.
+
+    Returns
+    -------
+    tuple of 8
+        Largest residual [N m], the three changes, tension [N], friction [N], new sliders.
+    """
+    c = constants
+    (force, force_slope), (incline, bend) = contact, surface
+    q0, q1, q2 = modes
+    friction, stiff = factors
+    m0, m1, m2, creep_stiffness = creep
+    z0, z1, z2 = c.length * line[2], c.length * line[3], c.length * line[4]
+    x0, x1, x2 = c.length * line[5], c.length * line[6], c.length * line[7]
+
+    # The tendon, with the capstan's loss along the bend; it sticks before it slides.
+    stretch = tendon_m - c.arm * q0
+    slack = stretch <= 0.0  # false of what is no number: that must not pass for slack
+    tension = select(slack, 0.0, c.tendon_stiffness * stretch)
+    tension_0 = select(slack, 0.0, -c.tendon_stiffness * c.arm)
+    ahead = (q0 - sliders[1]) * c.per_presliding
+    sticks = abs(ahead) < 1.0
+    drag = grip * select(sticks, ahead, select(ahead > 0.0, 1.0, -1.0))
+    drag_0 = grip * select(sticks, c.per_presliding, 0.0)
+    tendon_slider = q0 - drag * c.presliding_rad
+    wrap = c.tendon_friction * q0 * drag
+    wrap_0 = c.tendon_friction * (drag + q0 * drag_0)
+    # Moments of P_i(2 xi - 1) exp(-wrap xi) along the finger, as series in the wrap.
+    p0 = 1 - wrap * (1 / 2 - wrap * (1 / 6 - wrap * (1 / 24 - wrap * (1 / 120))))
+    p1 = -wrap * (1 / 6 - wrap * (1 / 12 - wrap * (1 / 40 - wrap * (1 / 180))))
+    p2 = wrap * wrap * (1 / 60 - wrap * (1 / 120 - wrap * (1 / 420)))
+    p0_0 = -wrap_0 * (1 / 2 - wrap * (1 / 3 - wrap * (1 / 8 - wrap * (1 / 30))))
+    p1_0 = -wrap_0 * (1 / 6 - wrap * (1 / 6 - wrap * (3 / 40 - wrap * (1 / 45))))
+    p2_0 = wrap_0 * wrap * (1 / 30 - wrap * (1 / 40 - wrap * (1 / 105)))
+    pull, pull_0 = c.arm * tension, c.arm * tension_0
+
+    # Friction of the tip: its shear spring, up to Coulomb's limit.
+    spring = c.shear_stiffness * (place - sliders[0])
+    limit = grip * friction * force
+    slips = abs(spring) > limit
+    signed = select(spring > 0.0, grip * friction, -grip * friction)
+    rub = select(slips, signed * force, spring)
+    rub_place = select(slips, 0.0, c.shear_stiffness)
+    rub_force = select(slips, signed, 0.0)
+    tip_slider = place - rub * c.per_shear_stiffness
+
+    # Levers of the normal force, and of friction along the surface.
+    n0, n1, n2 = z0 + incline * x0, z1 + incline * x1, z2 + incline * x2
+    t0, t1, t2 = x0 - incline * z0, x1 - incline * z1, x2 - incline * z2
+    f0, f1, f2 = force_slope * n0, force_slope * n1, force_slope * n2
+    r0 = rub_place * x0 + rub_force * f0
+    r1 = rub_place * x1 + rub_force * f1
+    r2 = rub_place * x2 + rub_force * f2
+
+    stop = q0 - c.stop_rad
+    stopped = stop > 0.0
+    d0 = c.damping * rate
+    k0 = stiff * (c.stiffness + creep_stiffness)
+    d1, d2, k1, k2 = d0 / 3, d0 / 5, k0 / 3, k0 / 5
+    weight = c.length
+    e0 = d0 * (q0 - bases[0]) + k0 * q0 - stiff * m0 - weight * line[8] - pull * p0
+    e1 = d1 * (q1 - bases[1]) + k1 * q1 - stiff * m1 - weight * line[9] - pull * p1
+    e2 = d2 * (q2 - bases[2]) + k2 * q2 - stiff * m2 - weight * line[10] - pull * p2
+    e0 = e0 + select(stopped, c.stop_stiffness * stop, 0.0) + force * n0 + rub * t0
+    e1 = e1 + force * n1 + rub * t1
+    e2 = e2 + force * n2 + rub * t2
+
+    # The derivatives: second ones of z and x share their factors.
+    a00, a01, a02, a11, a12, a22 = curve_line(
+        line, force - rub * incline, force * incline + rub, c.mass, c.tip_mass
+    )
+    a00, a01, a02 = c.length * a00, c.length * a01, c.length * a02
+    a11, a12, a22 = c.length * a11, c.length * a12, c.length * a22
+    h_n, h_t = bend * force, bend * rub
+    b0, b1, b2 = h_n * x0 - h_t * z0, h_n * x1 - h_t * z1, h_n * x2 - h_t * z2
+    stop_0 = select(stopped, c.stop_stiffness, 0.0)
+    j00 = d0 + k0 + stop_0 - pull_0 * p0 - pull * p0_0 + a00 + f0 * n0 + r0 * t0 + b0 * x0
+    j10 = -pull_0 * p1 - pull * p1_0 + a01 + f0 * n1 + r0 * t1 + b1 * x0
+    j20 = -pull_0 * p2 - pull * p2_0 + a02 + f0 * n2 + r0 * t2 + b2 * x0
+    j01, j02 = a01 + f1 * n0 + r1 * t0 + b0 * x1, a02 + f2 * n0 + r2 * t0 + b0 * x2
+    j11, j12 = d1 + k1 + a11 + f1 * n1 + r1 * t1 + b1 * x1, a12 + f2 * n1 + r2 * t1 + b1 * x2
+    j21, j22 = a12 + f1 * n2 + r1 * t2 + b2 * x1, d2 + k2 + a22 + f2 * n2 + r2 * t2 + b2 * x2
+
+    # Cramer's rule; then no change may be longer than the equations are trusted over.
+    c00, c01, c02 = j11 * j22 - j12 * j21, j12 * j20 - j10 * j22, j10 * j21 - j11 * j20
+    c10, c11, c12 = j02 * j21 - j01 * j22, j00 * j22 - j02 * j20, j01 * j20 - j00 * j21
+    c20, c21, c22 = j01 * j12 - j02 * j11, j02 * j10 - j00 * j12, j00 * j11 - j01 * j10
+    over = 1.0 / (j00 * c00 + j01 * c01 + j02 * c02)
+    s0 = (c00 * e0 + c10 * e1 + c20 * e2) * over
+    s1 = (c01 * e0 + c11 * e1 + c21 * e2) * over
+    s2 = (c02 * e0 + c12 * e1 + c22 * e2) * over
+    residual = larger(abs(e0), larger(abs(e1), abs(e2)))
+    changes = (shorten(s0), shorten(s1), shorten(s2))
+    return (residual, *changes, tension, rub, tip_slider, tendon_slider)
+
+
+def shorten(change: Any) -> Any:
+    """Keep a change within MAX_CHANGE_RAD."""
+    change = select(change > MAX_CHANGE_RAD, MAX_CHANGE_RAD, change)
+    return select(change < -MAX_CHANGE_RAD, -MAX_CHANGE_RAD, change)
+
+
+def larger(a: Any, b: Any) -> Any:
+    """The larger of two, element by element; the second where they are equal."""
+    return select(a > b, a, b)

@@ -1,0 +1,184 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Motion of one axis with bounded acceleration: the devices and the fast path share it.
+
+Units are the caller's: metres, millimetres or counts, per second.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Segment(NamedTuple):
+    """Motion with constant acceleration from ``start_s`` for ``duration_s``."""
+
+    start_s: float
+    duration_s: float
+    position: float
+    velocity: float
+    acceleration: float
+
+    @property
+    def end_s(self) -> float:
+        return self.start_s + self.duration_s
+
+    @property
+    def end_position(self) -> float:
+        t = self.duration_s
+        return self.position + self.velocity * t + self.acceleration * t * t / 2
+
+
+class Motion:
+    """Segments one after the other, at rest at ``target`` afterwards and in the gaps.
+
+    Parameters
+    ----------
+    start
+        Position before the first segment.
+    segments
+        Ordered in time; a gap holds the position that the segment before it ended at.
+    target
+        Exact position after the last segment.
+    """
+
+    def __init__(self, start: float, segments: Sequence[Segment], target: float) -> None:
+        parts = [Segment(-math.inf, math.inf, start, 0.0, 0.0)]
+        for i, segment in enumerate(segments):
+            parts.append(segment)
+            last = i + 1 == len(segments)
+            if last or segments[i + 1].start_s > segment.end_s + 1e-12:
+                rest = target if last else segments[i + 1].position
+                parts.append(Segment(segment.end_s, math.inf, rest, 0.0, 0.0))
+        self.target = target if segments else start
+        self.end_s = segments[-1].end_s if segments else -math.inf
+        self._parts = parts
+        self._starts = [p.start_s for p in parts]
+        finite = np.array([[0.0 if math.isinf(v) else v for v in p] for p in parts])
+        self._table = np.ascontiguousarray(finite.T)
+        self._start_array = np.array(self._starts)
+
+    @property
+    def busy_s(self) -> list[tuple[float, float]]:
+        """Start and end of every stretch of motion [s]."""
+        moving = [part for part in self._parts if not math.isinf(part.duration_s)]
+        return [(part.start_s, part.end_s) for part in moving]
+
+    def state_at(self, time_s: float) -> tuple[float, float]:
+        """Position and velocity at a time."""
+        part = self._parts[bisect_right(self._starts, time_s) - 1]
+        if math.isinf(part.duration_s):
+            return part.position, 0.0
+        t = time_s - part.start_s
+        position = part.position + part.velocity * t + part.acceleration * t * t / 2
+        return position, part.velocity + part.acceleration * t
+
+    def positions_at(self, times_s: FloatArray) -> FloatArray:
+        """Positions at many times; shape of ``times_s``."""
+        index = np.searchsorted(self._start_array, times_s, side='right') - 1
+        start, _, position, velocity, acceleration = self._table[:, index]
+        t = times_s - start
+        return np.asarray(position + t * (velocity + t * (acceleration / 2)))
+
+
+def plan_ramp(
+    start_s: float,
+    position: float,
+    target: float,
+    speed: float,
+    acceleration: float,
+    entry_speed: float = 0.0,
+    exit_speed: float = 0.0,
+) -> list[Segment]:
+    """Trapezoid (or triangle) from ``position`` to ``target``.
+
+    The fastest motion that keeps ``speed`` and ``acceleration``; entry and exit speeds point
+    towards the target and must be reachable within the distance. An entry speed above
+    ``speed`` is first braked down.
+    """
+    distance = abs(target - position)
+    if distance == 0.0:
+        return []
+    sign = math.copysign(1.0, target - position)
+    peak = math.sqrt(acceleration * distance + (entry_speed**2 + exit_speed**2) / 2)
+    peak = max(min(speed, peak), exit_speed)
+    changes = [(entry_speed, peak), (peak, exit_speed)]
+    ramps = [abs(after - before) / acceleration for before, after in changes]
+    ramp_length = sum(t * (v0 + v1) / 2 for t, (v0, v1) in zip(ramps, changes, strict=True))
+    cruise = max(distance - ramp_length, 0.0) / peak
+    segments = []
+    for duration, (v0, v1) in (
+        (ramps[0], changes[0]),
+        (cruise, (peak, peak)),
+        (ramps[1], changes[1]),
+    ):
+        if duration > 0.0:
+            slope = math.copysign(acceleration, v1 - v0) if v1 != v0 else 0.0
+            segments.append(Segment(start_s, duration, position, sign * v0, sign * slope))
+            start_s, position = segments[-1].end_s, segments[-1].end_position
+    return segments
+
+
+def plan_stop(
+    start_s: float, position: float, velocity: float, acceleration: float
+) -> list[Segment]:
+    """Brake to rest."""
+    if velocity == 0.0:
+        return []
+    slope = -math.copysign(acceleration, velocity)
+    return [Segment(start_s, abs(velocity) / acceleration, position, velocity, slope)]
+
+
+def plan_move(
+    start_s: float,
+    position: float,
+    velocity: float,
+    target: float,
+    speed: float,
+    acceleration: float,
+) -> list[Segment]:
+    """Move to ``target`` from any velocity; overshoots and comes back if it must."""
+    towards = velocity * (target - position) > 0.0
+    if velocity == 0.0:
+        return plan_ramp(start_s, position, target, speed, acceleration)
+    if towards and velocity**2 <= 2 * acceleration * abs(target - position):
+        return plan_ramp(start_s, position, target, speed, acceleration, abs(velocity))
+    stop = plan_stop(start_s, position, velocity, acceleration)
+    return stop + plan_ramp(stop[0].end_s, stop[0].end_position, target, speed, acceleration)
+
+
+def plan_legs(
+    start_s: float, position: float, legs: Sequence[tuple[float, float]], acceleration: float
+) -> list[Segment]:
+    """Go to one target after the other, each with its speed, with a stop at each."""
+    segments: list[Segment] = []
+    for target, speed in legs:
+        segments += plan_ramp(start_s, position, target, speed, acceleration)
+        position, start_s = target, segments[-1].end_s if segments else start_s
+    return segments
+
+
+def move_duration_s(distance_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:
+    """Duration of a move from rest to rest [s]."""
+    segments = plan_ramp(0.0, 0.0, abs(distance_m), speed_m_s, acceleration_m_s2)
+    return segments[-1].end_s if segments else 0.0

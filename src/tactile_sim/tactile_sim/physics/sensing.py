@@ -1,0 +1,100 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""From the force on the load cell to its readings, for many trials or sample by sample.
+
+The order is that of the hardware: crosstalk of the contact through the mount, the sensor's
+low-pass filter, its zero (bias and drift), noise, saturation, one step of the converter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_sim.descriptions.description import LoadCell
+from tactile_sim.physics.relaxation import compute_relaxation
+
+FloatArray = NDArray[np.float64]
+
+
+def low_pass_coefficients(step_s: float, low_pass_hz: float) -> tuple[float, float, float]:
+    """Coefficients of one step of the sensor's one-pole filter; see `compute_relaxation`.
+
+    Parameters
+    ----------
+    step_s
+        Length of the step, from 0 to infinity [s].
+    low_pass_hz
+        Frequency at which the filter halves the power [Hz].
+    """
+    return compute_relaxation(step_s, 1 / (2 * math.pi * low_pass_hz))
+
+
+def read_tension(
+    cell: LoadCell,
+    tension_n: FloatArray,
+    sensor_bias_n: FloatArray,
+    generators: Sequence[np.random.Generator],
+) -> FloatArray:
+    """Turn the filtered force on the load cell into its readings.
+
+    Each trial starts with its drift at 0. The first readings of a trial do not depend on how
+    many follow.
+
+    Parameters
+    ----------
+    tension_n : ndarray of float, shape (trials, samples)
+        Force behind crosstalk and low pass at the sampling times [N]. What is not a number
+        stays so.
+    sensor_bias_n : ndarray of float, shape (trials,)
+        Reading without load [N].
+    generators : sequence of numpy.random.Generator, one a trial
+        Source of noise and drift.
+
+    Returns
+    -------
+    ndarray of float, shape (trials, samples)
+        Readings [N], whole multiples of ``cell.resolution_n``.
+    """
+    samples = tension_n.shape[1]
+    normal = np.array([generator.standard_normal((samples, 2)) for generator in generators])
+    noise, steps = normal[..., 0], normal[..., 1]
+    steps[:, :1] = 0.0
+    drift_n = np.cumsum(compute_drift_step_n(cell) * steps, axis=1)
+    return convert_to_reading(cell, tension_n + (sensor_bias_n[:, np.newaxis] + drift_n), noise)
+
+
+def compute_drift_step_n(cell: LoadCell) -> float:
+    """Standard deviation of what a random walk adds from one sample to the next [N]."""
+    return cell.drift_n_rt_s * math.sqrt(cell.period_s)
+
+
+def convert_to_reading(cell: LoadCell, signal_n: FloatArray, noise: FloatArray) -> FloatArray:
+    """Add noise, saturate at the capacity and round to the converter's steps.
+
+    Parameters
+    ----------
+    signal_n : ndarray of float
+        Filtered force with the sensor's zero error [N].
+    noise : ndarray of float
+        Standard normal numbers, same shape.
+    """
+    # The converter's last step is the last that fits into the capacity.
+    most = math.floor(cell.capacity_n / cell.resolution_n * (1 + 1e-12))
+    counts = np.rint((signal_n + cell.noise_n * noise) / cell.resolution_n)
+    return np.asarray(cell.resolution_n * np.clip(counts, -most, most))
