@@ -16,26 +16,22 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
+import sys
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTICE = Path(__file__).read_text(encoding='utf-8').partition('\n\n')[0]
 
 
 def main() -> int:
-    names = subprocess.run(
-        ['git', 'ls-files', '*.py'], cwd=ROOT, check=True, capture_output=True, text=True
-    ).stdout.splitlines()
     missing = [
-        name
-        for name in names
-        if (ROOT / name).is_file()
-        and not (ROOT / name).read_text(encoding='utf-8').startswith(NOTICE)
+        path.relative_to(ROOT)
+        for folder in ('benchmarks', 'docs', 'src', 'tools')
+        for path in sorted((ROOT / folder).rglob('*.py'))
+        if not path.read_text(encoding='utf-8').startswith(NOTICE)
     ]
-    for name in missing:
-        print(f'{name} does not begin with the notice that tools/headers.py begins with')
+    for path in missing:
+        print(f'{path} does not begin with the notice that tools/headers.py begins with')
     return 1 if missing else 0
 
 
