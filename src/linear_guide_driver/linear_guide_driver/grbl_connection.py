@@ -211,7 +211,6 @@ class GrblConnection:
 
         try:
             for line in lines:
-                size = len(line)
                 room = RECEIVE_BYTES - len(line)
                 wait(lambda room=room: self._unanswered_bytes <= room)  # type: ignore[misc]
                 with self._changed:
