@@ -65,6 +65,9 @@ TOPICS = {
     'phase-cost': ('phases', 'run_phase_cost'),
 }
 
+LONG = ('hand', 'endurance', 'peers', 'speeds', 'simulated-speeds', 'rest', 'twin', 'twin-speed')
+"""Topics of many minutes, or with peers to install, which are run when they are named."""
+
 DESCRIPTION = """Measure the speed and the error of the numerical kernels, the decoders, the
 model file, the simulator and the message path.
 
@@ -78,7 +81,7 @@ Error is measured against a reference of higher precision, or as a count of
 answers that differ. Where a bound is stated, exceeding it is a failure.
 """
 
-EPILOG = """topics:
+EPILOG = """topics (hand, endurance, peers, both speeds, rest and both twins only when named):
   spectrum     91 amplitudes of a texture window
   sliding      91 amplitudes of the window that ends at every sample
   regression   slope, intercept, correlation of a stiffness window
@@ -131,7 +134,7 @@ def main() -> int:
     progress = Console(stderr=True)
     documents = {}
     within = True
-    for name in arguments.only or TOPICS:
+    for name in arguments.only or (name for name in TOPICS if name not in LONG):
         module, function = TOPICS[name]
         start_s = time.perf_counter()
         report: Report = getattr(importlib.import_module(module), function)(arguments.quick)

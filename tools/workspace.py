@@ -92,7 +92,7 @@ class Workspace:
         """
         digest = hashlib.sha256(self.venv_key().encode())
         for folder, folders, files in os.walk(ROOT / 'src'):
-            folders[:] = sorted(f for f in folders if f not in {'__pycache__', '.pytest_cache'})
+            folders[:] = sorted(f for f in folders if f != '__pycache__' and f[0] != '.')
             for name in sorted(files):
                 path = Path(folder, name)
                 digest.update(str(path.relative_to(ROOT)).encode())

@@ -133,9 +133,12 @@ class NodeGroup:
             if thread.is_alive():
                 # A mere wake-up would go back to waiting; something to do ends the wait.
                 executor.create_task(lambda: None)
-        for _, thread in self._spinning:
+        deadline = time.monotonic() + REST_TIMEOUT_S
+        for node, (_, thread) in zip(self._nodes, self._spinning, strict=True):
             if thread.is_alive():
-                thread.join()
+                thread.join(max(0.0, deadline - time.monotonic()))
+            if thread.is_alive():  # the other nodes have devices to bring to rest
+                _logger().error(f'a callback of {node.get_name()} does not end')
         nodes, self._nodes = self._nodes, []
         spinning, self._spinning = self._spinning, []
         for node, (executor, _) in reversed(list(zip(nodes, spinning, strict=True))):
