@@ -40,7 +40,7 @@ from tactile_classifier.novelty import choose_metric, compute_threshold, Novelty
 from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6
-"""Parts that trials or sessions are dealt into."""
+"""Parts that trials or sessions are dealt into, wherever so few will do."""
 
 BINS = 10
 """Bins of the expected calibration error."""
@@ -69,7 +69,10 @@ class Deal:
 
 
 def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
-    """Return parts of whole groups where each label comes in two parts or more, else of trials.
+    """Return parts of whole groups where each label comes in two groups or more, else of trials.
+
+    The groups of each label are spread over the parts, so that a model fitted on the other
+    parts knows every label of the one that is held out.
 
     Parameters
     ----------
@@ -87,11 +90,14 @@ def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
     for column in columns:
         codes = np.unique(table.columns.get(column, group), return_inverse=True)[1]
         group = np.unique(group * (codes.max() + 1) + codes, return_inverse=True)[1]
+    labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
     groups = int(group.max()) + 1
-    parts = min(MAX_FOLDS, groups)
-    fold = group % parts
-    labels, counts = np.unique(table.labels, return_counts=True)
-    if all(len(np.unique(fold[table.labels == label])) > 1 for label in labels):
+    contains = np.zeros((groups, len(labels)), dtype=bool)
+    contains[group, codes] = True
+    if (contains.sum(axis=0) > 1).all():
+        part_of_group = _spread(contains)
+        fold = part_of_group[group]
+        parts = int(part_of_group.max()) + 1
         name = ' and '.join(column.removesuffix('_id') for column in columns)
         words = f'one {name} held out' if groups == parts else f'{name} held out in {parts} parts'
         return Deal(words, fold, groups)
@@ -99,9 +105,39 @@ def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
         raise DatasetError(f'label "{labels[counts.argmin()]}" has one trial only')
     parts = min(MAX_FOLDS, int(counts.min()))
     folds = StratifiedKFold(parts, shuffle=True, random_state=RANDOM_STATE)
+    fold = np.zeros(len(table), dtype=np.intp)
     for i, (_, held_out) in enumerate(folds.split(table.values, table.labels)):
         fold[held_out] = i
     return Deal(f'stratified {parts}-fold over trials', fold, 0)
+
+
+def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
+    """Return the part of each group, so that no label has all its groups in one part.
+
+    Groups are dealt one by one, those with the most labels first, each to the part that
+    has the fewest groups of its labels. Groups of the same labels are dealt in turn.
+
+    Parameters
+    ----------
+    contains : ndarray of bool, shape (groups, labels)
+        Each label in two groups or more.
+    """
+    groups, labels = contains.shape
+    parts = min(MAX_FOLDS, groups)
+    part = np.zeros(groups, dtype=np.intp)
+    size = np.zeros(parts, dtype=np.intp)
+    count = np.zeros((parts, labels), dtype=np.intp)
+    # Of names, only the order among groups of the same labels matters.
+    for i in sorted(range(groups), key=lambda i: (-contains[i].sum(), *~contains[i], i)):
+        same = count[:, contains[i]]
+        only_here = (same > 0) & (same == same.sum(axis=0))
+        part[i] = np.lexsort((size, same.sum(axis=1), only_here.sum(axis=1)))[0]
+        size[part[i]] += 1
+        count[part[i], contains[i]] += 1
+    if ((count > 0).sum(axis=0) > 1).all():
+        return part
+    # Labels so interwoven that so few parts do not keep them apart: each group on its own.
+    return np.arange(groups)
 
 
 def hold_out_scores(

@@ -12,6 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from itertools import combinations
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -104,6 +106,49 @@ def test_trials_are_dealt_where_sessions_do_not_allow_it():
     assert (dealt.split, dealt.groups) == ('stratified 5-fold over trials', 0)
     with pytest.raises(DatasetError, match='label "b" has one trial only'):
         deal(small(['a', 'a', 'b']))
+
+
+@pytest.mark.parametrize('name', ['{day}_{label}', '{label}_{day}'])
+def test_sessions_of_one_label_are_spread_over_the_parts(name):
+    # Six objects on two days, a session each: wherever the names put them, the model that
+    # is tested on one day of an object has seen the other day.
+    trials = [(label, day) for label in 'abcdef' for day in ('mon', 'tue') for _ in range(4)]
+    sessions = [name.format(label=label, day=day) for label, day in trials]
+    labels = np.array([label for label, _ in trials])
+    dealt = deal(small(labels, sessions))
+    assert (dealt.split, dealt.groups) == ('session held out in 6 parts', 12)
+    assert len(set(zip(dealt.fold, sessions, strict=True))) == 12
+    for label in 'abcdef':
+        assert len(set(dealt.fold[labels == label])) == 2
+    assert all(len(set(labels[dealt.fold == i])) == 2 for i in range(6))
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.sets(st.integers(0, 13), min_size=2, max_size=4), min_size=2, max_size=25))
+def test_no_label_is_held_out_whole(sessions_of_label):
+    pairs = [(str(i), s) for i, sessions in enumerate(sessions_of_label) for s in sessions]
+    labels, sessions = (np.array(column) for column in zip(*pairs, strict=True))
+    dealt = deal(small(labels, sessions))
+    assert dealt.groups == len(set(sessions))
+    assert len(set(zip(dealt.fold, sessions, strict=True))) == dealt.groups
+    for label in set(labels):
+        assert len(set(dealt.fold[labels == label])) > 1
+
+
+def test_labels_too_interwoven_for_six_parts():
+    # Each pair of seven sessions has a label of its own: no two may share a part.
+    pairs = list(combinations(range(7), 2))
+    labels = [f'{i}{j}' for i, j in pairs for _ in (i, j)]
+    sessions = [session for pair in pairs for session in pair]
+    dealt = deal(small(labels, sessions))
+    assert (dealt.split, dealt.groups) == ('one session held out', 7)
+    np.testing.assert_array_equal(dealt.fold, sessions)
+
+
+def test_sessions_of_the_same_labels_are_dealt_in_turn():
+    sessions = np.repeat(np.arange(14), 6)
+    dealt = deal(small(['a', 'b', 'c'] * 28, sessions))
+    np.testing.assert_array_equal(dealt.fold, sessions % 6)
 
 
 def test_no_trial_is_judged_by_a_model_that_knew_it():
