@@ -127,16 +127,17 @@ def evaluate_open_set(
     classifier, scaling : str
         See `build_estimator`; an empty scaling means the task's default.
     hold_out : sequence of str
-        Columns; trials that agree in all of them are held out together, dealt into six
-        parts at most. Where they do not allow it, trials are dealt at random, and
-        ``split`` says so.
+        Columns; trials that agree in all of them are held out together, dealt into parts
+        as `calibration.deal` does it. Where they do not allow it, trials are dealt at
+        random, and ``split`` says so.
     false_alarm_rate : float
         Share of trials of known labels that may be turned away [1].
 
     Raises
     ------
     EvaluationError
-        When there are too few labels or trials.
+        When there are too few labels or trials, or a label is never held out together
+        with another one.
     """
     scaling = scaling or DEFAULT_SCALING[table.task]
     labels = np.unique(table.labels)
@@ -157,12 +158,12 @@ def evaluate_open_set(
     rejected, right, before, after, true, unknown, splits = zip(*parts, strict=True)
     all_true, all_right = np.concatenate(true), np.concatenate(right)
     kept = ~np.concatenate(rejected)
-    found = tuple(_pool_unknown(str(label), unknown) for label in labels)
+    found = tuple(_pool_unknown(str(label), unknown, outer.split) for label in labels)
     return OpenSetEvaluation(
         classifier=classifier,
         scaling=scaling,
         split=outer.split,
-        calibration_split=splits[0],
+        calibration_split=' or '.join(dict.fromkeys(splits)),
         trials=len(table),
         false_alarm_rate=false_alarm_rate,
         realised_false_alarm_rate=float(1.0 - kept.mean()),
@@ -233,9 +234,15 @@ def _fit_novelty(
 
 
 def _pool_unknown(
-    label: str, parts: Sequence[dict[str, tuple[float, npt.NDArray[np.bool_]]]]
+    label: str, parts: Sequence[dict[str, tuple[float, npt.NDArray[np.bool_]]]], split: str
 ) -> UnknownLabel:
     found = [part[label] for part in parts if label in part]
+    if not found:
+        raise EvaluationError(
+            f'the trials do not allow it: label "{label}" is never held out together with '
+            f'another one ({split}), so there is nothing known to tell it from; record several '
+            'labels in each session, or hold out by another column'
+        )
     missed = np.concatenate([missed for _, missed in found])
     auroc = float(np.mean([auroc for auroc, _ in found]))
     return UnknownLabel(label, auroc, float(missed.mean()), len(missed))

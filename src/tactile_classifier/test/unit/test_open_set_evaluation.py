@@ -51,6 +51,31 @@ def test_two_names_for_one_thing_cannot_be_told_apart(few):
     assert found['twin'].miss_rate > 0.8
 
 
+def test_label_that_is_always_held_out_alone_is_refused(few):
+    # Three plates on two days, a session each: a session held out has nothing to compare with.
+    known = few.take(few.labels != 'plate 3')
+    day = np.arange(len(known)) % 2
+    sessions = np.array([f'{label} {i}' for label, i in zip(known.labels, day, strict=True)])
+    table = FeatureTable(known.values, known.labels, known.spec, {'session_id': sessions})
+    with pytest.raises(EvaluationError, match=r'"plate 0" is never held out together.*record'):
+        evaluate_open_set(table, 'knn', false_alarm_rate=0.1)
+    # Single trials held out leave nothing to ask for.
+    assert evaluate_open_set(table, 'knn', hold_out=(), false_alarm_rate=0.1).trials == 90
+
+
+def test_calibration_says_each_way_it_held_out(few):
+    # Two sessions with all plates and five more of three: what is left differs from part to part.
+    session = np.arange(len(few)) % 7
+    kept = (few.labels != 'plate 3') | (session < 2)
+    table = few.take(kept)
+    columns = {'session_id': session[kept]}
+    table = FeatureTable(table.values, table.labels, table.spec, columns)
+    found = evaluate_open_set(table, 'knn', false_alarm_rate=0.1)
+    assert found.split == 'session held out in 6 parts'
+    assert 'stratified' in found.calibration_split
+    assert 'one session held out' in found.calibration_split
+
+
 def test_too_few_labels_or_trials_are_refused(small_table):
     with pytest.raises(EvaluationError, match='there are 2 labels'):
         evaluate_open_set(small_table.take(small_table.labels != 'plate 2'), 'tree')
