@@ -49,8 +49,10 @@ from tactile_sim.rig_process import SimulatedRig
 
 MATCH_TIMEOUT_S = 10.0
 PAPER_TRIALS = 60
-SESSIONS = 6
 """Trials of each plate in the paper (section III.A)."""
+
+SESSIONS = 6
+"""Mountings that the simulated trials of each plate come from."""
 
 
 def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> bool:
