@@ -26,12 +26,16 @@ from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
+EVENT_TOPICS = ('trial_runner/events', 'tactile_features/detected_events')
+"""Where trials are told of; the latest event of either counts."""
+
 
 class SlipDetectorNode(TactileNode):
     """Publishes ``~/slip`` when a held object begins to slide.
 
-    It needs no trial; when one is under way, its name is passed on. It listens as soon as it
-    is configured, so that it knows the noise when it is activated.
+    It needs no trial; when one is under way, its name is passed on, whether a trial runner
+    tells of it or the feature node found it in the tension. It listens as soon as it is
+    configured, so that it knows the noise when it is activated.
 
     Attributes
     ----------
@@ -59,7 +63,10 @@ class SlipDetectorNode(TactileNode):
                 lambda msg: self._on_block(detector, msg),
                 STREAM,
             ),
-            self.create_subscription(TrialEvent, 'trial_runner/events', self._on_event, EVENTS),
+            *(
+                self.create_subscription(TrialEvent, topic, self._on_event, EVENTS)
+                for topic in EVENT_TOPICS
+            ),
         ]
 
     def tear_down(self) -> None:

@@ -68,6 +68,7 @@ def bench(context):
     peer.create_subscription(Slip, 'slip_detector/slip', slips.append, RESULTS)
     strain = peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
     events = peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    found = peer.create_publisher(TrialEvent, 'tactile_features/detected_events', EVENTS)
 
     def spin_until(condition):
         deadline = time.monotonic() + DEADLINE_S
@@ -79,9 +80,10 @@ def bench(context):
     spin_until(
         lambda: strain.get_subscription_count() == 1
         and events.get_subscription_count() == 1
+        and found.get_subscription_count() == 1
         and peer.count_publishers('slip_detector/slip') == 1
     )
-    yield strain, events, slips, spin_until, node
+    yield strain, (events, found), slips, spin_until, node
     node.take_down()
     executor.shutdown()
     peer.destroy_node()
@@ -101,8 +103,10 @@ def test_publishes_the_slips_of_the_core(bench):
     assert (slip.simulated, slip.header.frame_id) == (True, 'left_cell_link')
 
 
-def test_names_the_trial_under_way(bench):
-    strain, events, slips, spin_until, node = bench
+@pytest.mark.parametrize('teller', [0, 1], ids=['trial runner', 'found in the tension'])
+def test_names_the_trial_under_way(bench, teller):
+    strain, tellers, slips, spin_until, node = bench
+    events = tellers[teller]
     events.publish(TrialEvent(header=header(START_NS), trial_id='t7', phase='hold'))
     spin_until(lambda: node.trial_id == 't7')
     for first in range(0, 600, 20):
