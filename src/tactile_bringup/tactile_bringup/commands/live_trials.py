@@ -123,7 +123,8 @@ def run_live_trials(
     Raises
     ------
     BringupError
-        When a node cannot be started, a topic has no publisher, or a trial fails twice.
+        When a node cannot be started, a topic has no publisher, a trial fails twice, or the
+        recording has failed: no trial is run that would not be recorded.
     """
     models = find_models(setup.models) if setup.models else {}
     graph = rig_graph(setup.ports, models, setup.parameters, simulated=setup.simulated)
@@ -146,7 +147,9 @@ def run_live_trials(
             for request in requests:
                 if hand is not None:
                     hand.mount(request.protocol, request.object_label, request.contact)
+                check_recording(recorder)
                 done = run_with_second_try(operator, request, output)
+                check_recording(recorder)
                 listens = classifier_name(request.protocol, request.contact) in models
                 answer = operator.wait_for_answer(done.trial_id) if listens else None
                 live.append(LiveTrial(done, answer))
@@ -176,6 +179,12 @@ def wait_until_matched(recorder: Any) -> None:
         if time.monotonic() > deadline:
             raise BringupError(f'no publisher on {", ".join(missing)}; not recording without it')
         time.sleep(0.02)
+
+
+def check_recording(recorder: Any) -> None:
+    """Raise `BringupError` when the recording has failed: a trial without it is worthless."""
+    if recorder.has_failed:
+        raise BringupError(recorder.failure)
 
 
 def describe_trial(trial: LiveTrial) -> str:

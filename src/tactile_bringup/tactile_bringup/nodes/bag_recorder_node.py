@@ -17,12 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 import json
 from pathlib import Path
 import threading
 import time
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.serialization import serialize_message
 
 from tactile_bringup.conversions import audit_to_msg
@@ -49,6 +51,9 @@ SAVE_PERIOD_S = 0.5
 """How often what came is brought into the file, and from there to the disk: at most so much
 is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
 
+AUDIT_ERROR_PERIOD_S = 10.0
+"""How often at most the log says that messages cannot be audited."""
+
 
 class BagRecorderNode(TactileNode):
     """Records while active; the bag is complete once the node is cleaned up.
@@ -56,12 +61,17 @@ class BagRecorderNode(TactileNode):
     Messages are written as they arrived on the wire, so that a replay sends the
     very same bytes. Each trial is audited when it has ended.
 
+    When the bag cannot be written to any more, as on a full disk, the recording ends and the
+    node has failed; nothing else does, for other nodes may be moving things.
+
     Attributes
     ----------
     message_count : int
         Messages written.
     audits : list of Audit
         Of the trials that have ended.
+    failure : str
+        Why the recording ended before its time, and what is saved; empty when it did not.
     """
 
     def __init__(self, node_name: str = 'bag_recorder', **node_options: Any) -> None:
@@ -72,18 +82,22 @@ class BagRecorderNode(TactileNode):
         self._recording: dict[str, Any] = {}
         self._savers: list[_Saver] = []
         self._diagnostics: Diagnostics | None = None
+        self._check_timer: Any = None
         self._audit_publisher: Any = None
         self._audit_topic = ''
         self._started_ns = 0
         self._has_said_missing = False
         self.message_count = 0
         self.audits: list[Audit] = []
+        self.failure = ''
 
     # -- lifecycle -----------------------------------------------------------------------
 
     def set_up(self, config: RecorderConfig) -> None:
         if not config.bag:
             raise ValueError('parameter bag is empty; name the folder of the bag to write')
+        self.failure = ''
+        self.is_finished = self.has_failed = False
         facts = json.loads(config.facts)
         if not isinstance(facts, dict):
             raise ValueError('parameter facts is no JSON object; write {"name": value}')
@@ -99,10 +113,16 @@ class BagRecorderNode(TactileNode):
         )
         self._audit_publisher = self.create_publisher(RecordingAudit, '~/audit', EVENTS)
         self._diagnostics = Diagnostics(self, lambda: str(writer.path), self._health)
+        # On a timer, because a disk can fail while nothing comes.
+        self._check_timer = self.create_timer(
+            SAVE_PERIOD_S, self._check_savers, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         # Two threads: a disk that is slow to confirm must not keep the file from growing.
         self._savers = [_Saver(writer.save), _Saver(writer.sync)]
 
     def start(self) -> None:
+        if self._writer is None:
+            raise ValueError(f'the recording has failed; clean up first: {self.failure}')
         # Subscribed only now: what a latched topic holds must come while it can be written.
         self._recording = {name: self._record(name, topic) for name, topic in self._topics.items()}
         self._started_ns = time.monotonic_ns()
@@ -114,12 +134,15 @@ class BagRecorderNode(TactileNode):
         finger = name[: -len(topic.name)].strip('/')
 
         def on_message(data: bytes) -> None:
-            for saver in self._savers:
-                saver.check()
-            writer.write_raw(name, self.get_clock().now().nanoseconds, data)
-            self.message_count += 1
-            if topic in (STRAIN_TOPIC, EVENT_TOPIC):
-                self._audit(self._auditors[finger], topic, data)
+            if self.failure:
+                return  # it came before the subscription was gone
+            try:
+                writer.write_raw(name, self.get_clock().now().nanoseconds, data)
+                self.message_count += 1
+                if topic in (STRAIN_TOPIC, EVENT_TOPIC):
+                    self._audit(self._auditors[finger], topic, data, writer)
+            except BagError as error:
+                self._fail(error)
 
         return self.create_subscription(
             message_class(topic.type_name),
@@ -136,15 +159,16 @@ class BagRecorderNode(TactileNode):
 
     def tear_down(self) -> None:
         self.stop()
-        writer, self._writer = self._writer, None
-        while self._savers:
-            self._savers.pop().close()
-        if writer is not None:
-            audits = [a for auditor in self._auditors.values() for a in auditor.finish()]
-            for audit in audits:
-                self._publish(audit, writer)
-            writer.add_facts({'audit': summarise_audits(self.audits)})
-            writer.close()
+        self._close_savers()
+        if self._writer is not None:
+            try:
+                self._finish(self._writer)
+            except BagError as error:
+                self._fail(error)
+            self._writer = None
+        if self._check_timer is not None:
+            self.destroy_timer(self._check_timer)
+            self._check_timer = None
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
@@ -153,17 +177,65 @@ class BagRecorderNode(TactileNode):
             self._audit_publisher = None
         self._topics, self._auditors = {}, {}
 
+    def _finish(self, writer: BagWriter) -> None:
+        # A configuration that failed half way has no publisher, and nothing to audit.
+        if self._audit_publisher is not None:
+            for audit in [a for auditor in self._auditors.values() for a in auditor.finish()]:
+                self._publish(audit, writer)
+            writer.add_facts({'audit': summarise_audits(self.audits)})
+        writer.close()
+
+    # -- failure -------------------------------------------------------------------------
+
+    def _fail(self, error: BagError) -> None:
+        """End the recording, and no other node's work, because of what befell the bag."""
+        self.stop()
+        self._close_savers()
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        with suppress(BagError):  # of a disk that is full still
+            writer.close()
+        state = 'closed' if writer.is_complete else 'as after the kill of a recorder'
+        self.failure = (
+            f'recording ended: {error}; {writer.saved_count} messages are saved, '
+            f'and the bag is {state}'
+        )
+        self.has_failed = True
+        self.get_logger().error(self.failure)
+        if self._diagnostics is not None:
+            self._diagnostics.publish()  # a process of its own ends now
+        self.is_finished = True
+
+    def _check_savers(self) -> None:
+        for saver in self._savers:
+            if saver.error is not None:
+                self._fail(saver.error)
+                return
+
+    def _close_savers(self) -> None:
+        while self._savers:
+            self._savers.pop().close()
+
     # -- audits --------------------------------------------------------------------------
 
-    def _audit(self, auditor: FingerAuditor, topic: RecordedTopic, data: bytes) -> None:
-        assert self._writer is not None
-        message = self._writer.store.deserialize_cdr(data, topic.type_name)
-        if topic == STRAIN_TOPIC:
-            audits = auditor.add_block(strain_block_from_msg(message))
-        else:
-            audits = auditor.add_event(event_from_msg(message))
+    def _audit(
+        self, auditor: FingerAuditor, topic: RecordedTopic, data: bytes, writer: BagWriter
+    ) -> None:
+        try:
+            message = writer.store.deserialize_cdr(data, topic.type_name)
+            if topic == STRAIN_TOPIC:
+                audits = auditor.add_block(strain_block_from_msg(message))
+            else:
+                audits = auditor.add_event(event_from_msg(message))
+        except Exception as error:  # bytes of a stranger; they are recorded as they are
+            self.get_logger().error(
+                f'a message on {topic.name} is recorded, but cannot be audited: {error!r}',
+                throttle_duration_sec=AUDIT_ERROR_PERIOD_S,
+            )
+            return
         for audit in audits:
-            self._publish(audit, self._writer)
+            self._publish(audit, writer)
 
     def _publish(self, audit: Audit, writer: BagWriter) -> None:
         self.audits.append(audit)
@@ -198,6 +270,8 @@ class BagRecorderNode(TactileNode):
 
     def _health(self) -> Health:
         values = {'messages': self.message_count, 'trials_audited': len(self.audits)}
+        if self.failure:
+            return Health(ERROR, self.failure, values)
         if not self._recording:
             return Health(WARN, 'not recording: activate the node', values)
         missing = self.unmatched_topics()
@@ -217,12 +291,15 @@ class BagRecorderNode(TactileNode):
 
 
 class _Saver:
-    """Does a thing for a bag again and again, on a thread of its own."""
+    """Does a thing for a bag again and again, on a thread of its own, until it fails.
+
+    ``error`` is what kept the bag from being saved.
+    """
 
     def __init__(self, save: Callable[[], None]) -> None:
         self._save = save
         self._end = threading.Event()
-        self._error: BagError | None = None
+        self.error: BagError | None = None
         self._thread = threading.Thread(target=self._run, name='bag saver', daemon=True)
         self._thread.start()
 
@@ -231,12 +308,7 @@ class _Saver:
             while not self._end.wait(SAVE_PERIOD_S):
                 self._save()
         except BagError as error:
-            self._error = error
-
-    def check(self) -> None:
-        """Raise what kept the bag from being saved."""
-        if self._error is not None:
-            raise self._error
+            self.error = error
 
     def close(self) -> None:
         """End the thread."""

@@ -125,7 +125,8 @@ def running_graph(
     Raises
     ------
     BringupError
-        When a node cannot be configured or activated, or a callback of one failed.
+        When a node cannot be configured or activated, a callback of one failed, or one has
+        failed by itself, as a recorder does whose disk is full; the others ran on then.
     """
     nodes: dict[str, Any] = {}
     try:
@@ -141,3 +142,6 @@ def running_graph(
         yield nodes
     if group.error is not None:
         raise BringupError(f'a node failed and all were ended: {group.error}') from group.error
+    failed = [name for name, node in nodes.items() if node.has_failed]
+    if failed:
+        raise BringupError(f'failed on the way: {", ".join(failed)}; the log says why')

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import closing
 import json
 from pathlib import Path
 import shutil
@@ -50,6 +51,13 @@ class BagWriter:
         What a reader must know about the recording; JSON-able. Holds at least
         ``simulated`` (bool).
 
+    Attributes
+    ----------
+    saved_count : int
+        Messages that are in the file; told by `close`.
+    is_complete : bool
+        Whether `close` could write all that belongs to a bag.
+
     Raises
     ------
     BagError
@@ -59,6 +67,8 @@ class BagWriter:
     def __init__(self, path: Path, facts: Mapping[str, Any]) -> None:
         self.path = Path(path)
         self.store = message_store()
+        self.saved_count = 0
+        self.is_complete = False
         self._lock = threading.Lock()
         self._topics: dict[str, tuple[int, StoredTopic]] = {}
         self._facts = dict(facts)
@@ -183,13 +193,16 @@ class BagWriter:
             if writer is None:
                 return
             try:
-                writer.cut()
-                text = self._metadata_text(writer)
-                writer.write_metadata(text)
-                writer.close()
+                with closing(writer):
+                    writer.cut()
+                    text = self._metadata_text(writer)
+                    writer.write_metadata(text)
                 write_metadata(self.path, text)
+                self.is_complete = True
             except OSError as error:
                 raise self._failure(error) from error
+            finally:
+                self.saved_count = sum(writer.counts.values())
 
     def _metadata_text(self, writer: McapWriter | None = None) -> str:
         writer = writer or self._open_writer()

@@ -66,7 +66,7 @@ class McapWriter:
     Attributes
     ----------
     counts : dict of int to int
-        Messages by channel.
+        Messages by channel in the chunks that were cut.
     first_ns, last_ns : int
         Earliest and latest time of arrival; ``first_ns > last_ns`` before the first message.
 
@@ -95,8 +95,15 @@ class McapWriter:
 
     def _append(self, data: bytes) -> None:
         view = memoryview(data)
-        while view:
-            view = view[self._file.write(view) :]
+        try:
+            while view:
+                view = view[self._file.write(view) :]
+        except OSError:
+            # Half a record would make all that follows unreadable. Without it, the file ends
+            # well, and what it took may be room enough for the index.
+            self._file.seek(self._position)
+            self._file.truncate()
+            raise
         self._position += len(data)
 
     def add_channel(self, topic: StoredTopic) -> int:
@@ -135,38 +142,42 @@ class McapWriter:
         self._chunk += data
         self._chunk_first_ns = min(self._chunk_first_ns, received_at_ns)
         self._chunk_last_ns = max(self._chunk_last_ns, received_at_ns)
-        self.counts[channel] += 1
         if len(self._chunk) >= CHUNK_BYTES:
             self.cut()
 
     def cut(self) -> None:
-        """End the chunk: all that was written is with the operating system then."""
+        """End the chunk: all that was written is with the operating system then.
+
+        A chunk that cannot be written is dropped, and is not in the index nor in the counts.
+        """
         if not self._chunk:
             return
-        records = bytes(self._chunk)
+        records, index = bytes(self._chunk), self._index
+        first_ns, last_ns = self._chunk_first_ns, self._chunk_last_ns
+        self._begin_chunk()
         size = pack_number(len(records), 8)
-        times = pack_number(self._chunk_first_ns, 8) + pack_number(self._chunk_last_ns, 8)
+        times = pack_number(first_ns, 8) + pack_number(last_ns, 8)
         chunk = pack_record(
             CHUNK,
-            CHUNK_START.pack(
-                self._chunk_first_ns, self._chunk_last_ns, len(records), zlib.crc32(records)
-            ),
+            CHUNK_START.pack(first_ns, last_ns, len(records), zlib.crc32(records)),
             pack_text(''),  # not compressed: a sample's noise hardly is, and time matters
             size,
             records,
         )
         offsets, indexes = b'', b''
-        for channel, entries in self._index.items():
-            offset = self._position + len(chunk) + len(indexes)
+        position = self._position
+        for channel, entries in index.items():
+            offset = position + len(chunk) + len(indexes)
             offsets += pack_number(channel, 2) + pack_number(offset, 8)
             indexes += pack_record(
                 MESSAGE_INDEX, pack_number(channel, 2), pack_bytes(b''.join(entries))
             )
+        self._append(chunk + indexes)
         self._chunk_indexes.append(
             pack_record(
                 CHUNK_INDEX,
                 times,
-                pack_number(self._position, 8),
+                pack_number(position, 8),
                 pack_number(len(chunk), 8),
                 pack_bytes(offsets),
                 pack_number(len(indexes), 8),
@@ -175,23 +186,24 @@ class McapWriter:
                 size,
             )
         )
-        self.first_ns = min(self.first_ns, self._chunk_first_ns)
-        self.last_ns = max(self.last_ns, self._chunk_last_ns)
-        self._begin_chunk()
-        self._append(chunk + indexes)
+        for channel, entries in index.items():
+            self.counts[channel] += len(entries)
+        self.first_ns = min(self.first_ns, first_ns)
+        self.last_ns = max(self.last_ns, last_ns)
 
     def write_metadata(self, text: str) -> None:
         """Write a copy of ``metadata.yaml``; the last one counts."""
         record = pack_record(METADATA, pack_text(METADATA_NAME), pack_texts({METADATA_KEY: text}))
+        position = self._position
+        self._append(record)
         self._metadata_indexes.append(
             pack_record(
                 METADATA_INDEX,
-                pack_number(self._position, 8),
+                pack_number(position, 8),
                 pack_number(len(record), 8),
                 pack_text(METADATA_NAME),
             )
         )
-        self._append(record)
 
     def sync(self) -> None:
         """Wait until what was written is on the disk; other threads may go on writing."""

@@ -25,7 +25,8 @@ import pytest
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-from tactile_bringup.errors import BagError
+from tactile_bringup.commands.live_trials import check_recording
+from tactile_bringup.errors import BagError, BringupError
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
 from tactile_bringup.recording.bag_repair import repair_bag
 from tactile_bringup.recording.bags import (
@@ -38,6 +39,7 @@ from tactile_bringup.recording.bags import (
 )
 from tactile_bringup.recording.mcap_writer import McapWriter
 from tactile_bringup.wiring.graph import recorder_node
+from tactile_features.conversions import strain_block_from_msg
 from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
@@ -203,6 +205,126 @@ def test_a_disk_that_takes_no_more_ends_the_recording_with_a_sentence(tmp_path, 
             with pytest.raises(BagError, match='No space left'):
                 writer.sync()
         writer.save()
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, 'No space left on device')
+
+
+@pytest.mark.parametrize('failing', ['cut', 'write', 'sync'])
+def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monkeypatch, failing):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    received, statuses, ends = [], [], []
+    source.create_subscription(StrainBlock, 'tendon_sensor/strain', received.append, STREAM)
+    source.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 10)
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+
+    def until_failed():
+        with running_graph(
+            [description], context, others=[source], on_end=lambda: ends.append(1)
+        ) as nodes:
+            recorder = nodes['bag_recorder']
+            wait_until(lambda: strain.get_subscription_count() == 2)
+            strain.publish(strain_block(0, 0))
+            wait_until(lambda: messages_on_disk(tmp_path / 'bag') == [0])
+            with monkeypatch.context() as patch:
+                patch.setattr(McapWriter, failing, full_disk)
+                strain.publish(strain_block(1, 10**7))
+                wait_until(lambda: recorder.is_finished)
+            assert recorder.has_failed
+            assert 'No space left' in recorder.failure
+            with pytest.raises(BringupError, match='No space left'):
+                check_recording(recorder)
+            for i in range(2, 5):
+                strain.publish(strain_block(i, i * 10**7))
+            wait_until(lambda: len(received) == 5)
+            wait_until(
+                lambda: any(
+                    row.level == DiagnosticStatus.ERROR and 'No space left' in row.message
+                    for array in statuses
+                    for row in array.status
+                )
+            )
+            assert not ends
+
+    with pytest.raises(BringupError, match='failed on the way: bag_recorder'):
+        until_failed()
+    assert messages_on_disk(tmp_path / 'bag')[0] == 0
+
+
+def test_a_disk_that_is_full_at_the_very_end_is_told(context, tmp_path, monkeypatch):
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    recorder = create_node(description, context)
+    assert recorder.bring_up()
+    monkeypatch.setattr(McapWriter, 'write_metadata', full_disk)
+    recorder.take_down()
+    assert recorder.has_failed
+    assert 'as after the kill' in recorder.failure
+
+
+def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(
+    context, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(McapWriter, 'add_channel', full_disk)
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    recorder = create_node(description, context)
+    assert not recorder.bring_up()
+    recorder.take_down()
+
+
+def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, tmp_path):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    program = (
+        'import sys\n'
+        'from tactile_bringup.nodes.bag_recorder_node import main\n'
+        'from tactile_bringup.recording.mcap_writer import McapWriter\n'
+        'def full(writer):\n'
+        '    if writer._chunk: raise OSError(28, "No space left on device")\n'
+        'McapWriter.cut = full\n'
+        'sys.exit(main())'
+    )
+    arguments = ['--ros-args', '-p', f'bag:={tmp_path / "bag"}']
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
+    with subprocess.Popen(
+        [sys.executable, '-c', program, *arguments],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            wait_until(lambda: strain.get_subscription_count() == 1)
+            strain.publish(strain_block(0, 0))
+            _, log = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    source.destroy_node()
+    assert process.returncode == 1
+    assert 'No space left on device; 0 messages are saved' in log
+    assert 'Traceback' not in log
+
+
+def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_path, monkeypatch):
+    def stumble(msg):
+        if msg.sequence == 1:
+            raise ValueError('not that')
+        return strain_block_from_msg(msg)
+
+    monkeypatch.setattr('tactile_bringup.nodes.bag_recorder_node.strain_block_from_msg', stumble)
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    path = tmp_path / 'bag'
+    description = recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)
+    with running_graph([description], context, others=[source]) as nodes:
+        recorder = nodes['bag_recorder']
+        wait_until(lambda: strain.get_subscription_count() == 1)
+        for i in range(3):
+            strain.publish(strain_block(i, i * 10**7))
+        wait_until(lambda: recorder.message_count == 3)
+    assert messages_on_disk(path) == [0, 1, 2]
+    (audit,) = recorder.audits
+    assert audit.sample_count == 2
 
 
 def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
