@@ -22,6 +22,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
@@ -266,10 +267,15 @@ def test_a_disk_that_is_full_at_the_very_end_is_told(context, tmp_path, monkeypa
 def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(
     context, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(McapWriter, 'add_channel', full_disk)
+    add_channel = McapWriter.add_channel
+
+    def add_until_full(writer, topic):
+        return full_disk() if topic.type_name == AUDIT else add_channel(writer, topic)
+
+    monkeypatch.setattr(McapWriter, 'add_channel', add_until_full)
     description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
     recorder = create_node(description, context)
-    assert not recorder.bring_up()
+    assert recorder.trigger_configure() == TransitionCallbackReturn.FAILURE
     recorder.take_down()
 
 
