@@ -151,9 +151,9 @@ def test_a_refused_pull_does_not_raise_the_limit(tendon, servo, sensor):
 def test_a_sensor_that_dies_is_seen_in_the_diagnostics(tendon, servo, sensor):
     diagnostics = []
     tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
-    wait_until(lambda: diagnostics and 'ready' in diagnostics[-1].status[0].message, 5.0)
+    wait_until(lambda: diagnostics and 'ready' in diagnostics[-1].status[0].message, 20.0)
     sensor.status = StrainBlock.STATUS_STUCK
-    wait_until(lambda: 'have ceased' in diagnostics[-1].status[0].message, 5.0)
+    wait_until(lambda: 'have ceased' in diagnostics[-1].status[0].message, 20.0)
     assert diagnostics[-1].status[0].level == b'\x01'
 
 
@@ -376,5 +376,6 @@ def test_a_hot_servo_is_seen_in_the_diagnostics(tendon, servo, sensor):
     diagnostics = []
     tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
     servo.put(146, 1, 71)
-    wait_until(lambda: diagnostics and 'hot' in diagnostics[-1].status[0].message, 5.0)
-    assert 'shuts down at 80 C' in diagnostics[-1].status[0].message
+    wait_until(
+        lambda: any('shuts down at 80 C' in d.status[0].message for d in list(diagnostics)), 20.0
+    )
