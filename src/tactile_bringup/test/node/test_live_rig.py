@@ -94,6 +94,7 @@ def test_stiffness_trial_is_felt_and_named(context, trained):
         answer = operator.wait_for_answer('first')
         assert answer.label == 'none'
         assert answer.simulated
+        watcher.wait_for_phase('done')  # the result may come before the event
         assert watcher.phases() == ['approach', 'contact', 'hold', 'release', 'done']
         assert {event.trial_id for event in watcher.events} == {'first'}
         assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
@@ -104,6 +105,7 @@ def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(context):
         rig.mount('texture', 'F', 'flexion')
         with pytest.raises(BringupError, match=r'(?i)home'):
             operator.run_trial(TrialRequest('texture', 'flexion'))
+        watcher.wait_for_phase('aborted')
         assert watcher.phases() == ['approach', 'aborted']
 
 
