@@ -60,7 +60,7 @@ def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
         (trial,) = run_live_trials(setup, [request], Output(as_json=True), hand=rig)
-    assert trial.answer.label
+    assert trial.answer.scores  # whatever it is: one window in twenty may be unknown
     with TactileBag(bag) as recording:
         assert recorded_config(recording).running_samples == (30, 90)
         results = recorded_results(recording)
