@@ -85,4 +85,6 @@ def test_once_is_the_first_repetition_and_says_so():
     tests = [sorted(test) for test in (split.deals[0][0][1], split.deals[1][0][1])]
     assert tests[0] != tests[1]
     held_out = grouped_split(make_table(list('abababab'), day=[0, 0, 0, 0, 1, 1, 1, 1]), ['day'])
-    assert held_out.once() == held_out
+    once = held_out.once()
+    assert (once.name, len(once.deals)) == (held_out.name, 1)
+    assert once.deals[0] is held_out.deals[0]
