@@ -36,7 +36,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
 
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.node_group import NodeGroup

@@ -36,7 +36,7 @@ from linear_guide_driver.errors import (
 )
 from linear_guide_driver.grbl_connection import GrblConnection
 from linear_guide_driver.grbl_settings import GuideSettings
-from linear_guide_driver.guide_path import compute_piece_s, encode_pieces
+from linear_guide_driver.guide_path import check_reach, compute_piece_s, encode_pieces, mpos_to_m
 from linear_guide_driver.motion_gate import MotionGate
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 
@@ -201,7 +201,7 @@ class LinearGuideClient:
             except BaseException:  # a fault of the caller's functions: nobody watches now
                 connection.reset()
                 raise
-            position = self._to_position_m(report)
+            position = mpos_to_m(report, self._config.travel_m)
             if position is None or not -1e-6 <= position <= self._config.travel_m + 1e-6:
                 self._trouble = 'the last homing did not succeed'
                 raise MotionFailedError(
@@ -266,7 +266,7 @@ class LinearGuideClient:
                 )
                 late_s = time.monotonic() - started_s - expected_s
                 report = connection.wait_report(REPLY_TIMEOUT_S)
-                rest_m = self._to_position_m(report)
+                rest_m = mpos_to_m(report, self._config.travel_m)
                 if self._gate.end():
                     raise MotionStoppedError
                 if (
@@ -338,15 +338,8 @@ class LinearGuideClient:
         raise MotionRefusedError('The guide is not connected; connect it first.')
 
     def _check_move(self, position_m: float, speed_m_s: float) -> float:
-        config, state = self._config, self.state
-        if not 0.0 <= position_m <= config.travel_m:
-            raise MotionRefusedError(
-                f'Position {position_m} m is outside of the travel 0 to {config.travel_m} m.'
-            )
-        if not 0.0 < speed_m_s <= config.max_speed_m_s:
-            raise MotionRefusedError(
-                f'Speed {speed_m_s} m/s must be above 0 and at most {config.max_speed_m_s} m/s.'
-            )
+        check_reach(self._config, position_m, speed_m_s)
+        state = self.state
         if self._trouble or state is None or state.position_m is None:
             raise MotionRefusedError(
                 f'The position is unknown: {self._trouble or "no report yet"}; home the guide.'
@@ -364,7 +357,7 @@ class LinearGuideClient:
     def _come_to_rest(self, connection: GrblConnection, target_m: float) -> NoReturn:
         try:
             connection.hold_and_reset()
-            position = self._to_position_m(connection.wait_report(REPLY_TIMEOUT_S))
+            position = mpos_to_m(connection.wait_report(REPLY_TIMEOUT_S), self._config.travel_m)
         except LinearGuideDriverError as error:
             self._give_up(connection, str(error))
             raise MotionFailedError(f'Stopping failed: {error}; home the guide.') from error
@@ -395,16 +388,12 @@ class LinearGuideClient:
         except Exception:  # the reader must outlive it: it sees alarms and answers
             _logger.exception('the consumer of the guide states failed')
 
-    def _to_position_m(self, report: grbl.StatusReport) -> float | None:
-        mpos_mm = report.mpos_mm
-        return None if mpos_mm is None else mpos_mm[0] / 1e3 + self._config.travel_m
-
     def _to_mpos_mm(self, position_m: float) -> float:
         return (position_m - self._config.travel_m) * 1e3
 
     def _to_state(self, report: grbl.StatusReport, received_at_ns: int) -> GuideState:
         return GuideState(
-            position_m=None if self._trouble else self._to_position_m(report),
+            position_m=None if self._trouble else mpos_to_m(report, self._config.travel_m),
             velocity_m_s=self._direction * (report.feed_mm_min or 0.0) / 60e3,
             state=report.state,
             received_at_ns=received_at_ns,

@@ -27,11 +27,35 @@ from collections.abc import Iterator
 import math
 
 from linear_guide_driver import grbl_protocol as grbl
+from linear_guide_driver.errors import MotionRefusedError
 from linear_guide_driver.grbl_connection import RECEIVE_BYTES
+from linear_guide_driver.records import LinearGuideConfig
 
 SHORTEST_PIECE_S = 0.005
 """Shorter ones keep host and line busy; with more than some 45 planner blocks the controller
 therefore runs on for longer than asked."""
+
+
+def check_reach(config: LinearGuideConfig, position_m: float, speed_m_s: float) -> None:
+    """Refuse a move beyond the travel or the greatest speed.
+
+    Raises
+    ------
+    MotionRefusedError
+    """
+    if not 0.0 <= position_m <= config.travel_m:
+        raise MotionRefusedError(
+            f'Position {position_m} m is outside of the travel 0 to {config.travel_m} m.'
+        )
+    if not 0.0 < speed_m_s <= config.max_speed_m_s:
+        raise MotionRefusedError(
+            f'Speed {speed_m_s} m/s must be above 0 and at most {config.max_speed_m_s} m/s.'
+        )
+
+
+def mpos_to_m(report: grbl.StatusReport, travel_m: float) -> float | None:
+    """Return the position in the guide's frame [m]; None when the report has none."""
+    return None if report.mpos_mm is None else report.mpos_mm[0] / 1e3 + travel_m
 
 
 def compute_piece_s(run_on_s: float, planner_blocks: int) -> float:

@@ -22,7 +22,7 @@ from tactile_bringup.recording.bags import BagWriter, RecordedTopic, TactileBag
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulation.simulated_bags import write_simulated_bag
 from tactile_bringup.simulation.simulated_trials import SimulationPlan
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 
 
 @pytest.fixture

@@ -23,10 +23,10 @@ import dataclasses
 from enum import IntEnum
 from typing import Any
 
+from tactile_features.config import FeatureConfig
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
-    FeatureConfig,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
     SET_STIFFNESS_REGRESSION,

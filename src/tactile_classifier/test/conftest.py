@@ -20,7 +20,8 @@ import pytest
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
-from tactile_features.records import FeatureConfig, FeatureWindow, Outcome
+from tactile_features.config import FeatureConfig
+from tactile_features.records import FeatureWindow, Outcome
 from tactile_features.spec import spec_for
 from tactile_features.spectrum import compute_spectrum
 

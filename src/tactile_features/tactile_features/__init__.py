@@ -14,15 +14,10 @@
 
 """Cuts the tension stream into windows and computes texture and stiffness features."""
 
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extractor import features_from_trials, TrialFeatureExtractor
-from tactile_features.records import (
-    FeatureConfig,
-    FeatureWindow,
-    Outcome,
-    StrainBlock,
-    TrialEvent,
-)
+from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
 from tactile_features.regression import compute_regression
 from tactile_features.signal_phases import find_phases
 from tactile_features.sliding import sliding_spectrum, SlidingSpectrum

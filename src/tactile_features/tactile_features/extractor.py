@@ -24,10 +24,10 @@ from collections import deque
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.phase_window import PhaseWindow
 from tactile_features.records import (
-    FeatureConfig,
     FeatureWindow,
     Outcome,
     PHASE_ABORTED,

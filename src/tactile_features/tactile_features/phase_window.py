@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.measures import measure_glide, measure_hold
 from tactile_features.records import (
-    FeatureConfig,
     FeatureWindow,
     Measure,
     Outcome,

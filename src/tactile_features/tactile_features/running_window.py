@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.phase_window import PhaseWindow
-from tactile_features.records import FeatureConfig, FeatureWindow, TrialEvent
+from tactile_features.records import FeatureWindow, TrialEvent
 from tactile_features.windows import SampleBuffer
 
 

@@ -28,9 +28,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.records import (
-    FeatureConfig,
     PHASE_ABORTED,
     PHASE_CONTACT,
     PHASE_DONE,

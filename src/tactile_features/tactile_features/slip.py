@@ -16,15 +16,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.errors import FeatureError
+from tactile_features.config import check_parameters, parameter
 from tactile_features.records import (
     STATUS_DEVICE_ERROR,
     STATUS_SATURATED,
@@ -47,10 +45,6 @@ _PRIOR = 60.0  # values that the white noise counts for in the estimate from the
 _TRIMMED = 9.0  # in variances: what one value may add to that estimate
 
 
-def _parameter(default: Any, description: str, **metadata: Any) -> Any:
-    return field(default=default, metadata={'description': description, **metadata})
-
-
 @dataclass(frozen=True)
 class SlipConfig:
     """When a fall of the tension is a slip.
@@ -61,46 +55,39 @@ class SlipConfig:
         When a value is out of its range.
     """
 
-    rate_hz: float = _parameter(
+    rate_hz: float = parameter(
         60.0, 'nominal sample rate of the tension', unit='Hz', range=(20.0, 20000.0)
     )
-    threshold: float = _parameter(
+    threshold: float = parameter(
         5.0,
         'how unlikely a fall must be, in standard deviations of the noise; '
         'docs/measures.md has misses and false alarms by threshold',
         unit='1',
         range=(3.0, 50.0),
     )
-    history_s: float = _parameter(
+    history_s: float = parameter(
         0.2,
         'how long the tension must have run straight before a fall can be told',
         unit='s',
         range=(0.1, 10.0),
     )
-    fall_s: float = _parameter(
+    fall_s: float = parameter(
         0.05, 'how long a fall is gathered at most', unit='s', range=(0.001, 1.0)
     )
-    min_tension_n: float = _parameter(
+    min_tension_n: float = parameter(
         0.5, 'nothing is held below this tension', unit='N', range=(0.0, 1000.0)
     )
-    move_per_s: float = _parameter(
+    move_per_s: float = parameter(
         0.3,
         'change of the tension, relative and per second, beyond which the finger itself moves',
         unit='1/s',
         range=(0.01, 100.0),
     )
-    simulated: bool = _parameter(False, 'the rig is simulated; marks all that is derived from it')
-    frame_id: str = _parameter('tendon_sensor_link', 'frame of the sensor')
+    simulated: bool = parameter(False, 'the rig is simulated; marks all that is derived from it')
+    frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
 
     def __post_init__(self) -> None:
-        for item in dataclasses.fields(self):
-            if 'range' in item.metadata:
-                low, high = item.metadata['range']
-                value = getattr(self, item.name)
-                if not low <= value <= high:
-                    raise FeatureError(
-                        f'{item.name} is {value}; it must lie between {low} and {high}'
-                    )
+        check_parameters(self)
 
 
 @dataclass(frozen=True)

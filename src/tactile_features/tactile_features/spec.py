@@ -23,9 +23,9 @@ import math
 from types import MappingProxyType
 from typing import Any
 
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.records import (
-    FeatureConfig,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
     SET_STIFFNESS_REGRESSION,

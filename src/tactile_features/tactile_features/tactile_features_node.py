@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
+from tactile_features.config import FeatureConfig
 from tactile_features.conversions import (
     event_from_msg,
     event_to_msg,
@@ -27,7 +28,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.extractor import TrialFeatureExtractor
-from tactile_features.records import FeatureConfig, FeatureWindow, Outcome, PHASE_ABORTED
+from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
 from tactile_features.records import StrainBlock as StrainRecord
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN

@@ -39,7 +39,7 @@ from tactile_bringup.recording.replay import (
     TactileResults,
 )
 from tactile_bringup.wiring.model_folder import find_models
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,8 @@ from tactile_bringup.simulation.simulated_bags import (
     write_simulated_bag,
 )
 from tactile_bringup.simulation.simulated_trials import SimulationPlan
-from tactile_features.records import FeatureConfig, PROTOCOL_TEXTURE
+from tactile_features.config import FeatureConfig
+from tactile_features.records import PROTOCOL_TEXTURE
 from tactile_sim.descriptions.catalogue import Catalogue
 
 

@@ -29,9 +29,9 @@ from tactile_bringup.recording.bags import EVENT, TactileBag
 from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.records import TASKS
+from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg
 from tactile_features.records import (
-    FeatureConfig,
     FeatureWindow,
     Outcome,
     PHASE_ABORTED,

@@ -26,8 +26,9 @@ from tactile_bringup.errors import BagError
 from tactile_bringup.recording.bags import TactileBag
 from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_classifier.dataset import FeatureTable
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.records import FeatureConfig, FeatureWindow, Outcome
+from tactile_features.records import FeatureWindow, Outcome
 
 
 def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int, ...]:

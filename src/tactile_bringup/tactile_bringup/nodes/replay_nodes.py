@@ -41,8 +41,8 @@ from tactile_bringup.recording.bags import (
 from tactile_bringup.recording.replay import TactileResults
 from tactile_bringup.wiring.graph import NodeDescription, sensing_graph
 from tactile_classifier.conversions import classification_from_msg
+from tactile_features.config import FeatureConfig
 from tactile_features.conversions import feature_window_from_msg
-from tactile_features.records import FeatureConfig
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 

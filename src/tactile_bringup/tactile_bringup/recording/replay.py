@@ -35,6 +35,7 @@ from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.records import ClassificationResult, ClassifierConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
@@ -42,7 +43,7 @@ from tactile_features.conversions import (
 )
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import TrialFeatureExtractor
-from tactile_features.records import FeatureConfig, FeatureWindow
+from tactile_features.records import FeatureWindow
 from tactile_features.spec import spec_for
 
 

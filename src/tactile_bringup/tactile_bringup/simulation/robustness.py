@@ -37,9 +37,9 @@ from tactile_bringup.simulation.robustness_axes import list_axes, Sensing, Setti
 from tactile_bringup.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_bringup.trial_protocols import glide_speed_m_s, TrialRequest
 from tactile_classifier.estimators import build_estimator, DEFAULT_SCALING
+from tactile_features.config import FeatureConfig
 from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import (
-    FeatureConfig,
     Outcome,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,

@@ -51,7 +51,7 @@ from tactile_bringup.simulation.simulated_trials import (
     SLIP_M,
     TrialChunk,
 )
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
 
 CHUNK_TRIALS = 256

@@ -31,7 +31,7 @@ from tactile_bringup.errors import BringupError
 from tactile_bringup.records import CONTACTS, PROTOCOLS
 from tactile_bringup.wiring.model_features import wanted_features
 from tactile_classifier.records import ClassifierConfig
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.slip import SlipConfig
 
 FEATURES_NODE = 'tactile_features'

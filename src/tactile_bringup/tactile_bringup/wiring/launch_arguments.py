@@ -23,7 +23,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from tactile_bringup.records import CONTACTS
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 
 
 @dataclass(frozen=True)

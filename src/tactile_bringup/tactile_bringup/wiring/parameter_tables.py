@@ -30,7 +30,7 @@ from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bringup.records import PlayerConfig, RecorderConfig, TrialConfig
 from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES, LaunchArgument
 from tactile_classifier.records import ClassifierConfig
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.slip import SlipConfig
 from tendon_sensor_driver.records import TendonSensorConfig
 

@@ -37,7 +37,7 @@ from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_bringup.wiring.model_folder import model_path
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import RESULTS
 

@@ -36,7 +36,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_sim.rig_process import SimulatedRig
 
 

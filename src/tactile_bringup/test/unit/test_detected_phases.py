@@ -32,7 +32,8 @@ from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulation.simulated_bags import write_simulated_bag
 from tactile_bringup.simulation.simulated_trials import SimulationPlan
-from tactile_features.records import FeatureConfig, Outcome
+from tactile_features.config import FeatureConfig
+from tactile_features.records import Outcome
 
 WITHIN_NS = 50_000_000
 

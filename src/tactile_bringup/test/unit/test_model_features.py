@@ -32,7 +32,7 @@ from tactile_classifier.model_file import write_model
 from tactile_classifier.records import ClassifierConfig
 from tactile_classifier.tactile_classifier_node import load_fitting_model
 from tactile_classifier.training import train
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
 SPATIAL = FeatureConfig(

@@ -27,7 +27,7 @@ from tactile_bringup.commands.evaluate import EvaluateRequest, parse_over, run_e
 from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.errors import BringupError
 from tactile_classifier.inference import TactileModel
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spatial import SpatialWindow
 from tactile_features.spec import spec_for
 

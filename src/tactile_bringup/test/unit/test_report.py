@@ -31,7 +31,7 @@ from tactile_bringup.report.published import compare_with_paper
 from tactile_bringup.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_comparison, summarise_set
 from tactile_classifier.dataset import FeatureTable
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_features.spectrum import compute_spectrum
 

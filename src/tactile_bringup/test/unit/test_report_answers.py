@@ -39,7 +39,8 @@ from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.open_set_evaluation import evaluate_open_set
 from tactile_classifier.plans import run_plans
-from tactile_features.records import FeatureConfig, Measure
+from tactile_features.config import FeatureConfig
+from tactile_features.records import Measure
 from tactile_features.spec import spec_for
 
 

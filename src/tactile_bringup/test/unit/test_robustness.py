@@ -29,7 +29,7 @@ from tactile_bringup.simulation.robustness import (
     Study,
 )
 from tactile_bringup.simulation.robustness_axes import Axis, list_axes, Sensing, Setting
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_trials
 

@@ -39,8 +39,8 @@ from tactile_bringup.simulation.simulated_trials import (
     SLIP_M,
 )
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_features.records import FeatureConfig
 from tactile_sim.physics.fast_trials import SimulatedTrials
 
 CONFIG = TrialConfig(simulated=True)

@@ -29,7 +29,7 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulation.simulated_bags import write_simulated_bag
 from tactile_bringup.simulation.simulated_trials import SimulationPlan
 from tactile_classifier.inference import TactileModel
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 
 
 @pytest.fixture(scope='module')

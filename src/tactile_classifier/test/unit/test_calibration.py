@@ -30,7 +30,7 @@ from tactile_classifier.calibration import (
 )
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
 

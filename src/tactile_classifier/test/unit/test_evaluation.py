@@ -22,7 +22,7 @@ from sklearn.svm import SVC
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.evaluation import evaluate
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
 

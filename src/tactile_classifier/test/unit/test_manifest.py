@@ -22,7 +22,7 @@ import pytest
 
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.manifest import Manifest
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
 GOOD = Manifest(

@@ -38,7 +38,7 @@ from tactile_classifier.manifest import Manifest, WHOLE
 from tactile_classifier.model_file import write_model
 from tactile_classifier.onnx_container import open_container, seal
 from tactile_classifier.training import FittedPart, train, Trained
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
 READERS = (TactileModel.load, read_manifest)

@@ -18,7 +18,7 @@ import pytest
 
 import tactile_classifier
 from tactile_classifier.records import ClassifierConfig
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 
 
 def test_feature_parameters_are_those_of_the_feature_node():

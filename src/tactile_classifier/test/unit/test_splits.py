@@ -20,7 +20,7 @@ import pytest
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.splits import grouped_split, stratified_split
-from tactile_features.records import FeatureConfig
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
 

@@ -1,0 +1,250 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How windows are cut, as parameters of the feature node, free of ROS."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from tactile_features.errors import FeatureError
+from tactile_features.records import (
+    CONTACT_ABDUCTION,
+    CONTACT_FLEXION,
+    PHASES_STATED,
+    PROTOCOL_STIFFNESS,
+    PROTOCOL_TEXTURE,
+    SET_TEXTURE_SPATIAL,
+    SET_TEXTURE_SPECTRUM,
+)
+from tactile_features.spatial import SpatialWindow
+
+MIN_DETECTION_HZ = 20.0
+"""Slowest sensor in whose tension phases are found."""
+
+MIN_RUNNING_SAMPLES = 30
+"""Fewest samples of a running window: half a second at 60 Hz."""
+
+
+def parameter(default: Any, description: str, **metadata: Any) -> Any:
+    """Return a field of a configuration that a node declares as a parameter."""
+    return field(default=default, metadata={'description': description, **metadata})
+
+
+def check_parameters(config: Any) -> None:
+    """Check each field of a configuration against its range and its choices.
+
+    Raises
+    ------
+    FeatureError
+        When a value is not allowed; names it and what is.
+    """
+    for item in dataclasses.fields(config):
+        value = getattr(config, item.name)
+        if 'range' in item.metadata:
+            low, high = item.metadata['range']
+            if not low <= value <= high:
+                raise FeatureError(f'{item.name} is {value}; it must lie between {low} and {high}')
+        choices = item.metadata.get('choices')
+        if choices and value not in choices:
+            allowed = ' or '.join(choice or 'empty' for choice in choices)
+            raise FeatureError(f'{item.name} is "{value}"; it must be {allowed}')
+
+
+@dataclass(frozen=True)
+class FeatureConfig:
+    """How windows are cut from the phases of a trial.
+
+    Raises
+    ------
+    FeatureError
+        When a value is out of its range or the buffer cannot hold a window.
+    """
+
+    rate_hz: float = parameter(
+        60.0, 'nominal sample rate of the tension', unit='Hz', range=(1.0, 20000.0)
+    )
+    texture_samples: int = parameter(
+        180, 'samples in a texture window', unit='1', range=(2, 1000000)
+    )
+    texture_crop_start_s: float = parameter(
+        0.6,
+        'flat section that is left out at the start of the glide',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+    texture_crop_end_s: float = parameter(
+        0.1,
+        'a texture window must end this long before the glide does',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+    texture_features: str = parameter(
+        SET_TEXTURE_SPECTRUM,
+        'features of a glide: amplitudes over a fixed time, or over a stretch of surface at any '
+        'sliding speed, which trial events must then state',
+        choices=(SET_TEXTURE_SPECTRUM, SET_TEXTURE_SPATIAL),
+    )
+    spatial_crop_m: float = parameter(
+        0.009,
+        'with texture_spatial: path that is left out at the start of the glide',
+        unit='m',
+        range=(0.0, 2.0),
+    )
+    spatial_length_m: float = parameter(
+        0.045,
+        'with texture_spatial: path over the surface that is one window',
+        unit='m',
+        range=(0.0001, 2.0),
+    )
+    spatial_finest_m: float = parameter(
+        0.0005,
+        'with texture_spatial: finest scale; samples must not be further apart on the surface',
+        unit='m',
+        range=(0.00001, 0.5),
+    )
+    running_samples: tuple[int, ...] = parameter(
+        (),
+        'after so many samples of a texture window, features of these are published as running; '
+        'rising, 30 or more and fewer than texture_samples',
+        unit='1',
+        element=int,
+    )
+    stiffness_settle_s: float = parameter(
+        0.5,
+        'dynamic deformation that is left out at the start of the hold',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+    stiffness_crop_end_s: float = parameter(
+        0.1, 'what is left out at the end of the hold', unit='s', range=(0.0, 60.0)
+    )
+    stiffness_min_s: float = parameter(
+        2.0, 'shortest stiffness window', unit='s', range=(0.05, 60.0)
+    )
+    max_gap_samples: int = parameter(
+        0,
+        'longest run of lost samples that is interpolated linearly; 0 rejects any loss',
+        unit='1',
+        range=(0, 1000),
+    )
+    buffer_s: float = parameter(
+        120.0,
+        'how long samples wait for the events of their trial, and events for samples',
+        unit='s',
+        range=(1.0, 600.0),
+    )
+    phases: str = parameter(
+        PHASES_STATED,
+        'where the phases of a trial come from: stated by trial events, or found in the tension '
+        'of a finger that follows the texture or the stiffness protocol',
+        choices=(PHASES_STATED, PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS),
+    )
+    detected_rise_n: float = parameter(
+        0.2,
+        'with phases found in the tension: what it must rise above rest to begin a trial',
+        unit='N',
+        range=(0.0001, 1e6),
+    )
+    detected_object_label: str = parameter(
+        '',
+        'with phases found in the tension: what lies under the finger, in recordings to train on',
+    )
+    detected_session_id: str = parameter(
+        '', 'with phases found in the tension: the session, in recordings to train on'
+    )
+    detected_glide_speed_m_s: float = parameter(
+        0.0,
+        'with phases found in the tension: sliding speed of their glides; 0: not known',
+        unit='m/s',
+        range=(0.0, 1.0),
+    )
+    detected_pull_speed_m_s: float = parameter(
+        0.0,
+        'with phases found in the tension: speed of the tendon in the pull; 0: not known',
+        unit='m/s',
+        range=(0.0, 1.0),
+    )
+    detected_contact: str = parameter(
+        '',
+        'with phases found in the tension: how the finger touches; empty: not known',
+        choices=('', CONTACT_FLEXION, CONTACT_ABDUCTION),
+    )
+    detected_simulated: bool = parameter(
+        False,
+        'with phases found in the tension: it is simulated; marks all that is derived from it',
+    )
+    measures: bool = parameter(
+        True,
+        'estimate physical quantities from each window: pitch of grooves, stiffness, relaxation',
+    )
+    glide_speed_uncertainty: float = parameter(
+        0.005,
+        'relative standard uncertainty of the stated glide speed, for the pitch of the grooves',
+        unit='1',
+        range=(0.0, 1.0),
+    )
+    frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        if self.phases != PHASES_STATED and self.rate_hz < MIN_DETECTION_HZ:
+            raise FeatureError(
+                f'rate_hz is {self.rate_hz:g}; phases are found in a tension of at least '
+                f'{MIN_DETECTION_HZ:g} Hz'
+            )
+        if self.running_samples and self.texture_features == SET_TEXTURE_SPATIAL:
+            raise FeatureError(
+                f'{SET_TEXTURE_SPATIAL} has no running windows; leave running_samples empty'
+            )
+        if self.texture_features == SET_TEXTURE_SPATIAL:
+            self.spatial_window()
+        # A parameter file gives a list, which is no constant.
+        object.__setattr__(self, 'running_samples', tuple(self.running_samples))
+        counts = (MIN_RUNNING_SAMPLES - 1, *self.running_samples, self.texture_samples)
+        if self.running_samples and not all(a < b for a, b in pairwise(counts)):
+            raise FeatureError(
+                f'running_samples are {list(self.running_samples)}; they must rise from '
+                f'{MIN_RUNNING_SAMPLES} or more to fewer than texture_samples, which is '
+                f'{self.texture_samples}'
+            )
+        texture_s = self.texture_crop_start_s + self.texture_samples / self.rate_hz
+        stiffness_s = self.stiffness_settle_s + self.stiffness_min_s
+        if max(texture_s, stiffness_s) > self.buffer_s:
+            raise FeatureError(
+                f'buffer_s is {self.buffer_s}, which cannot hold a window that ends '
+                f'{max(texture_s, stiffness_s):g} s after its phase began; raise buffer_s'
+            )
+
+    def without_detection(self) -> FeatureConfig:
+        """Return these parameters as if phases were stated: what windows can share."""
+        found: dict[str, Any] = {
+            item.name: item.default
+            for item in dataclasses.fields(self)
+            if item.name.startswith('detected_')
+        }
+        return dataclasses.replace(self, phases=PHASES_STATED, **found)
+
+    def spatial_window(self) -> SpatialWindow:
+        """Return the stretch of surface that is one window of ``texture_spatial``.
+
+        Raises
+        ------
+        FeatureError
+            When the stretch is too short for its finest scale.
+        """
+        return SpatialWindow(self.spatial_length_m, self.spatial_finest_m)
