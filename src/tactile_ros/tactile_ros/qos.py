@@ -51,3 +51,11 @@ CLOCK = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 """Time on ``/clock``: nobody wants what it was before; best-effort listeners fit, too."""
+
+LATEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""A state, latched: a late subscriber receives the present one."""

@@ -22,7 +22,6 @@ from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
@@ -43,12 +42,6 @@ from tendon_sensor_driver.sensors import make_sensor, SensorClient
 
 WATCH_PERIOD_S = 0.1
 _NEWS_PERIODS = 10  # what was counted in the last second is news
-
-_LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
 
 
 class TendonSensorNode(TactileNode):
@@ -77,7 +70,7 @@ class TendonSensorNode(TactileNode):
         self._wrench = self._add_stream(WrenchStamped, '~/wrench')
         # Not held back while inactive: it is a state, and a recorder wants it from the start.
         self._tare_state = self._add(
-            self.create_publisher(Tare, '~/tare_state', _LATCHED), self.destroy_publisher
+            self.create_publisher(Tare, '~/tare_state', LATEST), self.destroy_publisher
         )
         self._publish_tare(self._zero.clear(self._now_ns()))
         client = make_sensor(config, self._publish, self._now_ns)
