@@ -38,7 +38,11 @@ class Health(NamedTuple):
 
 
 class Diagnostics:
-    """Publishes what ``provider()`` returns, under the node's name, once a second."""
+    """Publishes what ``provider()`` returns, under the node's name, once a second.
+
+    What the node's `MessageGuard` has refused is added; the level is a warning for a while
+    after a message was refused.
+    """
 
     def __init__(
         self, node: Node, hardware_id: Callable[[], str], provider: Callable[[], Health]
@@ -52,7 +56,7 @@ class Diagnostics:
         self._timer = node.create_timer(1.0, self.publish, clock=clock)
 
     def publish(self) -> None:
-        health = self._provider()
+        health = self._with_refused_messages(self._provider())
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = [
@@ -65,6 +69,16 @@ class Diagnostics:
             )
         ]
         self._publisher.publish(message)
+
+    def _with_refused_messages(self, health: Health) -> Health:
+        guard = getattr(self._node, 'message_guard', None)
+        if guard is None:
+            return health
+        level, message = health.level, health.message
+        if guard.warning:
+            level = max(level, WARN)
+            message = f'{message}; {guard.warning}'
+        return Health(level, message, {**health.values, **guard.values})
 
     def close(self) -> None:
         self._node.destroy_timer(self._timer)

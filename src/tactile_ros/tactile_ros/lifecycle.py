@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import copy
 from typing import Any
 
@@ -24,6 +25,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from tactile_ros.message_guard import MessageGuard
 from tactile_ros.parameters import declare_config, read_config
 from tactile_ros.qos import RESULTS, STREAM
 
@@ -56,12 +58,15 @@ class TactileNode(LifecycleNode):
     is_finished, has_failed : bool
         Set by a node whose work comes to an end, as a recording does: its process ends
         then, with 1 when it has failed.
+    message_guard : MessageGuard
+        Guards every subscription of the node: a callback may raise `MessageError`.
     """
 
     is_finished = False
     has_failed = False
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
+        self.message_guard = MessageGuard(self)
         super().__init__(name, **node_options)
         self._config_class = config_class
         declare_config(self, config_class)
@@ -72,6 +77,18 @@ class TactileNode(LifecycleNode):
         self._refuse_impossible_transitions()
 
     # -- for subclasses ----------------------------------------------------------
+
+    def create_subscription(
+        self,
+        message_type: Any,
+        topic: str,
+        callback: Callable[..., Any],
+        *args: Any,
+        **options: Any,
+    ) -> Any:
+        """Subscribe; a message for which the callback raises `MessageError` is refused."""
+        guarded = self.message_guard.wrap(topic, callback)
+        return super().create_subscription(message_type, topic, guarded, *args, **options)
 
     def create_stream_publisher(self, message_type: type, topic: str) -> Any:
         """Make a lifecycle publisher of samples, whose quality of service can be overridden.
