@@ -98,7 +98,7 @@ def test_bytes_that_are_no_message_do_not_end_the_node(graph):
 
 
 def test_diagnostics_show_the_count_and_warn_for_a_while(graph, monkeypatch):
-    listener, peer, publisher, _ = graph
+    _, peer, publisher, _ = graph
     heard = []
     peer.create_subscription(
         DiagnosticArray, '/diagnostics', lambda message: heard.append(message.status[0]), 10
