@@ -32,7 +32,7 @@ _HOMES = {
     'TendonActuatorClient': 'tendon_client',
     'TendonActuatorConfig': 'records',
     'TendonState': 'records',
-    'TensionGuard': 'tension_guard',
+    'TendonSafety': 'safety.tendon_safety',
 }
 
 __all__ = sorted(_HOMES)

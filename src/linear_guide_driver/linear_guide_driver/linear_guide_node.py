@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import time
 from typing import Any
 
@@ -27,8 +28,8 @@ from std_srvs.srv import Trigger
 from linear_guide_driver.conversions import joint_state_to_msg
 from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
 from linear_guide_driver.guide_client import LinearGuideClient
-from linear_guide_driver.needs import Needs
 from linear_guide_driver.records import GuideState, LinearGuideConfig
+from linear_guide_driver.safety.watched_topics import wait_first, WatchedTopics
 from linear_guide_driver.throttle import Throttle
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import StrainBlock
@@ -38,6 +39,7 @@ from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import STREAM
+from tactile_ros.readiness import ReadinessPublisher
 
 FEEDBACK_PERIOD_S = 0.1
 NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
@@ -48,17 +50,19 @@ class LinearGuideNode(TactileNode):
 
     Actions ``~/move`` and ``~/home``, service ``~/stop``, topics ``~/joint_states``
     (only while the position is known) and ``~/heartbeat`` (while active and on the
-    line), health on ``/diagnostics``. Ends motion when a topic that it needs is silent.
+    line) and ``~/ready``, health on ``/diagnostics``. A motion ends, with the reason in its
+    result, when a topic that it needs is silent.
     """
 
     def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
         super().__init__(node_name, LinearGuideConfig, **node_options)
         self._client: LinearGuideClient | None = None
         self._runners: list[GoalRunner] = []
-        self._needs: Needs | None = None
-        self._heartbeat: HeartbeatPublisher | None = None
+        self._topics: WatchedTopics | None = None
+        self._parts: list[Any] = []  # that have a `close`
         self._joint_states: Any = None
         self._stop_service: Any = None
+        self._loss = ''  # why the running motion has been ended
         self._diagnostics: Diagnostics | None = None
 
     def set_up(self, config: LinearGuideConfig) -> None:
@@ -71,20 +75,25 @@ class LinearGuideNode(TactileNode):
             GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self._accepting),
             GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self._accepting),
         ]
-        self._needs = Needs(self, self._on_loss)
+        self._topics = WatchedTopics(self)
         for topic in config.heartbeat_topics:
-            self._needs.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
+            self._topics.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
         if config.strain_timeout_s:
-            self._needs.add(
+            self._topics.add(
                 StrainBlock,
                 'tendon_sensor/strain',
                 config.strain_timeout_s,
                 STREAM,
                 lambda block: bool(block.tension_n) and not block.status & NO_MEASUREMENT,
             )
-        self._heartbeat = HeartbeatPublisher(self, self._is_well)
         self._stop_service = self.create_service(Trigger, '~/stop', self._on_stop)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
+        self._parts = [
+            self._topics,
+            self._diagnostics,
+            HeartbeatPublisher(self, self._is_well),
+            ReadinessPublisher(self, self._find_missing),
+        ]
 
     def stop(self) -> None:
         self._end_motion()
@@ -97,15 +106,11 @@ class LinearGuideNode(TactileNode):
         if self._client is not None:
             self._client.close()
             self._client = None
-        if self._diagnostics is not None:
-            self._diagnostics.close()
-            self._diagnostics = None
-        if self._needs is not None:
-            self._needs.close()
-            self._needs = None
-        if self._heartbeat is not None:
-            self._heartbeat.close()
-            self._heartbeat = None
+        self._diagnostics = None
+        for part in self._parts:
+            part.close()
+        self._parts = []
+        self._topics = None
         if self._stop_service is not None:
             self.destroy_service(self._stop_service)
             self._stop_service = None
@@ -120,7 +125,31 @@ class LinearGuideNode(TactileNode):
             return 'The linear guide is not active; activate its node first.'
         if any(runner.is_busy for runner in self._runners):
             return 'The guide is busy with another motion; stop it first.'
-        return '' if self._needs is None else self._needs.describe_silence()
+        return ''
+
+    def _watch_topics(self, goal: Goal) -> Callable[[], bool]:
+        """Return what a motion asks again and again: whether it is to stop.
+
+        Waits for topics that have not been heard yet; the goal is aborted if they stay silent.
+        """
+        topics = self._topics
+        assert topics is not None
+        wait_first(lambda: topics.awaits_first, self.config.peer_wait_s, goal.wait)
+        if silence := topics.find_silence():
+            raise GoalAborted(silence, **self._rest())
+
+        def should_stop() -> bool:
+            if not goal.end_requested and (silence := topics.find_silence()):
+                self._loss = silence
+                self.get_logger().error(f'{silence} The guide brakes.')
+                goal.request_end()
+            return goal.end_requested
+
+        self._loss = ''
+        return should_stop
+
+    def _describe_end(self, error: Exception) -> str:
+        return f'{self._loss} {error}'.strip()
 
     def _move(self, goal: Goal) -> MoveGuide.Result:
         assert self._client is not None
@@ -130,16 +159,17 @@ class LinearGuideNode(TactileNode):
             if state.position_m is not None and throttle.is_due():
                 goal.feedback(position_m=state.position_m, speed_m_s=abs(state.velocity_m_s))
 
+        should_stop = self._watch_topics(goal)
         started_s = time.monotonic()
         try:
             state = self._client.move_to(
                 goal.request.position_m,
                 goal.request.speed_m_s,
                 on_state,
-                lambda: goal.end_requested,
+                should_stop,
             )
         except MotionStoppedError as error:
-            raise GoalCanceled(str(error), **self._rest()) from error
+            raise GoalCanceled(self._describe_end(error), **self._rest()) from error
         except LinearGuideDriverError as error:
             raise GoalAborted(str(error), **self._rest()) from error
         return MoveGuide.Result(
@@ -157,9 +187,9 @@ class LinearGuideNode(TactileNode):
                 goal.feedback(elapsed_s=elapsed_s)
 
         try:
-            state = self._client.home(on_elapsed, lambda: goal.end_requested)
+            state = self._client.home(on_elapsed, self._watch_topics(goal))
         except MotionStoppedError as error:
-            raise GoalCanceled(str(error)) from error
+            raise GoalCanceled(self._describe_end(error)) from error
         except LinearGuideDriverError as error:
             raise GoalAborted(str(error)) from error
         return HomeGuide.Result(
@@ -205,12 +235,17 @@ class LinearGuideNode(TactileNode):
                 )
             )
 
-    def _on_loss(self, sentence: str) -> None:
-        if self._end_motion():
-            self.get_logger().error(f'{sentence} The guide brakes.')
-
     def _is_well(self) -> bool:
         return self.is_active and self._client is not None and not self._client.is_lost
+
+    def _find_missing(self) -> list[str]:
+        client, topics = self._client, self._topics
+        if client is None or topics is None:
+            return ['The guide is not connected; see its log.']
+        if not self.is_active:
+            return ['The guide is not active; activate its node.']
+        homing = f'{client.trouble}; home the guide.' if client.trouble else ''
+        return [sentence for sentence in (homing, topics.find_silence()) if sentence]
 
     def _on_trouble(self, reason: str) -> None:
         self.get_logger().error(f'{reason}; the position is unknown')

@@ -84,6 +84,12 @@ class LinearGuideConfig:
         unit='s',
         range=(0.0, 10.0),
     )
+    peer_wait_s: float = _parameter(
+        5.0,
+        'how long a goal waits for topics that have not been heard yet, as after a start',
+        unit='s',
+        range=(0.0, 60.0),
+    )
     joint_name: str = _parameter('linear_guide_joint', 'name of the joint in joint states')
     frame_id: str = _parameter('linear_guide_link', 'frame of the joint states')
 
@@ -147,9 +153,16 @@ class TendonActuatorConfig:
     )
     guard_timeout_s: float = _parameter(
         0.2,
-        'winding ends, and the tendon is held, when no valid strain sample came for this long',
+        'a tendon that is wound in or taut is held when no valid strain sample came for this long',
         unit='s',
         range=(0.02, 10.0),
+    )
+    slack_after_s: float = _parameter(
+        2.0,
+        'a taut tendon that has lost its sensor, a heartbeat or its pull is held for this long, '
+        'then let out to slack',
+        unit='s',
+        range=(0.0, 60.0),
     )
     watchdog_s: float = _parameter(
         0.2,
@@ -167,6 +180,12 @@ class TendonActuatorConfig:
     )
     heartbeat_timeout_s: float = _parameter(
         0.2, 'silence of a heartbeat topic that ends motion', unit='s', range=(0.02, 10.0)
+    )
+    peer_wait_s: float = _parameter(
+        5.0,
+        'how long a goal waits for topics that have not been heard yet, as after a start',
+        unit='s',
+        range=(0.0, 60.0),
     )
     joint_name: str = _parameter('tendon_joint', 'name of the joint in joint states')
     frame_id: str = _parameter('tendon_link', 'frame of the joint states')

@@ -12,19 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The goals of the tendon's servo: each one numbered, so that a later one ends an earlier.
+"""The goals of the tendon's servo, written under the bus's lock as safety orders.
 
-The servo's bus watchdog stops it when nothing is heard for a while, so a dead
-driver or a cut line brings it to rest; the monitor's reads keep it fed.
+Each goal is numbered, so that a later one ends an earlier. The servo's bus watchdog stops it
+when nothing is heard for a while; the monitor's reads keep it fed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+import logging
+import time
 
 from linear_guide_driver import dynamixel_registers as registers
-from linear_guide_driver.dynamixel_bus import DynamixelBus
 from linear_guide_driver.errors import (
     DeviceRefusedError,
     LinearGuideDriverError,
@@ -33,10 +34,20 @@ from linear_guide_driver.errors import (
     MotionStoppedError,
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.safety.pull import Pull
+from linear_guide_driver.safety.tendon_safety import Ending, Order, TendonSafety, Zero
 from linear_guide_driver.servo_monitor import describe_watchdog, ServoMonitor
-from linear_guide_driver.tendon_setup import arm_watchdog, set_up_servo
+from linear_guide_driver.tendon_servo import TendonServo
+from linear_guide_driver.tendon_setup import open_servo
 
 POLL_WAIT_S = 1.0
+
+LET_OUT_S = 2.0
+"""Longest wait of `ServoGoals.close` for a tendon to become slack."""
+
+RESTARTED = 'The driver has started with a taut tendon: it is let out.'
+
+_logger = logging.getLogger(__name__)
 
 
 class ServoGoals:
@@ -45,12 +56,13 @@ class ServoGoals:
     Parameters
     ----------
     config : TendonActuatorConfig
+    safety : TendonSafety
     on_state : callable
         Called with each `TendonState`, on the poll thread.
     clock_ns : callable
         Clock that stamps states [ns].
     on_trouble : callable
-        Called with a reason as soon as a fault is noticed, also while nothing moves.
+        Called with a sentence as soon as a fault or a safety order is new, from any thread.
 
     Attributes
     ----------
@@ -58,26 +70,29 @@ class ServoGoals:
         Model and firmware; empty before the first `connect`.
     temperature_limit_c : float
         At which the servo shuts down [degree Celsius].
+    recoveries : int
+        How often the servo's watchdog had stopped it and its goals were unlocked again.
     """
 
     def __init__(
         self,
         config: TendonActuatorConfig,
+        safety: TendonSafety,
         on_state: Callable[[TendonState], None],
         clock_ns: Callable[[], int],
         on_trouble: Callable[[str], None],
     ) -> None:
-        self._config = config
+        self._config, self._safety = config, safety
         self._on_state, self._on_trouble = on_state, on_trouble
         self._clock_ns = clock_ns
-        self._sign = -1 if config.reverse else 1
-        self._bus: DynamixelBus | None = None
+        self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
-        self._slack_counts = 0
         self._velocity_limit = 1
         self._number = 0  # grows with each goal written; a motion sees when its own is gone
+        self._applied = Order.FOLLOW  # the last order that was carried out
         self.identification = ''
         self.temperature_limit_c = 0.0
+        self.recoveries = 0
 
     @property
     def state(self) -> TendonState | None:
@@ -86,7 +101,7 @@ class ServoGoals:
 
     @property
     def trouble(self) -> str:
-        """The fault that has ended motion; empty when there is none."""
+        """The fault that keeps the servo from moving; empty when there is none."""
         return '' if self._monitor is None else self._monitor.trouble
 
     @property
@@ -108,41 +123,48 @@ class ServoGoals:
     # -- life ----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Open the bus, set the servo up and hold the tendon where it is, as slack.
+        """Open the bus and set the servo up; a tendon that was left taut is let out.
 
         Raises
         ------
         DeviceConnectionError
-            When the servo does not answer.
+            When the servo does not answer for three seconds.
         DeviceRefusedError
             When it is not a supported servo, too old, or reports a hardware error.
         """
         self.close()
-        config = self._config
-        bus = DynamixelBus(config.port, config.baud, config.device_id)
-        try:
-            servo = set_up_servo(bus, config)
-        except LinearGuideDriverError:
-            with suppress(LinearGuideDriverError):
-                bus.write(registers.TORQUE_ENABLE, 0)
-            bus.close()
-            raise
-        self.identification = servo.identification
-        self._velocity_limit, self._slack_counts = servo.velocity_limit, servo.position_counts
-        self.temperature_limit_c = float(servo.temperature_limit_c)
-        self._bus = bus
-        self._monitor = ServoMonitor(bus, config, self._to_state, self._on_state, self._on_trouble)
+        bus, setup = open_servo(self._config)
+        self.identification = setup.identification
+        self._velocity_limit = setup.velocity_limit
+        self.temperature_limit_c = float(setup.temperature_limit_c)
+        self._applied = Order.FOLLOW
+        if setup.was_held and not setup.is_zero_kept:
+            self._safety.set_zero(
+                Zero.UNKNOWN, 'the servo held a tendon whose zero it does not know'
+            )
+        else:
+            self._safety.set_zero(Zero.UNCONFIRMED)
+        if setup.was_held:
+            _logger.warning(RESTARTED)
+            self._safety.release(RESTARTED)
+        self._servo = TendonServo(bus, self._config)
+        self._monitor = ServoMonitor(
+            bus, self._config, self._on_poll, self._on_state, self._on_fault
+        )
         self._monitor.start()
         self._monitor.wait_poll(POLL_WAIT_S)
 
     def close(self) -> None:
-        """Switch the torque off, so that the tendon goes slack; harmless when called twice."""
-        bus, monitor = self._bus, self._monitor
-        if bus is None or monitor is None:
+        """Let the tendon out, then switch the torque off; harmless when called twice."""
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None:
             return
+        if not monitor.trouble:
+            self._let_out(monitor)
+        bus = servo.bus
         with bus.lock:
             self._number += 1  # ends a running pull
-            self._bus = None
+            self._servo = None
         monitor.close()
         with suppress(LinearGuideDriverError):
             bus.write(registers.TORQUE_ENABLE, 0)
@@ -152,14 +174,14 @@ class ServoGoals:
     # -- goals ---------------------------------------------------------------------------
 
     def begin(
-        self, displacement_m: float | None, speed_m_s: float, should_stop: Callable[[], bool]
+        self, pull: Pull, speed_m_s: float, should_stop: Callable[[], bool]
     ) -> tuple[int, float]:
-        """Write a new goal; return its number and where the tendon was then [m].
+        """Write a new goal if safety admits it; return its number and the present displacement.
 
         Parameters
         ----------
-        displacement_m : float or None
-            [m]; None: where the tendon is.
+        pull : Pull
+            One with a target tension begins where the tendon is.
         speed_m_s : float
             [m/s]
         should_stop : callable
@@ -169,16 +191,22 @@ class ServoGoals:
         ------
         MotionRefusedError, MotionStoppedError, DeviceConnectionError, DeviceRefusedError
         """
-        bus, _ = self._require_sound()
-        with bus.lock:
+        servo, _ = self._require_sound()
+        with servo.bus.lock:
             # Asked under the lock that `hold_here` takes, too: a stop comes either before
             # the goal is written, and is seen here, or after it, and overrides it.
             if should_stop():
                 raise MotionStoppedError('The pull was stopped before it began.')
-            start_m = self._to_displacement_m(bus.read(registers.PRESENT_POSITION))
-            counts = self._to_counts(start_m if displacement_m is None else displacement_m)
-            velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
-            self._command(bus, lambda: self._write_goal(bus, counts, velocity))
+            start_m = servo.read_displacement_m()
+            now_ns = time.monotonic_ns()
+            self._safety.admit(pull, start_m, now_ns)
+            if self._safety.decide(start_m, now_ns) is Order.FOLLOW:
+                goal_m = start_m if pull.target_tension_n else pull.displacement_m
+                velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
+                self._write(servo, lambda: servo.write_goal(goal_m, velocity))
+                self._applied = Order.FOLLOW
+            else:
+                self._carry_out(servo, start_m)
             return self._number, start_m
 
     def watch(
@@ -189,13 +217,20 @@ class ServoGoals:
         Raises
         ------
         MotionFailedError, MotionStoppedError
-            When a fault, ``should_stop`` or a later goal has ended it.
+            When a fault, safety, ``should_stop`` or a later goal has ended it.
         """
         _, monitor = self._require_connection()
         state = monitor.wait_poll(POLL_WAIT_S)
+        ending = self._safety.ending
+        if ending is not None:
+            self.supervise()  # before the pull is forgotten
+            if ending is Ending.REACHED:
+                return self.state
+            error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
+            raise error(f'{self.describe_end(target)} {self._safety.reason}')
         if should_stop():
-            self.hold(number)
-            raise MotionStoppedError(self.describe_end(target))
+            self.hold_here()
+            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}')
         if monitor.trouble:
             raise MotionFailedError(f'The pull failed: {monitor.trouble}.')
         if number != self._number:
@@ -204,54 +239,62 @@ class ServoGoals:
 
     def follow(self, number: int, displacement_m: float) -> bool:
         """Shift a goal that is still in force; return whether it is."""
-        bus = self._bus
-        if bus is None:
+        servo = self._servo
+        if servo is None:
             return False
-        with bus.lock:
+        with servo.bus.lock:
             if number != self._number:
                 return False
-            try:
-                bus.write(registers.GOAL_POSITION, self._to_counts(displacement_m))
-            except DeviceRefusedError as error:
-                self._require_watchdog_tripped(bus, error)
-                raise DeviceRefusedError(describe_watchdog(self._config)) from error
+            servo.write_goal(displacement_m)
             return True
 
     def hold(self, number: int) -> None:
         """Hold the tendon where it is, unless a later command has come."""
-        bus = self._bus
-        if bus is not None:
-            with bus.lock:
+        servo = self._servo
+        if servo is not None:
+            with servo.bus.lock:
                 if number == self._number:
-                    self._command(bus, lambda: self._write_hold(bus))
+                    self._write(servo, servo.write_hold)
 
     def hold_here(self) -> None:
-        """Hold the tendon where it is, at once; ends a running pull.
+        """Hold the tendon where it is; above the limit it is let out instead.
 
         Raises
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
-        bus, _ = self._require_sound()
-        with bus.lock:
-            self._command(bus, lambda: self._write_hold(bus))
+        self._command(self._safety.stop, Order.HOLD)
 
-    def request_release(self) -> None:
+    def request_release(self, reason: str) -> None:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
 
         Raises
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
-        bus, _ = self._require_sound()
-        with bus.lock:
-            self._command(
-                bus, lambda: self._write_goal(bus, self._slack_counts, self._velocity_limit)
-            )
+        self._command(lambda: self._safety.release(reason), Order.RELEASE)
+
+    def supervise(self) -> None:
+        """Carry out what safety orders now; the next poll tries again what fails."""
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None or monitor.needs_connect:
+            return
+        with suppress(LinearGuideDriverError), servo.bus.lock:
+            self._carry_out(servo)
 
     def shift_zero(self, shift_m: float) -> None:
-        """Count displacements from ``shift_m`` further in [m]."""
-        self._slack_counts = self._to_counts(shift_m)
+        """Count displacements from ``shift_m`` further in, in the servo itself [m].
+
+        Raises
+        ------
+        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
+        """
+        servo, monitor = self._require_sound()
+        with servo.bus.lock:  # so that no poll sees the torque off
+            self._number += 1
+            servo.write_zero(shift_m)
+            self._safety.set_zero(Zero.KNOWN)
+        monitor.wait_poll(POLL_WAIT_S)  # so that no state counts from the old zero
 
     def describe_end(self, target: str) -> str:
         """Return a sentence that says how far a pull came."""
@@ -261,73 +304,100 @@ class ServoGoals:
 
     # -- inside --------------------------------------------------------------------------
 
-    def _require_connection(self) -> tuple[DynamixelBus, ServoMonitor]:
-        bus, monitor = self._bus, self._monitor
-        if bus is None or monitor is None:
-            raise MotionRefusedError('The tendon actuator is not connected; connect it first.')
-        return bus, monitor
+    def _let_out(self, monitor: ServoMonitor) -> None:
+        """Release and wait until the tendon is slack, for a while at the most."""
+        deadline_s = time.monotonic() + LET_OUT_S
+        tension_n = self._safety.live_tension_n(time.monotonic_ns())
+        if self._safety.zero is Zero.UNKNOWN and tension_n is None:
+            return  # nothing would tell where to end
+        try:
+            self.request_release('The driver is closed: the tendon is let out.')
+            while (state := monitor.wait_poll(POLL_WAIT_S)) is not None:
+                if self._safety.is_slack(state.displacement_m, time.monotonic_ns()):
+                    return
+                if time.monotonic() > deadline_s:
+                    break
+        except LinearGuideDriverError as error:
+            _logger.error('the tendon may still be taut: %s', error)
+        else:
+            _logger.error('the tendon was not slack after %s s; it may still be taut', LET_OUT_S)
 
-    def _require_sound(self) -> tuple[DynamixelBus, ServoMonitor]:
-        bus, monitor = self._require_connection()
+    def _require_connection(self) -> tuple[TendonServo, ServoMonitor]:
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None:
+            raise MotionRefusedError('The tendon actuator is not connected; connect it first.')
+        return servo, monitor
+
+    def _require_sound(self) -> tuple[TendonServo, ServoMonitor]:
+        servo, monitor = self._require_connection()
         if monitor.needs_connect:
             raise MotionRefusedError(
                 f'The tendon actuator cannot move: {monitor.trouble}; remove the cause and '
                 'configure the driver again.'
             )
-        return bus, monitor
+        return servo, monitor
 
-    def _command(self, bus: DynamixelBus, write: Callable[[], None]) -> None:
-        """Carry out a fresh command, which may follow a fault: it frees the goals."""
-        monitor = self.monitor
-        if monitor.trouble:
-            self._free_goals(bus, monitor)
+    def _on_fault(self, reason: str) -> None:
+        self._safety.lose(f'{reason[:1].upper()}{reason[1:]}.', time.monotonic_ns())
+        self._on_trouble(reason)
+
+    def _on_poll(self, polled: registers.ServoState) -> TendonState:
+        """Carry safety's order out with each new state, under the bus's lock."""
+        servo, _ = self._require_connection()
+        state = servo.to_state(polled, self._clock_ns())
+        if polled.is_torque_on and not polled.hardware_error:
+            if polled.watchdog == registers.WATCHDOG_TRIPPED:
+                self._recover(servo)
+            self._carry_out(servo, state.displacement_m)
+        return state
+
+    def _command(self, tell: Callable[[], None], order: Order) -> None:
+        """Tell safety, then write its order; where it has none, the one that was asked for."""
+        servo, _ = self._require_sound()
+        with servo.bus.lock:
+            tell()
+            self._applied = Order.FOLLOW  # a goal that is kept up may be in force
+            if self._carry_out(servo) is Order.FOLLOW:
+                self._apply(servo, order)
+
+    def _carry_out(self, servo: TendonServo, displacement_m: float | None = None) -> Order:
+        """Ask safety for its order and write it, if it is not in force already; return it."""
+        if displacement_m is None:
+            displacement_m = servo.read_displacement_m()
+        order = self._safety.decide(displacement_m, time.monotonic_ns())
+        if order is not self._applied:
+            self._apply(servo, order)
+            if order is not Order.FOLLOW and self._safety.is_alarm:
+                self._on_trouble(self._safety.reason)
+        return order
+
+    def _apply(self, servo: TendonServo, order: Order) -> None:
+        if order is Order.HOLD:
+            self._write(servo, servo.write_hold)
+        elif order is Order.RELEASE:
+            slack_m, velocity = self._safety.slack_m, self._velocity_limit
+            self._write(servo, lambda: servo.write_goal(slack_m, velocity))
+        self._applied = order
+
+    def _recover(self, servo: TendonServo) -> None:
+        """Unlock the goals that the servo's watchdog has locked; the tendon is held there."""
+        self.recoveries += 1
+        if self._safety.is_pulling:
+            self._safety.lose(f'{describe_watchdog(self._config)}.', time.monotonic_ns())
+        servo.unlock()
+        self._number += 1
+        self._applied = Order.FOLLOW  # so that the present order is written again
+
+    def _write(self, servo: TendonServo, write: Callable[[], None]) -> None:
+        """Write a goal, also when the watchdog has acted since the last poll."""
+        self._number += 1
         try:
             write()
-        except DeviceRefusedError as error:
-            # The watchdog may have acted since the last poll, on a host that was busy.
-            self._require_watchdog_tripped(bus, error)
-            monitor.fail(describe_watchdog(self._config))
-            self._free_goals(bus, monitor)
+        except DeviceRefusedError:
+            if not servo.is_locked():
+                raise
+            self.recoveries += 1
+            servo.unlock()
             write()
-
-    def _free_goals(self, bus: DynamixelBus, monitor: ServoMonitor) -> None:
-        """Unlock the goals that a watchdog has locked, with the goal where the servo stands."""
-        bus.write(registers.BUS_WATCHDOG, 0)
-        self._write_hold(bus)
-        arm_watchdog(bus, self._config.watchdog_s)
-        monitor.clear()
-
-    @staticmethod
-    def _require_watchdog_tripped(bus: DynamixelBus, error: DeviceRefusedError) -> None:
-        if bus.read(registers.BUS_WATCHDOG) != registers.WATCHDOG_TRIPPED:
-            raise error
-
-    def _write_goal(self, bus: DynamixelBus, counts: int, velocity: int) -> None:
-        bus.write(registers.PROFILE_VELOCITY, velocity)
-        bus.write(registers.GOAL_POSITION, counts)
-        self._number += 1
-
-    def _write_hold(self, bus: DynamixelBus) -> None:
-        bus.write(registers.GOAL_POSITION, bus.read(registers.PRESENT_POSITION))
-        self._number += 1
-
-    def _to_state(self, servo: registers.ServoState) -> TendonState:
-        radius_m = self._config.pulley_radius_m
-        return TendonState(
-            displacement_m=self._to_displacement_m(servo.position_counts),
-            velocity_m_s=self._sign * registers.velocity_to_m_s(servo.velocity, radius_m),
-            current_a=self._sign * registers.current_to_a(servo.current),
-            voltage_v=servo.voltage * registers.VOLTAGE_UNIT_V,
-            temperature_c=float(servo.temperature_c),
-            received_at_ns=self._clock_ns(),
-        )
-
-    def _to_counts(self, displacement_m: float) -> int:
-        return self._slack_counts + self._sign * registers.m_to_counts(
-            displacement_m, self._config.pulley_radius_m
-        )
-
-    def _to_displacement_m(self, position_counts: int) -> float:
-        return self._sign * registers.counts_to_m(
-            position_counts - self._slack_counts, self._config.pulley_radius_m
-        )
+        if self.monitor.trouble:  # a fresh command was heard, so the silence is over
+            self.monitor.clear()

@@ -40,7 +40,7 @@ _logger = logging.getLogger(__name__)
 
 def describe_watchdog(config: TendonActuatorConfig) -> str:
     """Say that the servo's bus watchdog has acted."""
-    return f"the servo's watchdog has stopped it after {config.watchdog_s} s of silence"
+    return f"The servo's watchdog has stopped it after {config.watchdog_s} s of silence"
 
 
 class ServoMonitor:
@@ -50,8 +50,8 @@ class ServoMonitor:
     ----------
     bus : DynamixelBus
     config : TendonActuatorConfig
-    to_state : callable
-        Makes a `TendonState` of a `ServoState`.
+    on_poll : callable
+        Makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock.
     on_state : callable
         Called with each state, on the poll thread.
     on_trouble : callable
@@ -71,12 +71,12 @@ class ServoMonitor:
         self,
         bus: DynamixelBus,
         config: TendonActuatorConfig,
-        to_state: Callable[[registers.ServoState], TendonState],
+        on_poll: Callable[[registers.ServoState], TendonState],
         on_state: Callable[[TendonState], None],
         on_trouble: Callable[[str], None],
     ) -> None:
         self._bus, self._config = bus, config
-        self._to_state, self._on_state, self._on_trouble = to_state, on_state, on_trouble
+        self._on_poll, self._on_state, self._on_trouble = on_poll, on_state, on_trouble
         self._changed = threading.Condition()
         self._closing = threading.Event()
         self._polls = 0
@@ -108,7 +108,7 @@ class ServoMonitor:
             self._tell(self._on_trouble, reason)
 
     def clear(self) -> None:
-        """Forget the fault, after a fresh command has mended it."""
+        """Forget the fault: the servo answers again."""
         with self._changed:
             self.trouble = ''
             self._changed.notify_all()
@@ -133,7 +133,7 @@ class ServoMonitor:
             due_s = max(due_s + period_s, time.monotonic())
             state = None
             try:
-                with self._bus.lock:  # a fault is judged before a fresh command can clear it
+                with self._bus.lock:  # no command comes between a state and its judgement
                     block = self._bus.read_block(registers.STATE_BLOCK)
                     state = self._take(registers.decode_state(block))
                 silent_polls = 0
@@ -156,7 +156,6 @@ class ServoMonitor:
                 self._tell(self._on_state, state)
 
     def _take(self, servo: registers.ServoState) -> TendonState:
-        state = self._to_state(servo)
         if servo.hardware_error:
             words = registers.describe_hardware_error(servo.hardware_error)
             self.fail(f'the servo has shut down: {words}', needs_connect=True)
@@ -164,8 +163,9 @@ class ServoMonitor:
             self.fail(
                 "the servo's torque went off, so the slack reference is lost", needs_connect=True
             )
-        elif servo.watchdog == registers.WATCHDOG_TRIPPED:
-            self.fail(describe_watchdog(self._config))
+        elif self.trouble and not self.needs_connect:
+            self.clear()  # it answers again
+        state = self._on_poll(servo)
         with self._changed:
             self.state = state
             self._polls += 1

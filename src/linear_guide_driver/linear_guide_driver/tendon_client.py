@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 import threading
 import time
@@ -30,6 +30,9 @@ from linear_guide_driver.errors import (
     MotionRefusedError,
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.safety.pull import check_pull, Pull
+from linear_guide_driver.safety.tendon_safety import Ending, TendonSafety, Zero
+from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
 from linear_guide_driver.servo_goals import ServoGoals
 from linear_guide_driver.tendon_homing import find_taut
 from linear_guide_driver.tension_control import TensionController
@@ -55,8 +58,8 @@ def _never() -> bool:
 class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
-    The displacement is 0 where the servo stands when `connect` returns: connect
-    with the tendon slack. `close` switches the torque off, so the tendon goes slack.
+    Every command passes `TendonSafety`, and the poll carries its orders out. `connect` lets a
+    tendon out that was left taut. `close` lets it out, too, and switches the torque off.
 
     Parameters
     ----------
@@ -66,7 +69,14 @@ class TendonActuatorClient:
     clock_ns : callable, optional
         Clock that stamps states [ns].
     on_trouble : callable, optional
-        Called with a reason as soon as a fault is noticed, also while nothing moves.
+        Called with a sentence as soon as a fault or a safety order is new.
+    watchdogs : sequence of TopicWatchdog, optional
+        Topics that must be heard while the tendon is taut.
+
+    Attributes
+    ----------
+    safety : TendonSafety
+        Feed it the samples of the tension.
     """
 
     def __init__(
@@ -75,10 +85,12 @@ class TendonActuatorClient:
         on_state: Callable[[TendonState], None] = lambda _: None,
         clock_ns: Callable[[], int] = time.time_ns,
         on_trouble: Callable[[str], None] = lambda _: None,
+        watchdogs: Sequence[TopicWatchdog] = (),
     ) -> None:
         self._config = config
         self._on_trouble = on_trouble
-        self._goals = ServoGoals(config, on_state, clock_ns, on_trouble)
+        self.safety = TendonSafety(config, watchdogs)
+        self._goals = ServoGoals(config, self.safety, on_state, clock_ns, on_trouble)
         self._slot = threading.Lock()  # held by the one pull
 
     @property
@@ -92,6 +104,11 @@ class TendonActuatorClient:
         return self._goals.trouble
 
     @property
+    def recoveries(self) -> int:
+        """How often the servo's watchdog had stopped it and it was unlocked again."""
+        return self._goals.recoveries
+
+    @property
     def identification(self) -> str:
         """Model and firmware of the servo; empty before the first `connect`."""
         return self._goals.identification
@@ -102,7 +119,7 @@ class TendonActuatorClient:
         return self._goals.temperature_limit_c
 
     def connect(self) -> None:
-        """Open the bus, set the servo up and hold the tendon where it is, as slack.
+        """Open the bus and set the servo up; a tendon that was left taut is let out.
 
         Raises
         ------
@@ -115,7 +132,7 @@ class TendonActuatorClient:
         self._goals.connect()
 
     def close(self) -> None:
-        """Switch the torque off, so that the tendon goes slack; harmless when called twice."""
+        """Let the tendon out, then switch the torque off; harmless when called twice."""
         self._goals.close()
 
     def pull_to(
@@ -124,60 +141,69 @@ class TendonActuatorClient:
         speed_m_s: float = 0.0,
         on_state: Callable[[TendonState], None] = lambda _: None,
         should_stop: Callable[[], bool] = _never,
+        *,
+        contact: str = 'flexion',
+        stop_tension_n: float = 0.0,
     ) -> TendonState:
         """Wind the tendon to a displacement and keep it there; return the state at rest.
 
         Parameters
         ----------
         displacement_m : float
-            From the slack reference [m].
+            From the slack reference [m]; 0 lets the tendon out to slack.
         speed_m_s : float
             [m/s]; 0: the configured default.
         on_state : callable
             Called with each new state while the tendon moves.
         should_stop : callable
             Ends the pull when it returns True; the tendon is held where it is.
+        contact : str
+            flexion or abduction: chooses the limit of the tension.
+        stop_tension_n : float
+            The pull ends and holds when the tension reaches this [N]; 0: it does not.
+            ``safety.ending`` says which end it was.
 
         Raises
         ------
         MotionRefusedError
-            Out of range, busy, or the driver must be connected anew; nothing has moved.
+            Out of range, busy, not safe, or not connected; nothing has moved.
         MotionFailedError
-            Ended by a fault.
+            Ended by a fault or by safety.
         MotionStoppedError
-            Ended by ``should_stop``, `hold_here` or `request_release`.
+            Ended by ``should_stop``, `hold_here`, `request_release` or `close`.
         """
         self._check_reach(displacement_m)
         speed_m_s = self._check_speed(speed_m_s)
         with self._one_pull():
-            return self._wind(displacement_m, speed_m_s, on_state, should_stop)
+            if displacement_m == 0.0:
+                return self._release(speed_m_s, contact, on_state, should_stop)
+            pull = Pull(displacement_m, contact, stop_tension_n)
+            return self._wind(pull, speed_m_s, on_state, should_stop)
 
     def pull_to_tension(
         self,
         tension_n: float,
-        limit_n: float,
         max_displacement_m: float,
-        speed_m_s: float,
-        read_tension: Callable[[], float | None],
+        speed_m_s: float = 0.0,
         on_state: Callable[[TendonState], None] = lambda _: None,
         should_stop: Callable[[], bool] = _never,
+        *,
+        contact: str = 'flexion',
     ) -> TendonState:
         """Wind the tendon until the sensor reads a tension; return the state then.
 
-        Afterwards the tension is kept, until the next command, a fault, or until
-        ``read_tension`` knows none any more; then the tendon is held where it is.
+        Afterwards the tension is kept, until the next command, a fault, or until no valid
+        sample arrives; then the tendon is held where it is, and let out later.
 
         Parameters
         ----------
-        tension_n, limit_n : float
-            Tension to reach, and the limit that sets the pace [N].
+        tension_n : float
+            Tension to reach [N].
         max_displacement_m : float
             No further than this [m].
         speed_m_s : float
             Fastest winding [m/s]; 0: the configured default.
-        read_tension : callable
-            Returns the present tension [N]; None when no valid sample arrives.
-        on_state, should_stop : callable
+        on_state, should_stop, contact
             As in `pull_to`.
 
         Raises
@@ -187,12 +213,15 @@ class TendonActuatorClient:
         self._check_reach(max_displacement_m)
         speed_m_s = self._check_speed(speed_m_s)
         with self._one_pull():
-            goals = self._goals
-            goal, start_m = goals.begin(None, speed_m_s, should_stop)
+            goals, target = self._goals, f'{tension_n:.2f} N'
+            pull = Pull(max_displacement_m, contact, target_tension_n=tension_n)
+            goal, start_m = goals.begin(pull, speed_m_s, should_stop)
             keeper = TensionKeeper(
-                TensionController(tension_n, limit_n, speed_m_s, start_m, max_displacement_m),
+                TensionController(
+                    tension_n, self.safety.limit_n, speed_m_s, start_m, max_displacement_m
+                ),
                 goals.monitor,
-                read_tension,
+                self._read_tension,
                 lambda displacement_m: goals.follow(goal, displacement_m),
                 lambda: goals.hold(goal),
                 self._on_trouble,
@@ -200,7 +229,7 @@ class TendonActuatorClient:
             keeper.start()
             deadline_s = time.monotonic() + max_displacement_m / speed_m_s + REACH_S
             while True:
-                state = goals.watch(goal, f'{tension_n:.2f} N', should_stop)
+                state = goals.watch(goal, target, should_stop)
                 if keeper.end:
                     raise MotionFailedError(keeper.end)
                 if state is not None:
@@ -209,16 +238,14 @@ class TendonActuatorClient:
                         return state
                 if keeper.controller.is_at_end or time.monotonic() > deadline_s:
                     goals.hold(goal)
-                    end = goals.describe_end(f'{tension_n:.2f} N')
                     raise MotionFailedError(
-                        f'{end} The tension was not reached within {max_displacement_m} m and in '
-                        'time; the tendon is held there.'
+                        f'{goals.describe_end(target)} The tension was not reached within '
+                        f'{max_displacement_m} m and in time; the tendon is held there.'
                     )
 
     def home(
         self,
         taut_tension_n: float,
-        read_tension: Callable[[], float | None],
         on_state: Callable[[TendonState], None] = lambda _: None,
         should_stop: Callable[[], bool] = _never,
     ) -> float:
@@ -230,8 +257,8 @@ class TendonActuatorClient:
         ----------
         taut_tension_n : float
             Tension at which it counts as taut [N].
-        read_tension, on_state, should_stop : callable
-            As in `pull_to_tension`.
+        on_state, should_stop : callable
+            As in `pull_to`.
 
         Returns
         -------
@@ -243,34 +270,34 @@ class TendonActuatorClient:
         MotionRefusedError, MotionFailedError, MotionStoppedError
         """
         reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
+        contact = self.safety.strictest_contact
+        # As a target it would be refused above the limit; so it is here.
+        check_pull(Pull(0.0, contact, target_tension_n=taut_tension_n), self.safety.limits_n)
 
         def wind(direction: int, until: Callable[[TendonState], bool]) -> TendonState:
             start = self.state
             if start is None:
                 raise MotionRefusedError('The servo has not answered yet; try again.')
-            target_m = start.displacement_m + direction * reach_m
-            speed_m_s = self._config.homing_speed_m_s
-            return self._wind(target_m, speed_m_s, on_state, should_stop, until)
+            pull = Pull(start.displacement_m + direction * reach_m, contact, is_homing=True)
+            return self._wind(pull, self._config.homing_speed_m_s, on_state, should_stop, until)
 
         with self._one_pull():
-            shift_m = find_taut(wind, read_tension, taut_tension_n).displacement_m
-            self._goals.shift_zero(shift_m)
-            return shift_m
+            taut = find_taut(wind, self._read_tension, taut_tension_n)
+            self._goals.shift_zero(taut.displacement_m)
+            return taut.displacement_m
 
     def release(self) -> TendonState:
-        """Let the tendon out to the slack reference at the default speed."""
+        """Let the tendon out to slack at the default speed; return the state then."""
         return self.pull_to(0.0)
 
     def hold_here(self) -> None:
-        """Hold the tendon where it is, at once; ends a running pull.
+        """Hold the tendon where it is, at once; above the limit it is let out instead.
 
         Raises
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
         self._goals.hold_here()
-
-    stop = hold_here
 
     def request_release(self) -> None:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
@@ -279,7 +306,11 @@ class TendonActuatorClient:
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
-        self._goals.request_release()
+        self._goals.request_release('The tendon was released.')
+
+    def supervise(self) -> None:
+        """Carry out what safety orders now, instead of at the next poll."""
+        self._goals.supervise()
 
     # -- inside --------------------------------------------------------------------------
 
@@ -299,7 +330,11 @@ class TendonActuatorClient:
                 self.hold_here()
             raise
         finally:
+            self.safety.finish()
             self._slot.release()
+
+    def _read_tension(self) -> float | None:
+        return self.safety.live_tension_n(time.monotonic_ns())
 
     def _check_reach(self, displacement_m: float) -> None:
         if not 0.0 <= displacement_m <= self._config.max_displacement_m:
@@ -317,35 +352,55 @@ class TendonActuatorClient:
             )
         return speed_m_s
 
+    def _release(
+        self,
+        speed_m_s: float,
+        contact: str,
+        on_state: Callable[[TendonState], None],
+        should_stop: Callable[[], bool],
+    ) -> TendonState:
+        """Let out to the zero; without a known zero, until the sensor reads a slack tendon."""
+        safety = self.safety
+        pull = Pull(safety.slack_m, contact)
+
+        def until(state: TendonState) -> bool:
+            is_known = safety.zero is not Zero.UNKNOWN
+            return not is_known and safety.is_slack(state.displacement_m, time.monotonic_ns())
+
+        return self._wind(pull, speed_m_s, on_state, should_stop, until)
+
     def _wind(
         self,
-        displacement_m: float,
+        pull: Pull,
         speed_m_s: float,
         on_state: Callable[[TendonState], None],
         should_stop: Callable[[], bool],
         until: Callable[[TendonState], bool] = lambda _: False,
     ) -> TendonState:
         """Wind until there, or until ``until`` says so, and then hold."""
-        goals = self._goals
-        goal, start_m = goals.begin(displacement_m, speed_m_s, should_stop)
-        deadline_s = time.monotonic() + abs(displacement_m - start_m) / speed_m_s + SLACK_S
+        goals, goal_m = self._goals, pull.displacement_m
+        target = f'{goal_m:.4f} m'
+        goal, start_m = goals.begin(pull, speed_m_s, should_stop)
+        deadline_s = time.monotonic() + abs(goal_m - start_m) / speed_m_s + SLACK_S
         one_unit_m_s = registers.velocity_to_m_s(1, self._config.pulley_radius_m)
         while True:
-            state = goals.watch(goal, f'{displacement_m:.4f} m', should_stop)
+            state = goals.watch(goal, target, should_stop)
             if state is not None:
                 on_state(state)
+                if self.safety.ending is Ending.REACHED:
+                    return state
                 if until(state):
                     goals.hold(goal)
                     return state
                 if (
-                    abs(state.displacement_m - displacement_m) <= POSITION_TOLERANCE_M
+                    abs(state.displacement_m - goal_m) <= POSITION_TOLERANCE_M
                     and abs(state.velocity_m_s) <= 1.5 * one_unit_m_s
                 ):
                     return state
             if time.monotonic() > deadline_s:
-                end = goals.describe_end(f'{displacement_m:.4f} m')
-                self.request_release()
+                end = goals.describe_end(target)
+                goals.request_release(end)
                 raise MotionFailedError(
                     f'{end} It got no further with {self._config.current_limit_a} A; '
-                    'the tendon is released.'
+                    'the tendon is let out.'
                 )

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import logging
 import math
 import time
@@ -23,12 +24,21 @@ from typing import NamedTuple
 
 from linear_guide_driver import dynamixel_registers as registers
 from linear_guide_driver.dynamixel_bus import DynamixelBus, SilentServoError
-from linear_guide_driver.errors import DeviceRefusedError
+from linear_guide_driver.errors import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    LinearGuideDriverError,
+)
 from linear_guide_driver.records import TendonActuatorConfig
 
 SETTLING_S = 3.0
 SETTLING_PERIOD_S = 0.1
 SETTLED_COUNTS = 2
+
+CONNECT_S = 3.0
+"""A servo that does not answer at once is asked again for so long: it may be restarting."""
+
+CONNECT_PAUSE_S = 0.2
 
 REBOOT_S = 3.0
 """A restarted servo is silent for some 0.3 s."""
@@ -36,17 +46,66 @@ REBOOT_S = 3.0
 _logger = logging.getLogger(__name__)
 
 
-class TendonServo(NamedTuple):
-    """A servo that is ready and holds its position, in its own units."""
+SLACK_BELOW_M = 0.001
+"""A tendon found this far below its zero cannot be one that was wound in from it."""
+
+ZERO_COUNTS = 2
+"""A zero that is off by so little is not written again: the EEPROM wears out."""
+
+
+class ServoSetup(NamedTuple):
+    """A servo that is ready and holds its position; its count is 0 where the tendon is slack.
+
+    Attributes
+    ----------
+    identification : str
+        Model and firmware.
+    velocity_limit : int
+        In the servo's units.
+    temperature_limit_c : int
+        [degree Celsius]
+    was_held : bool
+        The servo was holding a tendon: a driver has ended without letting it out.
+    is_zero_kept : bool
+        The zero is the one that the earlier driver has written, and the servo has not lost
+        power since. Otherwise it is where the tendon came to rest with the torque off.
+    """
 
     identification: str
     velocity_limit: int
     temperature_limit_c: int
-    position_counts: int
+    was_held: bool
+    is_zero_kept: bool
 
 
-def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> TendonServo:
-    """Check the servo, set its mode and limits, hold it where it stands.
+def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
+    """Open the bus and set the servo up; ask again for `CONNECT_S` if it does not answer.
+
+    Raises
+    ------
+    DeviceConnectionError, DeviceRefusedError
+        As `set_up_servo`; the bus is closed.
+    """
+    deadline_s = time.monotonic() + CONNECT_S
+    while True:
+        bus = DynamixelBus(config.port, config.baud, config.device_id)
+        try:
+            return bus, set_up_servo(bus, config)
+        except DeviceConnectionError as error:
+            bus.close()
+            if time.monotonic() > deadline_s:
+                raise
+            _logger.warning('%s; asking again', error)
+        except DeviceRefusedError:
+            with suppress(LinearGuideDriverError):
+                bus.write(registers.TORQUE_ENABLE, 0)
+            bus.close()
+            raise
+        time.sleep(CONNECT_PAUSE_S)
+
+
+def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
+    """Check the servo, set its mode, limits and zero, hold it where it stands.
 
     Parameters
     ----------
@@ -77,24 +136,58 @@ def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> TendonServo
             f'{registers.current_to_a(current_limit):.3f} A; lower it'
         )
 
+    was_held = bus.read(registers.TORQUE_ENABLE) != 0
+    is_zero_kept = was_held and _is_zero_kept(bus, config)
     bus.write(registers.BUS_WATCHDOG, 0)  # a tripped watchdog locks the goals
-    if bus.read(registers.TORQUE_ENABLE):
-        bus.write(registers.TORQUE_ENABLE, 0)
-    _wait_settled(bus)  # also with the torque off already: it may be off since just now
-    for register, value in (
-        (registers.DRIVE_MODE, 0),
-        (registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION),
-    ):
-        if bus.read(register) != value:  # EEPROM wears out
-            bus.write(register, value)
+    if not is_zero_kept:
+        if was_held:
+            bus.write(registers.TORQUE_ENABLE, 0)
+        _wait_settled(bus)  # also with the torque off already: it may be off since just now
+        for register, value in (
+            (registers.DRIVE_MODE, 0),
+            (registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION),
+        ):
+            if bus.read(register) != value:  # EEPROM wears out
+                bus.write(register, value)
+        write_zero(bus)
     # A change of mode resets these, so they come after it.
     bus.write(registers.GOAL_CURRENT, current)
     bus.write(registers.PROFILE_ACCELERATION, 0)
-    position_counts = bus.read(registers.PRESENT_POSITION)
-    bus.write(registers.GOAL_POSITION, position_counts)
-    bus.write(registers.TORQUE_ENABLE, 1)
+    bus.write(registers.GOAL_POSITION, bus.read(registers.PRESENT_POSITION))
+    if not is_zero_kept:
+        bus.write(registers.TORQUE_ENABLE, 1)
     arm_watchdog(bus, config.watchdog_s)  # works only with the torque on
-    return TendonServo(identification, velocity_limit, temperature_limit_c, position_counts)
+    return ServoSetup(identification, velocity_limit, temperature_limit_c, was_held, is_zero_kept)
+
+
+def write_zero(bus: DynamixelBus, zero_counts: int | None = None) -> None:
+    """Make a position the servo's zero, in its homing offset; the torque must be off.
+
+    The servo keeps its position over turns for as long as it has power, and its torque is off
+    after it has lost it. So a torque that is on proves that the zero still holds.
+
+    Parameters
+    ----------
+    bus : DynamixelBus
+    zero_counts : int, optional
+        In the present count; the present position when left out.
+    """
+    if zero_counts is None:
+        zero_counts = bus.read(registers.PRESENT_POSITION)
+    if abs(zero_counts) > ZERO_COUNTS:
+        bus.write(registers.HOMING_OFFSET, bus.read(registers.HOMING_OFFSET) - zero_counts)
+
+
+def _is_zero_kept(bus: DynamixelBus, config: TendonActuatorConfig) -> bool:
+    """Return whether a servo with its torque on was set up by this driver and kept its zero."""
+    if (
+        bus.read(registers.OPERATING_MODE) != registers.MODE_CURRENT_BASED_POSITION
+        or bus.read(registers.BUS_WATCHDOG) == 0
+    ):
+        return False
+    counts = bus.read(registers.PRESENT_POSITION) * (-1 if config.reverse else 1)
+    displacement_m = registers.counts_to_m(counts, config.pulley_radius_m)
+    return -SLACK_BELOW_M <= displacement_m <= config.max_displacement_m + SLACK_BELOW_M
 
 
 def arm_watchdog(bus: DynamixelBus, watchdog_s: float) -> None:

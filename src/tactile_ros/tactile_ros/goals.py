@@ -113,6 +113,8 @@ class GoalRunner:
         Returns an empty string, or why no goal can be taken now.
     on_cancel : callable
         Called on the executor's thread as soon as a cancel request arrives.
+    preempts : callable
+        Whether a request ends every running goal of the node instead of being refused.
     """
 
     def __init__(
@@ -124,14 +126,17 @@ class GoalRunner:
         *,
         accepting: Callable[[], str] = lambda: '',
         on_cancel: Callable[[], None] = lambda: None,
+        preempts: Callable[[Any], bool] = lambda _: False,
     ) -> None:
         self._node = node
         self._type = action_type
         self._work = work
         self._accepting = accepting
         self._on_cancel = on_cancel
+        self._preempts = preempts
         self._lock = threading.Lock()
         self._goal: Goal | None = None
+        self._ended = Future()  # done when the running goal is over
         self._thread: threading.Thread | None = None
         self._server = ActionServer(
             node,
@@ -177,10 +182,16 @@ class GoalRunner:
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: ServerGoalHandle) -> Any:
+        if self._preempts(handle.request):
+            for runner in getattr(self._node, 'goal_runners', [self]):
+                while runner.is_busy:
+                    runner.end_goal()
+                    await runner._ended
         with self._lock:
             reason = 'another goal is running' if self._goal else self._accepting()
             if not reason:
                 goal = self._goal = Goal(handle, self._type.Feedback)
+                self._ended = Future()
         if reason:
             handle.abort()
             return self._type.Result(message=reason)
@@ -206,6 +217,7 @@ class GoalRunner:
             return self._finish(handle, outcome[0])
         finally:
             self._goal = None
+            self._ended.set_result(None)
 
     def _finish(self, handle: ServerGoalHandle, outcome: Any) -> Any:
         """Set the goal's final state from what its work returned or raised."""

@@ -17,13 +17,15 @@ import threading
 from background import wait_until
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
-from tactile_msgs.msg import StrainBlock
-from tactile_ros.qos import STREAM
+from tactile_msgs.msg import Readiness, StrainBlock
+from tactile_ros.qos import LATEST, STREAM
 
 
 @pytest.fixture
@@ -159,9 +161,9 @@ def test_configure_fails_cleanly_without_a_port_and_works_afterwards(bench, grbl
 def test_a_move_ends_when_what_it_needs_falls_silent(
     bench, grbl, parameters, topic, message, text
 ):
-    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, **parameters)
+    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, peer_wait_s=0.1, **parameters)
     status, result = bench.result(move(bench, 0.1, 0.05))
-    assert (status, f'Nothing was heard of {text}' in result.message) == ('aborted', True)
+    assert (status, f'been heard on {text} yet' in result.message) == ('aborted', True)
     publisher = bench.peer.create_publisher(type(message), topic, STREAM)
     end = threading.Event()
 
@@ -171,7 +173,6 @@ def test_a_move_ends_when_what_it_needs_falls_silent(
 
     thread = threading.Thread(target=beat)
     thread.start()
-    wait_until(lambda: not bench.node._accepting())
     home(bench)
     handle = move(bench, 0.19, 0.01)
     wait_until(lambda: grbl.is_moving)
@@ -179,7 +180,47 @@ def test_a_move_ends_when_what_it_needs_falls_silent(
     thread.join()
     status, result = bench.result(handle)
     assert (status, 'the position is kept' in result.message) == ('aborted', True)
+    assert f'Nothing was heard on {text} for 0.5 s' in result.message  # why, not only where
     assert not grbl.is_moving
+
+
+def test_a_move_ends_when_a_peer_is_lost_while_the_ros_clock_stands(bench, grbl):
+    bench.start(
+        LinearGuideNode,
+        port=grbl.port,
+        poll_rate_hz=20.0,
+        heartbeat_topics=['heart'],
+        heartbeat_timeout_s=0.5,
+    )
+    clock = bench.peer.create_publisher(Clock, '/clock', 1)
+    bench.node.set_parameters([Parameter('use_sim_time', value=True)])
+    wait_until(lambda: clock.get_subscription_count() == 1)
+    clock.publish(Clock())
+    publisher = bench.peer.create_publisher(Empty, 'heart', STREAM)
+    end = threading.Event()
+
+    def beat():
+        while not end.wait(0.05):
+            publisher.publish(Empty())
+
+    thread = threading.Thread(target=beat)
+    thread.start()
+    home(bench)
+    handle = move(bench, 0.19, 0.01)
+    wait_until(lambda: grbl.is_moving)
+    end.set()
+    thread.join()
+    assert bench.result(handle)[0] == 'aborted'
+    assert not grbl.is_moving
+
+
+def test_ready_says_what_is_missing(guide):
+    readiness = []
+    guide.peer.create_subscription(Readiness, '/linear_guide/ready', readiness.append, LATEST)
+    wait_until(lambda: readiness)
+    assert readiness[0].missing[0].endswith('home the guide.')
+    home(guide)
+    wait_until(lambda: readiness[-1].ready)
 
 
 def test_a_controller_that_restarts_at_rest_is_told_at_once(guide, grbl):

@@ -76,7 +76,17 @@ class ScriptedServo:
 
     @property
     def position(self):
-        return self.get(132)
+        """Of the shaft, whatever the homing offset [counts]."""
+        return self.get(132) - self.get(20)
+
+    def turn_to(self, counts):
+        """Turn the shaft."""
+        self.put(132, 4, counts + self.get(20))
+
+    @property
+    def goal(self):
+        """The goal position, as one of the shaft [counts]."""
+        return self.get(116) - self.get(20)
 
     def close(self):
         """Unplug. Harmless when called twice."""
@@ -115,7 +125,7 @@ class ScriptedServo:
             self.put(98, 1, 255)
         velocity = 0
         if self.table[64] and self.table[98] != 255:
-            left = self.get(116) - self.position
+            left = self.get(116) - self.get(132)
             self._part += self.get(112) * VELOCITY_UNIT_COUNTS_S * (now - before)
             step, self._part = int(self._part), self._part % 1.0
             step = min(step, abs(left)) * (1 if left > 0 else -1)
@@ -123,7 +133,7 @@ class ScriptedServo:
                 step = self.stuck_at - self.position
             is_held_up = self.stuck_at is not None and left > 0 and self.position >= self.stuck_at
             velocity = 0 if is_held_up else self.get(112) * ((left > 0) - (left < 0))
-            self.put(132, 4, self.position + step)
+            self.put(132, 4, self.get(132) + step)
         self.put(128, 4, velocity)
 
     def _packet(self, packet):
@@ -168,6 +178,8 @@ class ScriptedServo:
             return 4
         if address == 102 and value > self.get(38, 2):
             return 6
+        if address == 20:
+            self.put(132, 4, self.get(132) + value - self.get(20))
         self.writes.append((address, value))
         self.table[address : address + len(data)] = data
         return 0

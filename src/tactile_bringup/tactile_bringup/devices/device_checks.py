@@ -298,7 +298,7 @@ def check_tendon(config: TendonActuatorConfig, may_move: bool) -> CheckReport:
         facts['servo'] = servo.identification
         problems += _try_watchdog(bus, config, facts)
         if may_move:
-            problems += _wind(bus, config, servo.position_counts, facts)
+            problems += _wind(bus, config, 0, facts)
     except LinearGuideDriverError as error:
         problems.append(Problem(str(error)))
     finally:

@@ -59,7 +59,7 @@ FIELDS = (
     Field(known.OPERATING_MODE, 3, 0, 16),
     Field(Register(12, 1), 255, 0, 255),  # secondary ID
     Field(Register(13, 1), 2, 1, 2),  # protocol
-    Field(Register(20, 4, True), 0, -1044479, 1044479),  # homing offset
+    Field(known.HOMING_OFFSET, 0, -1044479, 1044479),
     Field(MOVING_THRESHOLD, 10, 0, 1023),
     Field(Register(31, 1), 80, 0, 100),  # temperature limit
     Field(Register(32, 2), 160, 95, 160),  # voltage limits

@@ -60,7 +60,7 @@ class DynamixelDevice:
         self._fed_s = 0.0
         self._silent_until_s = -math.inf
         self._tension_n = 0.0
-        self._turns_off = 0  # counts between the pulley and what the servo believes
+        self._turns_off = 0  # whole turns that the servo has lost count of [counts]
         self._registered: tuple[int, bytes] | None = None
         self._stalled = False
         self._is_hot = False
@@ -70,6 +70,11 @@ class DynamixelDevice:
         self._table[known.GOAL_POSITION] = drive.slack_count
 
     # ---- the world's side ---------------------------------------------------------------
+
+    @property
+    def _offset(self) -> int:
+        """What the present position is ahead of the pulley [counts]."""
+        return self._turns_off + self._table[known.HOMING_OFFSET]
 
     @property
     def displacement_m(self) -> float:
@@ -247,7 +252,7 @@ class DynamixelDevice:
         self._registered = None
         self._rest_at(self._position)
         self._forget_turns()
-        self._table[known.GOAL_POSITION] = round(self._position) + self._turns_off
+        self._table[known.GOAL_POSITION] = round(self._position) + self._offset
         self._silent_until_s = self._now_s + self._drive.reboot_s
 
     def _forget_turns(self) -> None:
@@ -273,7 +278,7 @@ class DynamixelDevice:
         speed = self._table[known.PROFILE_VELOCITY] * VELOCITY_COUNTS_S or fastest
         acceleration = self._table[known.PROFILE_ACCELERATION] * ACCELERATION_COUNTS_S2
         speed, acceleration = min(speed, fastest), min(acceleration or strongest, strongest)
-        target = float(goal - self._turns_off)
+        target = float(goal - self._offset)
         segments = plan_move(
             self._now_s, self._position, self._velocity, target, speed, acceleration
         )
@@ -308,7 +313,7 @@ class DynamixelDevice:
         velocity = round(self._velocity / VELOCITY_COUNTS_S)
         current_a = self._load_a(self._velocity) if self._table[known.TORQUE_ENABLE] else 0.0
         current_a = max(min(current_a, self._limit_a()), -self._limit_a())
-        believed = round(self._position) + self._turns_off
+        believed = round(self._position) + self._offset
         profile = self._motion.end_s > self._now_s
         in_position = believed == self._table[known.GOAL_POSITION]
         self._table[known.PRESENT_POSITION] = believed

@@ -1,0 +1,70 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One pull of the tendon as it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from linear_guide_driver.errors import MotionRefusedError
+
+
+class Pull(NamedTuple):
+    """One pull that is asked for.
+
+    Attributes
+    ----------
+    displacement_m : float
+        Where it ends at the latest [m].
+    contact : str
+        Key of the limits.
+    stop_tension_n, target_tension_n : float
+        Tension that ends it, or that it is to keep [N]; 0: none.
+    is_homing : bool
+        Whether it looks for the zero.
+    """
+
+    displacement_m: float
+    contact: str = 'flexion'
+    stop_tension_n: float = 0.0
+    target_tension_n: float = 0.0
+    is_homing: bool = False
+
+
+def check_pull(pull: Pull, limits_n: Mapping[str, float]) -> float:
+    """Return the tension limit of a pull's contact [N].
+
+    Raises
+    ------
+    MotionRefusedError
+        When the contact is unknown or a tension is out of range.
+    """
+    limit_n = limits_n.get(pull.contact)
+    if limit_n is None:
+        raise MotionRefusedError(
+            f'Contact "{pull.contact}" is unknown; it must be one of {", ".join(limits_n)}.'
+        )
+    for name, tension_n in (('Stop', pull.stop_tension_n), ('Target', pull.target_tension_n)):
+        if not 0.0 <= tension_n <= limit_n:
+            raise MotionRefusedError(
+                f'{name} tension {tension_n} N must be between 0 and the {pull.contact} limit '
+                f'of {limit_n} N.'
+            )
+    if pull.stop_tension_n and pull.target_tension_n:
+        raise MotionRefusedError(
+            'A pull takes stop_tension_n or target_tension_n; set one of them to 0.'
+        )
+    return limit_n

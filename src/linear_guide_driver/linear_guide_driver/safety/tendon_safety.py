@@ -1,0 +1,404 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The safety of the tendon: one state machine that every command has to pass.
+
+=========  ==================================================  ===========================
+state      entered when                                        order to the servo
+=========  ==================================================  ===========================
+FREE       a pull is admitted; or slack is reached             follow the pull, then rest
+HOLDING    somebody stops; or what is needed is lost in        hold; nothing winds in
+           contact
+RELEASING  the tension is above its limit; or HOLDING after    let out to slack
+           a loss has lasted ``slack_after_s``
+=========  ==================================================  ===========================
+
+Four rules hold in every state:
+
+1. Above the limit the order is to let out. It depends on the present tension, not on how it
+   came about, so no stop, loss or goal turns it into holding.
+2. Letting out is always admitted. Only winding in is checked.
+3. A taut tendon is not at rest: after a loss it is held for a while, then let out, unless a
+   fresh pull is admitted.
+4. Nothing but homing winds in while the zero of the displacement is unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+import threading
+
+from linear_guide_driver.errors import MotionRefusedError
+from linear_guide_driver.records import TendonActuatorConfig
+from linear_guide_driver.safety.pull import check_pull, Pull
+from linear_guide_driver.safety.tension_level import TensionLevel
+from linear_guide_driver.safety.topic_watchdog import find_silence, TopicWatchdog
+
+SLACK_M = 0.0005
+"""A tendon wound in less than this counts as slack: the position loop yields a little."""
+
+SLACK_SHARE = 0.5
+"""Share of the taut tension below which a tendon without a zero counts as slack."""
+
+NO_SAMPLES = 'No valid strain sample arrives; look after the tendon sensor.'
+
+
+class State(Enum):
+    """See the table of this module."""
+
+    FREE = 'free'
+    HOLDING = 'holding'
+    RELEASING = 'releasing'
+
+
+class Order(Enum):
+    """What the servo has to do now."""
+
+    FOLLOW = 'follow the goal'
+    HOLD = 'hold'
+    RELEASE = 'let out to slack'
+
+
+class Zero(Enum):
+    """What is known of the displacement's zero."""
+
+    KNOWN = 'homed, or taken where the sensor read a slack tendon'
+    UNCONFIRMED = 'taken where the tendon came to rest; the sensor has not confirmed it'
+    UNKNOWN = 'unknown'
+
+
+class Ending(Enum):
+    """Why safety has ended a pull."""
+
+    REACHED = 'the stop tension was reached'
+    OVER_LIMIT = 'the limit was exceeded'
+    LOST = 'something needed was lost'
+    STOPPED = 'somebody stopped it'
+
+
+class TendonSafety:
+    """The state machine. No IO and no clock; thread-safe.
+
+    Times are monotonic [ns]. The servo's poll calls `decide` some sixty times a second and
+    after each sample that matters, and carries the order out.
+
+    Parameters
+    ----------
+    config : TendonActuatorConfig
+        Limits, time-outs, and whether pulls without samples are allowed.
+    watchdogs : sequence of TopicWatchdog
+        Topics that must be heard while the tendon is taut.
+
+    Attributes
+    ----------
+    limits_n : dict of str to float
+        Tension limit by contact [N].
+    """
+
+    def __init__(
+        self, config: TendonActuatorConfig, watchdogs: Sequence[TopicWatchdog] = ()
+    ) -> None:
+        self._config = config
+        self._watchdogs = tuple(watchdogs)
+        self.limits_n = {
+            'flexion': config.flexion_limit_n,
+            'abduction': config.abduction_limit_n,
+        }
+        self._slack_after_ns = round(config.slack_after_s * 1e9)
+        self._lock = threading.RLock()
+        # Before the first pull names a contact, the tendon has no business being tight.
+        self._limit_n = min(self.limits_n.values())
+        self._level = TensionLevel(config.guard_timeout_s)
+        self._state = State.FREE
+        self._release_at_ns: int | None = None
+        self._reason = ''
+        self._cause = Ending.STOPPED
+        self._pull: Pull | None = None
+        self._winds_in = False
+        self._ending: Ending | None = None
+        self._zero = Zero.UNKNOWN
+        self._zero_reason = 'the driver is not connected'
+
+    # -- what is known -------------------------------------------------------------------
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+        return self._state
+
+    @property
+    def reason(self) -> str:
+        """Why the state was entered, as a sentence; empty after a pull was admitted."""
+        return self._reason
+
+    @property
+    def ending(self) -> Ending | None:
+        """Why safety has ended the present pull; None while it has not."""
+        return self._ending
+
+    @property
+    def is_alarm(self) -> bool:
+        """Whether the state was entered for a reason that nobody has commanded."""
+        return self._state is not State.FREE and self._cause is not Ending.STOPPED
+
+    @property
+    def is_pulling(self) -> bool:
+        """Whether a pull is under way."""
+        return self._pull is not None
+
+    @property
+    def awaits_first(self) -> bool:
+        """Whether a needed topic has not been heard at all yet."""
+        no_sample = self._level.latest_n is None and not self._config.unguarded
+        return no_sample or not all(watchdog.was_heard for watchdog in self._watchdogs)
+
+    @property
+    def zero(self) -> Zero:
+        """What is known of the zero."""
+        return self._zero
+
+    @property
+    def limit_n(self) -> float:
+        """Limit in force [N]."""
+        return self._limit_n
+
+    @property
+    def strictest_contact(self) -> str:
+        """The contact with the lowest limit."""
+        return min(self.limits_n, key=lambda contact: self.limits_n[contact])
+
+    @property
+    def slack_m(self) -> float:
+        """Displacement that a release goes to at the most [m].
+
+        Without a known zero it may let out as much as any pull may have wound in.
+        """
+        return -self._config.max_displacement_m if self._zero is Zero.UNKNOWN else 0.0
+
+    @property
+    def tension_n(self) -> float | None:
+        """Latest tension [N]; None before the first sample."""
+        return self._level.latest_n
+
+    def live_tension_n(self, now_ns: int) -> float | None:
+        """Return the latest tension [N]; None when valid samples do not arrive."""
+        with self._lock:
+            return self._level.latest_n if self._level.is_live(now_ns) else None
+
+    def is_slack(self, displacement_m: float, now_ns: int) -> bool:
+        """Return whether the tendon counts as slack at this displacement [m]."""
+        with self._lock:
+            if displacement_m <= self.slack_m + SLACK_M:
+                return True
+            slack_n = SLACK_SHARE * self._config.taut_tension_n
+            return self._zero is Zero.UNKNOWN and self._level.is_below(slack_n, now_ns)
+
+    def find_obstacle(self, displacement_m: float, now_ns: int) -> str:
+        """Return why no pull may wind in now, with the remedy; empty when one may."""
+        with self._lock:
+            return (
+                self._find_zero_obstacle(displacement_m)
+                or find_silence(self._watchdogs, now_ns)
+                or self._find_sample_obstacle(not self._config.unguarded, now_ns)
+                or self._find_limit_obstacle(self._limit_n, now_ns)
+            )
+
+    # -- what is heard ---------------------------------------------------------------------
+
+    def add_samples(self, tension_n: Sequence[float], is_saturated: bool, now_ns: int) -> bool:
+        """Take a block of valid samples; return whether the order may have changed.
+
+        Parameters
+        ----------
+        tension_n : sequence of float
+            Oldest first [N]. A block with a value that is not finite counts as silence.
+        is_saturated : bool
+            The sensor is at the end of its range: counts as above the limit.
+        now_ns : int
+            Time of arrival.
+        """
+        with self._lock:
+            if not self._level.add(tension_n, is_saturated, now_ns):
+                return False
+            pull, highest_n = self._pull, max(tension_n)
+            if pull and self._ending is None and 0.0 < pull.stop_tension_n <= highest_n:
+                self._ending = Ending.REACHED
+                self._reason = f'The tension reached {highest_n:.2f} N.'
+            return self._ending is not None or self._level.is_above(self._limit_n, now_ns)
+
+    def set_zero(self, zero: Zero, reason: str = '') -> None:
+        """Note what is known of the zero, and why nothing is. Later samples confirm it."""
+        with self._lock:
+            self._zero, self._zero_reason = zero, reason
+            if zero is Zero.UNCONFIRMED:
+                self._level.forget()
+
+    # -- what is asked ---------------------------------------------------------------------
+
+    def admit(self, pull: Pull, start_m: float, now_ns: int) -> None:
+        """Let a pull begin; or refuse it and change nothing.
+
+        Parameters
+        ----------
+        pull : Pull
+        start_m : float
+            Displacement now, read under the bus's lock [m]: it tells whether the pull winds in.
+        now_ns : int
+
+        Raises
+        ------
+        MotionRefusedError
+        """
+        with self._lock:
+            limit_n = check_pull(pull, self.limits_n)
+            self._confirm_zero(start_m, now_ns)
+            winds_in = (
+                pull.is_homing
+                or pull.target_tension_n > 0.0
+                or pull.displacement_m > max(0.0, start_m)
+            )
+            if winds_in:
+                obstacle = (
+                    ('' if pull.is_homing else self._find_zero_obstacle(start_m))
+                    or find_silence(self._watchdogs, now_ns)
+                    or self._find_sample_obstacle(self._needs_samples(pull), now_ns)
+                    or self._find_limit_obstacle(limit_n, now_ns)
+                )
+                if obstacle:
+                    raise MotionRefusedError(obstacle)
+                self._limit_n = limit_n  # a pull that lets out leaves the limit alone
+                if self._zero is Zero.UNCONFIRMED:  # without a sensor nothing else confirms it
+                    self._zero = Zero.KNOWN
+            self._pull, self._winds_in = pull, winds_in
+            self._state, self._release_at_ns = State.FREE, None
+            self._ending, self._reason = None, ''
+
+    def finish(self) -> None:
+        """Forget the pull: it has ended. Limit and state stay in force."""
+        with self._lock:
+            self._pull, self._winds_in = None, False
+
+    def stop(self) -> None:
+        """Hold from now on; above the limit `decide` turns it into letting out at once."""
+        with self._lock:
+            self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
+
+    def release(self, reason: str) -> None:
+        """Let out from now on, until the tendon is slack or a pull is admitted."""
+        with self._lock:
+            self._enter(State.RELEASING, reason, Ending.STOPPED)
+
+    def lose(self, reason: str, now_ns: int) -> None:
+        """Note that the servo has stopped by itself: hold, later let out; a release goes on."""
+        with self._lock:
+            if self._pull is not None and not self._winds_in:
+                self._enter(State.RELEASING, reason, Ending.LOST)
+            elif self._state is not State.RELEASING:
+                self._hold_then_release(reason, now_ns)
+
+    # -- what is to be done ------------------------------------------------------------------
+
+    def decide(self, displacement_m: float, now_ns: int) -> Order:
+        """Return the order that holds now, at this displacement [m]."""
+        with self._lock:
+            self._confirm_zero(displacement_m, now_ns)
+            is_slack = self.is_slack(displacement_m, now_ns)
+            if self._level.is_above(self._limit_n, now_ns):
+                self._enter(
+                    State.RELEASING,
+                    f'{self._level.describe_above(self._limit_n)}: the tendon is let out.',
+                    Ending.OVER_LIMIT,
+                )
+            elif self._state is not State.FREE and is_slack and self._pull is None:
+                self._state, self._release_at_ns = State.FREE, None
+            elif self._state is not State.RELEASING:
+                if self._release_at_ns is None and (loss := self._find_loss(is_slack, now_ns)):
+                    self._hold_then_release(loss, now_ns)
+                if self._release_at_ns is not None and now_ns >= self._release_at_ns:
+                    self._release_at_ns = None
+                    self._enter(State.RELEASING, f'{self._reason} It is let out now.', Ending.LOST)
+            if self._state is State.RELEASING:
+                return Order.RELEASE
+            is_held = self._state is State.HOLDING or self._ending is Ending.REACHED
+            return Order.HOLD if is_held else Order.FOLLOW
+
+    # -- inside ------------------------------------------------------------------------------
+
+    def _enter(self, state: State, reason: str, ending: Ending) -> None:
+        if state is self._state and state is State.RELEASING:
+            return
+        self._state, self._reason, self._cause = state, reason, ending
+        pull = self._pull
+        if pull is None or self._ending is not None:
+            return
+        if state is State.RELEASING and not self._winds_in and pull.displacement_m <= 0.0:
+            return  # it lets out to slack itself
+        self._ending = ending
+
+    def _hold_then_release(self, loss: str, now_ns: int) -> None:
+        after_s = self._config.slack_after_s
+        sentence = f'{loss} The tendon is held and let out after {after_s:g} s.'
+        self._enter(State.HOLDING, sentence, Ending.LOST)
+        self._release_at_ns = now_ns + self._slack_after_ns
+
+    def _find_loss(self, is_slack: bool, now_ns: int) -> str:
+        """Return what a taut tendon, or a pull that winds in, lacks; empty when nothing."""
+        if not self._winds_in and (is_slack or self._pull is not None):
+            return ''  # a slack tendon needs nothing, and letting out goes on
+        needs_samples = self._needs_samples(self._pull or Pull(0.0))
+        return find_silence(self._watchdogs, now_ns) or (
+            NO_SAMPLES if needs_samples and not self._level.is_live(now_ns) else ''
+        )
+
+    def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
+        """Believe a zero that was taken at rest if the sensor reads a slack tendon there."""
+        if (
+            self._zero is not Zero.UNCONFIRMED
+            or displacement_m > SLACK_M
+            or self._pull is not None
+            or not self._level.is_live(now_ns)
+        ):
+            return
+        if self._level.worst_n < self._config.taut_tension_n:
+            self._zero = Zero.KNOWN
+        else:
+            self._zero = Zero.UNKNOWN
+            self._zero_reason = (
+                f'the sensor read {self._level.latest_n:.2f} N where the tendon should be slack'
+            )
+
+    def _find_zero_obstacle(self, displacement_m: float) -> str:
+        if self._zero is Zero.UNKNOWN:
+            return f'The zero is unknown: {self._zero_reason}; home the tendon.'
+        if self._zero is Zero.UNCONFIRMED and displacement_m > SLACK_M:
+            return 'The tendon was taut when the driver started; let it out first.'
+        return ''
+
+    def _find_sample_obstacle(self, is_needed: bool, now_ns: int) -> str:
+        if not is_needed or self._level.is_live(now_ns):
+            return ''
+        return (
+            'Winding in needs the tendon sensor and no valid strain sample arrives; start the '
+            'sensor, or set the parameter unguarded to true for plain pulls.'
+        )
+
+    def _find_limit_obstacle(self, limit_n: float, now_ns: int) -> str:
+        if not self._level.is_above(limit_n, now_ns):
+            return ''
+        return f'{self._level.describe_above(limit_n)}; let the tendon out first.'
+
+    def _needs_samples(self, pull: Pull) -> bool:
+        asks = pull.is_homing or pull.stop_tension_n or pull.target_tension_n
+        return bool(asks) or not self._config.unguarded

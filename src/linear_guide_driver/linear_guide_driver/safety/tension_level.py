@@ -1,0 +1,83 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The present tension as safety needs it: whether it is live, and its worst recent value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+
+class TensionLevel:
+    """Latest block of valid samples. No IO, no clock, no lock.
+
+    Parameters
+    ----------
+    timeout_s : float
+        Samples older than this do not count [s].
+
+    Attributes
+    ----------
+    latest_n : float or None
+        Last tension [N]; infinite when saturated; None before the first sample.
+    worst_n : float
+        Largest magnitude in the latest block [N]. The limit holds for both signs, since a
+        sensor may be mounted the other way round.
+    """
+
+    def __init__(self, timeout_s: float) -> None:
+        self._timeout_ns = round(timeout_s * 1e9)
+        self._sampled_at_ns: int | None = None
+        self.latest_n: float | None = None
+        self.worst_n = 0.0
+
+    def add(self, tension_n: Sequence[float], is_saturated: bool, now_ns: int) -> bool:
+        """Take a block; return whether it counts.
+
+        Parameters
+        ----------
+        tension_n : sequence of float
+            Oldest first [N]. A block with a value that is not finite does not count.
+        is_saturated : bool
+            The sensor is at the end of its range.
+        now_ns : int
+            Monotonic time of arrival [ns].
+        """
+        if not tension_n or not all(map(math.isfinite, tension_n)):
+            return False
+        self._sampled_at_ns = now_ns
+        self.latest_n = math.inf if is_saturated else tension_n[-1]
+        self.worst_n = math.inf if is_saturated else max(max(tension_n), -min(tension_n))
+        return True
+
+    def forget(self) -> None:
+        """Count only samples from now on."""
+        self._sampled_at_ns = None
+
+    def is_live(self, now_ns: int) -> bool:
+        """Return whether valid samples arrive [ns]."""
+        return self._sampled_at_ns is not None and now_ns - self._sampled_at_ns <= self._timeout_ns
+
+    def is_above(self, limit_n: float, now_ns: int) -> bool:
+        """Return whether live samples are above a limit [N, ns]."""
+        return self.is_live(now_ns) and self.worst_n > limit_n
+
+    def describe_above(self, limit_n: float) -> str:
+        """Return a sentence that says that the limit is exceeded [N]."""
+        return f'The tension, {self.worst_n:.2f} N, is above the limit, {limit_n} N'
+
+    def is_below(self, limit_n: float, now_ns: int) -> bool:
+        """Return whether live samples are below a limit [N, ns]."""
+        return self.is_live(now_ns) and self.worst_n < limit_n

@@ -1,0 +1,282 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+import dataclasses
+
+import pytest
+
+from linear_guide_driver.errors import MotionRefusedError
+from linear_guide_driver.records import TendonActuatorConfig
+from linear_guide_driver.safety.pull import Pull
+from linear_guide_driver.safety.tendon_safety import (
+    Ending,
+    Order,
+    State,
+    TendonSafety,
+    Zero,
+)
+from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
+
+MS = 1_000_000
+CONFIG = TendonActuatorConfig(guard_timeout_s=0.25, slack_after_s=2.0)
+TAUT_M = 0.005
+
+
+def make(watchdogs=(), **changes):
+    """Safety with a confirmed zero and a live sensor that reads a slack tendon."""
+    safety = TendonSafety(dataclasses.replace(CONFIG, **changes), watchdogs)
+    safety.set_zero(Zero.UNCONFIRMED)
+    safety.add_samples([0.0], False, 0)
+    safety.decide(0.0, 0)
+    return safety
+
+
+@pytest.fixture
+def safety():
+    return make()
+
+
+def hold_taut(safety, contact='flexion', now_ns=0, tension_n=1.0):
+    """Bring the tendon to TAUT_M."""
+    safety.admit(Pull(TAUT_M, contact), 0.0, now_ns)
+    safety.finish()
+    safety.add_samples([tension_n], False, now_ns)
+    assert safety.decide(TAUT_M, now_ns) is Order.FOLLOW
+
+
+# -- the limit ----------------------------------------------------------------------------------
+
+
+def test_the_contact_chooses_the_limit(safety):
+    hold_taut(safety, 'flexion')
+    safety.add_samples([14.9], False, 0)
+    assert safety.decide(TAUT_M, 0) is Order.FOLLOW
+    safety.add_samples([2.0], False, 0)
+    safety.admit(Pull(0.006, 'abduction'), TAUT_M, 0)
+    assert safety.add_samples([3.1], False, 0)
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    assert safety.ending is Ending.OVER_LIMIT
+    assert '3.10 N, is above the limit, 3.0 N' in safety.reason
+
+
+@pytest.mark.parametrize('command', ['stop', 'lose', 'silence', 'partial'])
+def test_above_the_limit_nothing_turns_letting_out_into_holding(safety, command):
+    hold_taut(safety)
+    safety.add_samples([20.0], False, 0)
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    now_ns = 100 * MS
+    safety.add_samples([20.0], False, now_ns)
+    if command == 'stop':
+        safety.stop()
+    elif command == 'lose':
+        safety.lose('The servo is silent.', now_ns)
+    elif command == 'partial':
+        safety.admit(Pull(0.004), TAUT_M, now_ns)
+    else:
+        now_ns = 1000 * MS
+    assert safety.decide(0.004, now_ns) is Order.RELEASE
+    safety.finish()
+    assert safety.decide(0.004, now_ns) is Order.RELEASE
+
+
+def test_letting_out_ends_at_slack_and_a_stop_below_the_limit_holds(safety):
+    hold_taut(safety)
+    safety.add_samples([20.0], False, 0)
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    safety.add_samples([5.0], False, 0)
+    assert safety.decide(0.003, 0) is Order.RELEASE
+    safety.stop()
+    assert safety.decide(0.003, 0) is Order.HOLD
+    safety.release('The tendon was released.')
+    assert safety.decide(0.003, 0) is Order.RELEASE
+    assert safety.decide(0.0004, 0) is Order.FOLLOW
+    assert safety.state is State.FREE
+
+
+def test_the_limit_is_the_strictest_before_the_first_pull(safety):
+    safety.add_samples([3.1], False, 0)
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+
+
+def test_saturation_and_either_sign_count_as_above_the_limit(safety):
+    hold_taut(safety)
+    for samples, is_saturated in (([0.1], True), ([0.1, 15.1, 0.1], False), ([-15.1, 0.1], False)):
+        assert safety.add_samples(samples, is_saturated, 0)
+        safety.add_samples([0.1], False, 0)
+
+
+def test_letting_out_leaves_the_limit_alone(safety):
+    hold_taut(safety, 'flexion', tension_n=10.0)
+    safety.admit(Pull(0.001, 'abduction'), TAUT_M, 0)
+    assert safety.limit_n == 15.0
+    assert safety.decide(TAUT_M, 0) is Order.FOLLOW
+
+
+def test_a_refused_pull_changes_nothing(safety):
+    hold_taut(safety, 'abduction')
+    for pull in (Pull(0.006, 'sideways'), Pull(0.006, 'flexion', 5.0, 5.0)):
+        with pytest.raises(MotionRefusedError):
+            safety.admit(pull, TAUT_M, 0)
+    safety.add_samples([4.0], False, 0)
+    with pytest.raises(MotionRefusedError, match='let the tendon out first'):
+        safety.admit(Pull(0.006, 'abduction'), TAUT_M, 0)
+    assert safety.limit_n == 3.0
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+
+
+# -- what is needed -----------------------------------------------------------------------------
+
+
+def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
+    hold_taut(safety)
+    assert safety.decide(TAUT_M, 250 * MS) is Order.FOLLOW
+    assert safety.decide(TAUT_M, 251 * MS) is Order.HOLD
+    assert 'No valid strain sample' in safety.reason
+    safety.add_samples([1.0], False, 300 * MS)  # too late: somebody has to command anew
+    assert safety.decide(TAUT_M, 2250 * MS) is Order.HOLD
+    assert safety.decide(TAUT_M, 2251 * MS) is Order.RELEASE
+
+
+def test_a_fresh_pull_within_the_holding_time_keeps_the_tendon(safety):
+    hold_taut(safety)
+    assert safety.decide(TAUT_M, 300 * MS) is Order.HOLD
+    safety.add_samples([1.0], False, 400 * MS)
+    safety.admit(Pull(0.006), TAUT_M, 400 * MS)
+    safety.finish()
+    for now_ms in range(500, 5000, 100):
+        safety.add_samples([1.0], False, now_ms * MS)
+        assert safety.decide(TAUT_M, now_ms * MS) is Order.FOLLOW
+
+
+def test_unguarded_pulls_need_no_samples_unless_they_ask_for_a_tension():
+    safety = make(unguarded=True)
+    safety.admit(Pull(TAUT_M), 0.0, 1000 * MS)
+    assert safety.decide(0.001, 10_000 * MS) is Order.FOLLOW
+    with pytest.raises(MotionRefusedError, match='start the sensor'):
+        safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 10_000 * MS)
+    safety.add_samples([0.1], False, 10_000 * MS)
+    safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 10_000 * MS)
+    assert safety.decide(0.001, 10_251 * MS) is Order.HOLD
+    assert safety.ending is Ending.LOST
+
+
+def test_a_lost_topic_holds_then_lets_out_and_letting_out_is_always_admitted():
+    peer = TopicWatchdog('trial_runner/heartbeat', 0.2)
+    safety = make([peer])
+    with pytest.raises(MotionRefusedError, match='Nothing has been heard'):
+        safety.admit(Pull(TAUT_M), 0.0, 0)
+    peer.beat(0)
+    hold_taut(safety)
+    for now_ms in (100, 200):
+        safety.add_samples([1.0], False, now_ms * MS)
+        assert safety.decide(TAUT_M, now_ms * MS) is Order.FOLLOW
+    safety.add_samples([1.0], False, 300 * MS)
+    assert safety.decide(TAUT_M, 300 * MS) is Order.HOLD
+    with pytest.raises(MotionRefusedError, match=r'heartbeat for 0\.2 s'):
+        safety.admit(Pull(0.006), TAUT_M, 300 * MS)
+    safety.admit(Pull(0.0), TAUT_M, 300 * MS)
+    assert safety.decide(TAUT_M, 300 * MS) is Order.FOLLOW
+    assert safety.decide(0.002, 5000 * MS) is Order.FOLLOW  # goes on without anybody
+
+
+def test_a_slack_idle_tendon_loses_nothing(safety):
+    assert safety.decide(0.0, 60_000 * MS) is Order.FOLLOW
+    assert not safety.is_alarm
+
+
+def test_a_servo_that_stops_by_itself_ends_the_pull(safety):
+    safety.admit(Pull(TAUT_M), 0.0, 0)
+    safety.lose("The servo's watchdog has stopped it.", 0)
+    assert safety.decide(0.002, 0) is Order.HOLD
+    assert (safety.ending, safety.is_alarm) == (Ending.LOST, True)
+
+
+# -- stop tensions --------------------------------------------------------------------------------
+
+
+def test_the_stop_tension_ends_the_pull_at_or_above(safety):
+    safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 0)
+    assert not safety.add_samples([4.999], False, 0)
+    assert safety.decide(0.002, 0) is Order.FOLLOW
+    assert safety.add_samples([5.0], False, 0)
+    safety.add_samples([4.0], False, 0)
+    assert safety.decide(0.002, 0) is Order.HOLD
+    assert safety.ending is Ending.REACHED
+    assert safety.reason == 'The tension reached 5.00 N.'
+
+
+@pytest.mark.parametrize(
+    ('pull', 'text'),
+    [
+        (Pull(TAUT_M, 'sideways'), 'must be one of flexion, abduction'),
+        (Pull(TAUT_M, 'abduction', stop_tension_n=3.5), 'between 0 and the abduction limit'),
+        (Pull(TAUT_M, stop_tension_n=-1.0), 'between 0'),
+        (Pull(TAUT_M, stop_tension_n=float('nan')), 'between 0'),
+        (Pull(TAUT_M, target_tension_n=15.1), 'Target tension'),
+        (Pull(TAUT_M, stop_tension_n=5.0, target_tension_n=5.0), 'set one of them to 0'),
+    ],
+)
+def test_impossible_pulls_are_refused(safety, pull, text):
+    with pytest.raises(MotionRefusedError, match=text):
+        safety.admit(pull, 0.0, 0)
+
+
+def test_what_is_no_number_is_no_sample(safety):
+    assert not safety.add_samples([float('nan'), 20.0], False, 1000 * MS)
+    assert not safety.add_samples([], False, 1000 * MS)
+    assert safety.tension_n == 0.0
+    assert safety.live_tension_n(1000 * MS) is None
+
+
+# -- the zero -----------------------------------------------------------------------------------
+
+
+def test_a_zero_is_confirmed_by_a_slack_reading_and_refuted_by_tension():
+    safety = TendonSafety(CONFIG)
+    safety.set_zero(Zero.UNCONFIRMED)
+    safety.add_samples([0.1], False, 0)
+    safety.decide(0.0, 0)
+    assert safety.zero is Zero.KNOWN
+    safety.set_zero(Zero.UNCONFIRMED)
+    safety.decide(0.0, 0)
+    assert safety.zero is Zero.UNCONFIRMED  # samples from before tell nothing
+    safety.add_samples([2.0], False, 0)
+    safety.decide(0.0, 0)
+    assert safety.zero is Zero.UNKNOWN
+    with pytest.raises(MotionRefusedError, match=r'read 2\.00 N where .* home the tendon'):
+        safety.admit(Pull(TAUT_M), 0.0, 0)
+    safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 0)
+
+
+def test_without_a_zero_letting_out_ends_where_the_sensor_reads_slack():
+    safety = TendonSafety(CONFIG)
+    safety.set_zero(Zero.UNKNOWN, 'the servo was held')
+    assert safety.slack_m == -CONFIG.max_displacement_m
+    safety.release('restarted')
+    safety.add_samples([2.0], False, 0)
+    assert safety.decide(-0.001, 0) is Order.RELEASE
+    safety.add_samples([0.05], False, 0)
+    assert safety.decide(-0.003, 0) is Order.FOLLOW
+
+
+def test_a_tendon_that_was_left_taut_is_let_out_before_anything_winds_in():
+    safety = TendonSafety(CONFIG)
+    safety.set_zero(Zero.UNCONFIRMED)
+    safety.release('The driver was restarted.')
+    safety.add_samples([2.0], False, 0)
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    with pytest.raises(MotionRefusedError, match='let it out first'):
+        safety.admit(Pull(0.006), TAUT_M, 0)
+    safety.add_samples([0.0], False, 0)
+    assert safety.decide(0.0, 0) is Order.FOLLOW
+    assert safety.zero is Zero.KNOWN
