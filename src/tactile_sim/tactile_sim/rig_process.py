@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 from tactile_sim.errors import RigError
 
-_START_S = 30.0
+_START_S = 120.0
 _ANSWER_S = 10.0
 _EXIT_S = 5.0
 

@@ -50,9 +50,9 @@ class Sensor:
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
-        wait_until(lambda: self._publisher.get_subscription_count() == 1)
+        wait_until(lambda: self._publisher.get_subscription_count() == 1, 10.0)
         # The guard has a sample as soon as the node's diagnostics could show one.
-        wait_until(lambda: bench.node._client.safety.tension_n is not None)
+        wait_until(lambda: bench.node._client.safety.tension_n is not None, 10.0)
 
     def _run(self):
         while not self._end.wait(0.01):

@@ -108,6 +108,12 @@ NAMESPACE = LaunchArgument('namespace', 'namespace of all nodes; empty: the root
 SIM_TIME = LaunchArgument(
     'use_sim_time', 'take the time from /clock instead of the computer', 'false', ('true', 'false')
 )
+RESPAWN = LaunchArgument(
+    'respawn',
+    'start a node again that has died. A tendon driver that starts on a taut tendon lets it out',
+    'true',
+    ('true', 'false'),
+)
 LOG_LEVEL = LaunchArgument(
     'log_level',
     'least severity that the nodes log',
@@ -115,7 +121,7 @@ LOG_LEVEL = LaunchArgument(
     ('debug', 'info', 'warn', 'error', 'fatal'),
 )
 
-_SHARED = (RECORD, PARAMS_FILE, NAMESPACE, SIM_TIME, LOG_LEVEL)
+_SHARED = (RECORD, PARAMS_FILE, NAMESPACE, SIM_TIME, RESPAWN, LOG_LEVEL)
 
 
 def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...]:
@@ -165,6 +171,7 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
         dataclasses.replace(
             SIM_TIME, description='take the time from the recording, by /clock', default='true'
         ),
+        dataclasses.replace(RESPAWN, default='false'),
         LOG_LEVEL,
     ),
 }

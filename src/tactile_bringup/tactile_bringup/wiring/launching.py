@@ -19,7 +19,7 @@ Imports ``launch``, which comes with an ordinary ROS 2 and not from PyPI.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 import shutil
 import tempfile
@@ -41,7 +41,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
 
-from tactile_bringup.wiring.graph import NodeDescription
+from tactile_bringup.wiring.graph import NodeDescription, PLAYER
 from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
 from tactile_bringup.wiring.launch_plans import LaunchPlan, plan_launch, RigDescription
 
@@ -52,6 +52,12 @@ nothing moves need not."""
 ENDS_WITHIN_S = '15'
 """A trial that is ended brings the rig to rest first; with launch's own 5 s a busy computer
 could be too slow for that."""
+
+RESPAWN_DELAY_S = 0.2
+"""Between the death of a node and its next start."""
+
+NOT_RESPAWNED = ('bag_recorder', PLAYER)
+"""A recording ends with its recorder: a bag is not written on by another process."""
 
 AFTER_END_S = 2.0
 """For what is still being computed when the node has ended that ends all."""
@@ -88,7 +94,7 @@ def _start(context: LaunchContext, name: str) -> list[Any]:
     except Exception:
         scratch.rmdir()
         raise
-    nodes = {node.path: _node(node, values['log_level']) for node in plan.nodes}
+    nodes = {node.path: _node(node, values) for node in plan.nodes}
     ending = []
     if plan.ends_with:
         ends = TimerAction(
@@ -143,7 +149,7 @@ def _rig(rig: RigDescription) -> ExecuteProcess:
     )
 
 
-def _node(description: NodeDescription, log_level: str) -> Node:
+def _node(description: NodeDescription, values: Mapping[str, str]) -> Node:
     return Node(
         package=description.package,
         executable=description.executable,
@@ -157,9 +163,11 @@ def _node(description: NodeDescription, log_level: str) -> Node:
                 if not isinstance(value, (tuple, list)) or len(value)
             }
         ],
-        arguments=['--ros-args', '--log-level', log_level],
+        arguments=['--ros-args', '--log-level', values['log_level']],
         output='screen',
         sigterm_timeout=ENDS_WITHIN_S,
+        respawn=values['respawn'] == 'true' and description.name not in NOT_RESPAWNED,
+        respawn_delay=RESPAWN_DELAY_S,
     )
 
 
