@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import copy
+import threading
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -58,6 +59,8 @@ class TactileNode(LifecycleNode):
     is_finished, has_failed : bool
         Set by a node whose work comes to an end, as a recording does: its process ends
         then, with 1 when it has failed.
+    ending : threading.Event
+        Set when the process is to end. What waits for long in ``set_up``, waits on this.
     message_guard : MessageGuard
         Guards every subscription of the node: a callback may raise `MessageError`.
     """
@@ -66,6 +69,7 @@ class TactileNode(LifecycleNode):
     has_failed = False
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
+        self.ending = threading.Event()
         self.message_guard = MessageGuard(self)
         super().__init__(name, **node_options)
         self._config_class = config_class
@@ -168,9 +172,9 @@ class TactileNode(LifecycleNode):
     # -- use --------------------------------------------------------------------------
 
     def bring_up(self) -> bool:
-        """Configure and activate; return whether both succeeded."""
+        """Configure and activate; return whether both succeeded, and the process is not ending."""
         for transition in (self.trigger_configure, self.trigger_activate):
-            if transition() != TransitionCallbackReturn.SUCCESS:
+            if self.ending.is_set() or transition() != TransitionCallbackReturn.SUCCESS:
                 return False
         return True
 
