@@ -121,6 +121,8 @@ class End:
 
 def run_signals(quick: bool) -> Report:
     """Send the signals, and count what ended how."""
+    # A shell starts what runs in the background with SIGINT ignored, and children inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     ends: dict[str, list[End]] = {}
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
