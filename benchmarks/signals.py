@@ -272,7 +272,7 @@ def _arguments(
     program = Path(get_package_prefix(node.package), 'lib', node.package, node.executable)
     arguments = [str(program), '--ros-args', '-r', f'__node:={node.name}']
     for key, value in node.parameters.items():
-        if value not in ((), ''):
+        if value not in ((), '') and key != 'facts':  # its JSON is no YAML of a command line
             arguments += ['-p', f'{key}:={_yaml(value)}']
     return arguments
 

@@ -184,11 +184,11 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
     also while the node was being configured, which is given up then.
     """
     signals = hold_signals()
-    # No handlers of rclpy, because they take the context down at once: a node could no longer
-    # tell the guide to stop.
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         try:
+            # No handlers of rclpy, because they take the context down at once: a node could no
+            # longer tell the guide to stop.
+            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
             node = factory()
         except Exception as error:
             _logger().fatal(f'cannot start: {error}')

@@ -59,7 +59,11 @@ class Signals:
         for number in NUMBERS:
             signal.signal(number, self._take)
         signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
-        os.register_at_fork(after_in_child=_give_back)
+        os.register_at_fork(
+            before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS),
+            after_in_parent=lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS),
+            after_in_child=_give_back,
+        )
 
     def _take(self, number: int, frame: FrameType | None) -> None:
         self.received = self.received or number
@@ -172,3 +176,4 @@ def _give_back() -> None:
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
