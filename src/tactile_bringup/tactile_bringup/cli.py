@@ -20,7 +20,6 @@ Imports of the work are inside the functions: ``--help`` must not wait for ROS.
 from collections.abc import Callable
 import functools
 import os
-import signal
 import sys
 from typing import Any
 
@@ -49,8 +48,12 @@ UNTIL_A_SIGNAL = (rig, sense, hand)
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> None:
-        with hold_signals().raising():
-            command(*arguments, **options)
+        signals = hold_signals()
+        try:
+            with signals.raising():
+                command(*arguments, **options)
+        except KeyboardInterrupt:
+            raise typer.Exit(128 + signals.received) from None  # as shells say it
 
     return run
 
@@ -75,13 +78,11 @@ for command in (
 
 def main() -> int:
     """Run the command that the arguments name."""
-    signals = hold_signals()
+    hold_signals()
     # Nobody else on the network moves our rig, nor hears it, unless the environment says so.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
         app()
-    except KeyboardInterrupt:
-        return 128 + (signals.received or signal.SIGINT)
     except BrokenPipeError:
         sys.stderr.close()
         return 1

@@ -21,6 +21,7 @@ import copy
 import threading
 from typing import Any
 
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
@@ -59,6 +60,8 @@ class TactileNode(LifecycleNode):
     is_finished, has_failed : bool
         Set by a node whose work comes to an end, as a recording does: its process ends
         then, with 1 when it has failed.
+    is_configured : bool
+        From the begin of configure to the end of cleanup: parameters do not change.
     ending : threading.Event
         Set when the process is to end. What waits for long in ``set_up``, waits on this.
     message_guard : MessageGuard
@@ -67,6 +70,7 @@ class TactileNode(LifecycleNode):
 
     is_finished = False
     has_failed = False
+    is_configured = False
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
         self.ending = threading.Event()
@@ -74,7 +78,13 @@ class TactileNode(LifecycleNode):
         super().__init__(name, **node_options)
         self._config_class = config_class
         declare_config(self, config_class)
-        self.declare_parameter('autostart', True)
+        self.declare_parameter(
+            'autostart',
+            True,
+            ParameterDescriptor(
+                description='configure and activate when the process starts', read_only=True
+            ),
+        )
         self.config: Any = None
         self.goal_runners: list[Any] = []
         self.is_active = False
@@ -126,12 +136,13 @@ class TactileNode(LifecycleNode):
     # -- transitions ---------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.is_configured = True
         try:
             self.config = read_config(self, self._config_class)
             self.set_up(self.config)
         except Exception as error:
             self.get_logger().error(f'cannot configure: {error}')
-            self.tear_down()
+            self._give_back()
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -159,7 +170,7 @@ class TactileNode(LifecycleNode):
                 'cannot clean up: a goal is still coming to rest; try again when it has ended'
             )
             return TransitionCallbackReturn.FAILURE
-        self.tear_down()
+        self._give_back()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -210,4 +221,8 @@ class TactileNode(LifecycleNode):
                 self.is_active = False
                 self.stop()
         finally:
-            self.tear_down()
+            self._give_back()
+
+    def _give_back(self) -> None:
+        self.tear_down()
+        self.is_configured = False
