@@ -120,10 +120,9 @@ changes_of = {
 def test_a_block_is_converted_or_refused(changes):
     try:
         block = strain_block_from_msg(mutate(StrainBlock(period_ns=1, tension_n=[1.0]), changes))
-    except MessageError as error:
-        assert str(error)
-    else:
-        assert len(block.tension_n)
+    except MessageError:
+        return
+    assert len(block.tension_n)
 
 
 @given(mutations(TrialEvent))
@@ -131,11 +130,10 @@ def test_a_block_is_converted_or_refused(changes):
 def test_an_event_is_converted_or_refused_and_can_be_sent_on(changes):
     try:
         event = event_from_msg(mutate(TrialEvent(phase='hold'), changes))
-    except MessageError as error:
-        assert str(error)
-    else:
-        assert event.phase in PHASES
-        serialize_message(event_to_msg(event))
+    except MessageError:
+        return
+    assert event.phase in PHASES
+    serialize_message(event_to_msg(event))
 
 
 @given(mutations(TactileFeatures))
@@ -143,10 +141,9 @@ def test_an_event_is_converted_or_refused_and_can_be_sent_on(changes):
 def test_a_window_is_converted_or_refused_and_can_be_sent_on(changes):
     try:
         window = feature_window_from_msg(mutate(TactileFeatures(), changes))
-    except MessageError as error:
-        assert str(error)
-    else:
-        serialize_message(feature_window_to_msg(window))
+    except MessageError:
+        return
+    serialize_message(feature_window_to_msg(window))
 
 
 @pytest.mark.parametrize(
