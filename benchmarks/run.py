@@ -55,6 +55,7 @@ TOPICS = {
     'press': ('measures', 'run_press'),
     'slip': ('slip', 'run_slip'),
     'rest': ('rest', 'run_rest'),
+    'signals': ('signals', 'run_signals'),
     'speeds': ('speeds', 'run_speeds'),
     'simulated-speeds': ('speeds', 'run_simulated_speeds'),
     'peers': ('peers', 'run_peers'),
@@ -65,7 +66,10 @@ TOPICS = {
     'phase-cost': ('phases', 'run_phase_cost'),
 }
 
-LONG = ('hand', 'endurance', 'peers', 'speeds', 'simulated-speeds', 'rest', 'twin', 'twin-speed')
+LONG = (
+    *('hand', 'endurance', 'peers', 'speeds', 'simulated-speeds', 'rest', 'signals'),
+    *('twin', 'twin-speed'),
+)
 """Topics of many minutes, or with peers to install, which are run when they are named."""
 
 DESCRIPTION = """Measure the speed and the error of the numerical kernels, the decoders, the
@@ -81,7 +85,7 @@ Error is measured against a reference of higher precision, or as a count of
 answers that differ. Where a bound is stated, exceeding it is a failure.
 """
 
-EPILOG = """topics (hand, endurance, peers, both speeds, rest and both twins only when named):
+EPILOG = """topics (hand, endurance, peers, speeds, rest, signals and twins only when named):
   spectrum     91 amplitudes of a texture window
   sliding      91 amplitudes of the window that ends at every sample
   regression   slope, intercept, correlation of a stiffness window
@@ -108,6 +112,7 @@ EPILOG = """topics (hand, endurance, peers, both speeds, rest and both twins onl
   press        stiffness and relaxation of simulated objects: the same
   slip         slip detector on simulated grips: misses, latency, false alarms
   rest         from a killed process or a cut cable to rest, on the simulated rig
+  signals      2,000 SIGINTs and SIGTERMs at random moments: hangs and exit codes
   speeds       texture at a speed never seen, on recordings (needs the archive)
   simulated-speeds  the same on simulated plates
   peers        MiniRocket (aeon), tsfresh and raw neighbours beside ours

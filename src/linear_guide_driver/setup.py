@@ -35,8 +35,12 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'linear_guide_node = linear_guide_driver.linear_guide_node:main',
-            'tendon_actuator_node = linear_guide_driver.tendon_actuator_node:main',
+            'linear_guide_node = tactile_ros.node_program:main',
+            'tendon_actuator_node = tactile_ros.node_program:main',
+        ],
+        'tactile.nodes': [
+            'linear_guide_node = linear_guide_driver.linear_guide_node:LinearGuideNode',
+            'tendon_actuator_node = linear_guide_driver.tendon_actuator_node:TendonActuatorNode',
         ],
     },
 )

@@ -39,10 +39,15 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'trial_runner_node = tactile_bringup.nodes.trial_runner_node:main',
-            'bag_recorder_node = tactile_bringup.nodes.bag_recorder_node:main',
-            'bag_player_node = tactile_bringup.nodes.bag_player_node:main',
-            'tactile = tactile_bringup.cli:main',
+            'trial_runner_node = tactile_ros.node_program:main',
+            'bag_recorder_node = tactile_ros.node_program:main',
+            'bag_player_node = tactile_ros.node_program:main',
+            'tactile = tactile_bringup.program:main',
+        ],
+        'tactile.nodes': [
+            'trial_runner_node = tactile_bringup.nodes.trial_runner_node:TrialRunnerNode',
+            'bag_recorder_node = tactile_bringup.nodes.bag_recorder_node:BagRecorderNode',
+            'bag_player_node = tactile_bringup.nodes.bag_player_node:BagPlayerNode',
         ],
     },
 )

@@ -34,7 +34,11 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'tactile_classifier_node = tactile_classifier.tactile_classifier_node:main',
+            'tactile_classifier_node = tactile_ros.node_program:main',
+        ],
+        'tactile.nodes': [
+            'tactile_classifier_node = '
+            'tactile_classifier.tactile_classifier_node:TactileClassifierNode',
         ],
     },
 )

@@ -17,14 +17,18 @@
 Imports of the work are inside the functions: ``--help`` must not wait for ROS.
 """
 
+from collections.abc import Callable
+import functools
 import os
 import sys
+from typing import Any
 
 import typer
 
 from tactile_bringup.cli_bags import repair, replay
 from tactile_bringup.cli_data import evaluate, robustness, simulate, train
 from tactile_bringup.cli_rig import check, demo, devices, hand, rig, sense, trials
+from tactile_ros.signals import hold_signals, ignore_signals
 
 app = typer.Typer(
     name='tactile',
@@ -36,6 +40,23 @@ app = typer.Typer(
     help='Touch through the tendon of a soft robotic finger: texture and stiffness from one '
     'tension signal.',
 )
+
+UNTIL_A_SIGNAL = (rig, sense, hand)
+"""These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
+
+
+def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
+    @functools.wraps(command)
+    def run(*arguments: Any, **options: Any) -> None:
+        signals = hold_signals()
+        try:
+            with signals.raising():
+                command(*arguments, **options)
+        except KeyboardInterrupt:
+            raise typer.Exit(128 + signals.received) from None  # as shells say it
+
+    return run
+
 
 for command in (
     demo,
@@ -52,18 +73,19 @@ for command in (
     devices,
     check,
 ):
-    app.command()(command)
+    app.command()(command if command in UNTIL_A_SIGNAL else _interruptible(command))
 
 
 def main() -> int:
-    """Entry point of the console script."""
+    """Run the command that the arguments name."""
+    hold_signals()
     # Nobody else on the network moves our rig, nor hears it, unless the environment says so.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
         app()
-    except KeyboardInterrupt:
-        return 130
     except BrokenPipeError:
         sys.stderr.close()
         return 1
+    finally:
+        ignore_signals()
     return 0

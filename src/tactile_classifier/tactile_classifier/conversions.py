@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_ros.errors import MessageError
 
 
 def classification_to_msg(result: ClassificationResult) -> Any:
@@ -57,10 +58,22 @@ def classification_to_msg(result: ClassificationResult) -> Any:
 
 
 def classification_from_msg(message: Any) -> ClassificationResult:
-    """Return the result in a Classification message of rclpy or rosbags."""
+    """Return the result in a Classification message of rclpy or rosbags.
+
+    Raises
+    ------
+    MessageError
+        When the outcome is not known, or the scores are not one a label.
+    """
 
     def to_ns(stamp: Any) -> int:
         return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+    if len(message.scores) not in (0, len(message.labels)):
+        raise MessageError(
+            f'scores has {len(message.scores)} entries and labels {len(message.labels)}; '
+            'they must be as many'
+        )
 
     return ClassificationResult(
         task=message.task,
@@ -68,7 +81,7 @@ def classification_from_msg(message: Any) -> ClassificationResult:
         contact=message.contact,
         model_id=message.model_id,
         simulated=bool(message.simulated),
-        outcome=Outcome(message.outcome),
+        outcome=_read_outcome(message.outcome),
         label=message.label,
         reason=message.reason,
         labels=tuple(message.labels),
@@ -84,3 +97,11 @@ def classification_from_msg(message: Any) -> ClassificationResult:
         decided=bool(message.decided),
         error_rate=float(message.error_rate),
     )
+
+
+def _read_outcome(value: Any) -> Outcome:
+    try:
+        return Outcome(value)
+    except ValueError:
+        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in Outcome)
+        raise MessageError(f'outcome is {value}; it must be one of {names}') from None

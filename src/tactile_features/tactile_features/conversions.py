@@ -15,20 +15,52 @@
 """Messages to records and back.
 
 ``*_from_msg`` read fields by name alone, so that they take rclpy's messages and
-those that the rosbags library has deserialised.
+those that the rosbags library has deserialised. They raise `MessageError` for what must not be
+in such a message, or is not known here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import dataclasses
-from typing import Any
+import functools
+from typing import Any, TypeVar
 
 import numpy as np
 
+from tactile_features.message_checks import (
+    END_OF_TIME_NS,
+    find_block_fault,
+    find_event_fault,
+    find_window_fault,
+)
 from tactile_features.records import FeatureWindow, Measure, Outcome, StrainBlock, TrialEvent
 from tactile_features.slip import Slip, SlipConfig
+from tactile_ros.errors import MessageError
+
+Record = TypeVar('Record')
 
 
+def _checked(
+    find_fault: Callable[[Record], str],
+) -> Callable[[Callable[[Any], Record]], Callable[[Any], Record]]:
+    """Make a conversion raise `MessageError` for a record in which ``find_fault`` finds one."""
+
+    def decorate(convert: Callable[[Any], Record]) -> Callable[[Any], Record]:
+        @functools.wraps(convert)
+        def convert_and_check(msg: Any) -> Record:
+            record = convert(msg)
+            fault = find_fault(record)
+            if fault:
+                raise MessageError(fault)
+            return record
+
+        return convert_and_check
+
+    return decorate
+
+
+@_checked(find_block_fault)
 def strain_block_from_msg(msg: Any) -> StrainBlock:
     """Return the record of a ``tactile_msgs/StrainBlock``."""
     return StrainBlock(
@@ -41,6 +73,7 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
     )
 
 
+@_checked(find_event_fault)
 def event_from_msg(msg: Any) -> TrialEvent:
     """Return the record of a ``tactile_msgs/TrialEvent``."""
     return TrialEvent(
@@ -72,6 +105,7 @@ def event_to_msg(event: TrialEvent) -> Any:
     return TrialEventMsg(header=Header(stamp=stamp), **fields)
 
 
+@_checked(find_window_fault)
 def feature_window_from_msg(msg: Any) -> FeatureWindow:
     """Return the record of a ``tactile_msgs/TactileFeatures``."""
     return FeatureWindow(
@@ -80,7 +114,7 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
         trial_id=str(msg.trial_id),
         contact=str(msg.contact),
         simulated=bool(msg.simulated),
-        outcome=Outcome(int(msg.outcome)),
+        outcome=_outcome_from_msg(msg.outcome),
         reason=str(msg.reason),
         values=np.array(msg.values, dtype=np.float64),
         window_start_ns=_stamp_from_msg(msg.window_start),
@@ -170,8 +204,19 @@ def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
     )
 
 
+def _outcome_from_msg(value: Any) -> Outcome:
+    try:
+        return Outcome(int(value))
+    except ValueError:
+        names = ', '.join(f'{outcome.value} ({outcome.name})' for outcome in Outcome)
+        raise MessageError(f'outcome is {value}; it must be one of {names}') from None
+
+
 def _stamp_from_msg(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    if not 0 <= stamp_ns < END_OF_TIME_NS:
+        raise MessageError(f'a stamp is {stamp.sec} s and {stamp.nanosec} ns; it is no ROS time')
+    return stamp_ns
 
 
 def _split_stamp(stamp_ns: int) -> dict[str, int]:

@@ -22,6 +22,7 @@ from tactile_features.conversions import event_from_msg, slip_to_msg, strain_blo
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
+from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
@@ -50,6 +51,8 @@ class SlipDetectorNode(TactileNode):
         self.detector: SlipDetector | None = None
         self._publisher: Any = None
         self._subscriptions_made: list[Any] = []
+        self._diagnostics: Diagnostics | None = None
+        self._block_count = self._assessed_blocks = self._slip_count = 0
         self.trial_id = ''
 
     def set_up(self, config: SlipConfig) -> None:
@@ -68,8 +71,12 @@ class SlipDetectorNode(TactileNode):
                 for topic in EVENT_TOPICS
             ),
         ]
+        self._diagnostics = Diagnostics(self, lambda: '', self._assess)
 
     def tear_down(self) -> None:
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
         self._subscriptions_made = []
@@ -83,8 +90,20 @@ class SlipDetectorNode(TactileNode):
         self.trial_id = '' if has_ended else event.trial_id
 
     def _on_block(self, detector: SlipDetector, msg: Any) -> None:
-        for slip in detector.add(strain_block_from_msg(msg)):
+        slips = detector.add(strain_block_from_msg(msg))
+        self._block_count += 1
+        for slip in slips:
+            self._slip_count += 1
             self._publisher.publish(slip_to_msg(slip, self.config, self.trial_id))
+
+    def _assess(self) -> Health:
+        is_fed = self._block_count > self._assessed_blocks
+        self._assessed_blocks = self._block_count
+        return Health(
+            OK if is_fed else WARN,
+            'samples come in' if is_fed else 'no samples on tendon_sensor/strain',
+            {'blocks': self._block_count, 'slips': self._slip_count, 'active': self.is_active},
+        )
 
 
 def main() -> int:

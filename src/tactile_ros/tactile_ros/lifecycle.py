@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import copy
+import threading
 from typing import Any
 
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
@@ -58,19 +60,31 @@ class TactileNode(LifecycleNode):
     is_finished, has_failed : bool
         Set by a node whose work comes to an end, as a recording does: its process ends
         then, with 1 when it has failed.
+    is_configured : bool
+        From the begin of configure to the end of cleanup: parameters do not change.
+    ending : threading.Event
+        Set when the process is to end. What waits for long in ``set_up``, waits on this.
     message_guard : MessageGuard
         Guards every subscription of the node: a callback may raise `MessageError`.
     """
 
     is_finished = False
     has_failed = False
+    is_configured = False
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
+        self.ending = threading.Event()
         self.message_guard = MessageGuard(self)
         super().__init__(name, **node_options)
         self._config_class = config_class
         declare_config(self, config_class)
-        self.declare_parameter('autostart', True)
+        self.declare_parameter(
+            'autostart',
+            True,
+            ParameterDescriptor(
+                description='configure and activate when the process starts', read_only=True
+            ),
+        )
         self.config: Any = None
         self.goal_runners: list[Any] = []
         self.is_active = False
@@ -122,12 +136,13 @@ class TactileNode(LifecycleNode):
     # -- transitions ---------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.is_configured = True
         try:
             self.config = read_config(self, self._config_class)
             self.set_up(self.config)
         except Exception as error:
             self.get_logger().error(f'cannot configure: {error}')
-            self.tear_down()
+            self._give_back()
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -155,7 +170,7 @@ class TactileNode(LifecycleNode):
                 'cannot clean up: a goal is still coming to rest; try again when it has ended'
             )
             return TransitionCallbackReturn.FAILURE
-        self.tear_down()
+        self._give_back()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -168,9 +183,9 @@ class TactileNode(LifecycleNode):
     # -- use --------------------------------------------------------------------------
 
     def bring_up(self) -> bool:
-        """Configure and activate; return whether both succeeded."""
+        """Configure and activate; return whether both succeeded, and the process is not ending."""
         for transition in (self.trigger_configure, self.trigger_activate):
-            if transition() != TransitionCallbackReturn.SUCCESS:
+            if self.ending.is_set() or transition() != TransitionCallbackReturn.SUCCESS:
                 return False
         return True
 
@@ -206,4 +221,8 @@ class TactileNode(LifecycleNode):
                 self.is_active = False
                 self.stop()
         finally:
-            self.tear_down()
+            self._give_back()
+
+    def _give_back(self) -> None:
+        self.tear_down()
+        self.is_configured = False

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-import signal
 import threading
 import time
 import traceback
@@ -32,9 +31,13 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_ros.lifecycle import TactileNode
+from tactile_ros.signals import hold_signals, ignore_signals
 
 REST_TIMEOUT_S = 3.0
 """How long the end of a process waits for running goals to come to rest."""
+
+POLL_S = 0.2
+"""How often a process asks whether its node has finished its work."""
 
 
 class NodeGroup:
@@ -120,6 +123,9 @@ class NodeGroup:
 
     def close(self) -> None:
         """End goals, stop spinning, take the nodes down. Harmless when called twice."""
+        for node in self._nodes:
+            if isinstance(node, TactileNode):
+                node.ending.set()
         runners = [r for node in self._nodes for r in getattr(node, 'goal_runners', ())]
         for runner in runners:
             runner.end_goal()
@@ -174,36 +180,27 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
 
     With the parameter ``autostart`` (the default) the node configures and
     activates itself; a node that cannot, or whose callback raises, exits with 1.
-    Without, it waits for a lifecycle manager.
+    Without, it waits for a lifecycle manager. After a signal the code is 0, whenever it came:
+    also while the node was being configured, which is given up then.
     """
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    # Our own handlers, because rclpy's take the context down at once: a node
-    # could no longer tell the guide to stop.
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    signals = hold_signals()
     try:
         try:
+            # No handlers of rclpy, because they take the context down at once: a node could no
+            # longer tell the guide to stop.
+            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
             node = factory()
         except Exception as error:
             _logger().fatal(f'cannot start: {error}')
             return 1
-        if node.get_parameter('autostart').value and not node.bring_up():
+        is_wanted = node.get_parameter('autostart').value
+        if is_wanted and not signals.run(node.bring_up, node.ending.set):
             node.take_down()
-            return 1
-        with NodeGroup([node]) as group:
-            while not (stop.wait(0.2) or group.ended.is_set() or node.is_finished):
+            return 0 if signals.received else 1
+        with NodeGroup([node], on_end=signals.wake) as group:
+            while not (signals.wait(POLL_S) or group.ended.is_set() or node.is_finished):
                 pass
         return 1 if group.error or node.has_failed else 0
     finally:
         rclpy.try_shutdown()
         ignore_signals()
-
-
-def ignore_signals() -> None:
-    """Let no further SIGINT or SIGTERM spoil the exit code of a process that is ending.
-
-    The interpreter gives signals their deadly default back before it is gone.
-    """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)

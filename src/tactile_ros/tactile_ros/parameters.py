@@ -19,6 +19,10 @@ metadata ``description`` and, where they apply, ``unit``, ``range`` (both ends
 allowed), ``choices``, and ``element``: the type within a tuple that is empty by
 default, where it is not str. The parameter has the field's name, type and default, so
 that YAML, code and documentation cannot disagree.
+
+A node reads its Config when it is configured. Until it is cleaned up, a change is refused. A
+field with the metadata ``live`` (True) can be set at any time: its node looks at the
+parameter whenever it needs it.
 """
 
 from __future__ import annotations
@@ -37,6 +41,8 @@ from rclpy.parameter import Parameter
 
 Config = TypeVar('Config')
 
+REMEDY = 'deactivate and clean up the node first'
+
 
 def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     """Return the descriptor of the parameter that stands for one Config field."""
@@ -47,6 +53,8 @@ def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     if metadata.get('choices'):
         text += f'; one of {", ".join(map(str, metadata["choices"]))}'
     descriptor = ParameterDescriptor(name=field.name, description=text)
+    if not metadata.get('live'):
+        descriptor.additional_constraints = f'read when the node is configured; {REMEDY}'
     if 'range' in metadata:
         low, high = metadata['range']
         if isinstance(field.default, float):
@@ -61,6 +69,8 @@ def describe_field(field: dataclasses.Field[Any]) -> ParameterDescriptor:
 def declare_config(node: Node, config_class: type[Config]) -> None:
     """Declare a parameter for every field of ``config_class``.
 
+    While the node's ``is_configured`` is true, only fields that are live can change.
+
     Raises
     ------
     rclpy.exceptions.InvalidParameterValueException
@@ -74,20 +84,33 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
             default = types.INTEGER_ARRAY if is_integer else types.STRING_ARRAY
         node.declare_parameter(field.name, default, describe_field(field))
 
-    def check_choices(parameters: list[Parameter]) -> SetParametersResult:
-        fields = {f.name: f for f in dataclasses.fields(config_class)}  # type: ignore[arg-type]
+    fields = {f.name: f for f in dataclasses.fields(config_class)}  # type: ignore[arg-type]
+
+    def check(parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
             field = fields.get(parameter.name)
-            choices = field.metadata.get('choices') if field else None
-            if choices and parameter.value not in choices:
-                reason = (
-                    f'{parameter.name} is "{parameter.value}"; it must be one of '
-                    + ', '.join(map(str, choices))
-                )
+            reason = _find_objection(node, field, parameter) if field else ''
+            if reason:
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
-    node.add_on_set_parameters_callback(check_choices)
+    node.add_on_set_parameters_callback(check)
+
+
+def _find_objection(node: Node, field: dataclasses.Field[Any], parameter: Parameter) -> str:
+    """Return why a parameter cannot take a value; empty when it can."""
+    choices = field.metadata.get('choices')
+    if choices and parameter.value not in choices:
+        return f'{parameter.name} is "{parameter.value}"; it must be one of ' + ', '.join(
+            map(str, choices)
+        )
+    if not getattr(node, 'is_configured', False) or field.metadata.get('live'):
+        return ''
+    # A file of parameters may be loaded again: what it does not change is no change.
+    present = node.get_parameter_or(field.name, None)
+    if present is not None and present.get_parameter_value() == parameter.get_parameter_value():
+        return ''
+    return f'{parameter.name} is read when the node is configured: {REMEDY}'
 
 
 def read_config(node: Node, config_class: type[Config]) -> Config:

@@ -17,11 +17,9 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import fields
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
-from rcl_interfaces.msg import SetParametersResult
 from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
@@ -61,7 +59,6 @@ class TendonSensorNode(TactileNode):
         self._entities: list[tuple[Any, Any]] = []  # what to destroy, and with what
         self._restarts = 0
         self._drift_n: float | None = None
-        self.add_on_set_parameters_callback(self._check_parameters)
 
     def set_up(self, config: TendonSensorConfig) -> None:
         self._zero = tare.Tare(config)
@@ -109,17 +106,6 @@ class TendonSensorNode(TactileNode):
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
-
-    def _check_parameters(self, parameters: list[Any]) -> SetParametersResult:
-        names = {field.name for field in fields(TendonSensorConfig)}
-        for parameter in parameters:
-            if self._client is not None and parameter.name in names:
-                return SetParametersResult(
-                    successful=False,
-                    reason=f'{parameter.name} cannot change while the sensor is open; '
-                    'deactivate and clean up the node first',
-                )
-        return SetParametersResult(successful=True)
 
     # -- on the client's thread --------------------------------------------------------
 

@@ -16,11 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, ExitStack
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-import signal
 import threading
 from typing import Any
 
@@ -37,7 +36,7 @@ from tactile_bringup.wiring.graph import (
 )
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_bringup.wiring.parameter_files import read_parameters
-from tactile_ros.node_group import ignore_signals
+from tactile_ros.signals import hold_signals
 from tactile_sim.rig_process import SimulatedRig
 
 
@@ -71,11 +70,12 @@ def run_rig(request: RigRequest) -> None:
     BringupError
         When the arguments do not fit, a node cannot be started, or one fails later.
     """
+    if hold_signals().received:
+        return
     models = find_models(request.models) if request.models else {}
     parameters = read_rig_parameters(request.params, request.models, request.namespace)
     simulated = request.ports.simulated
     with ExitStack() as stack:
-        until = stack.enter_context(signalled())
         ports, _ = open_ports(request.ports, stack)
         nodes = rig_graph(ports, models, parameters, simulated=simulated)
         if request.record:
@@ -89,38 +89,32 @@ def run_rig(request: RigRequest) -> None:
                     simulated=simulated,
                 )
             )
-        run_nodes(nodes, until, request.namespace, 'SIMULATED rig' if simulated else 'rig')
+        run_nodes(nodes, request.namespace, 'SIMULATED rig' if simulated else 'rig')
 
 
-@contextmanager
-def signalled() -> Iterator[threading.Event]:
-    """Give an event that SIGINT and SIGTERM set; none of them spoils the end of the process."""
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    try:
-        yield stop
-    finally:
-        ignore_signals()
-
-
-def run_nodes(
-    nodes: Sequence[NodeDescription], stop: threading.Event, namespace: str, title: str
-) -> None:
-    """Run nodes in this process until the event is set, or one of them fails.
+def run_nodes(nodes: Sequence[NodeDescription], namespace: str, title: str) -> None:
+    """Run nodes in this process until SIGINT or SIGTERM, or until one of them fails.
 
     Raises
     ------
     BringupError
         When a node cannot be started, or one fails later.
     """
+    signals, ended = hold_signals(), threading.Event()
+
+    def end() -> None:
+        ended.set()
+        signals.wake()
+
     with (
         ros_context() as context,
-        running_graph(nodes, context, namespace=namespace, on_end=stop.set),
+        running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals),
     ):
-        names = ', '.join(node.path for node in nodes)
-        Output(as_json=False).say(f'{title} running: {names}. Ctrl-C ends it.')
-        stop.wait()
+        if not signals.received:
+            names = ', '.join(node.path for node in nodes)
+            Output(as_json=False).say(f'{title} running: {names}. Ctrl-C ends it.')
+        while not (signals.wait() or ended.is_set()):
+            pass
 
 
 def read_rig_parameters(

@@ -21,8 +21,9 @@ from contextlib import ExitStack
 from pathlib import Path
 import tempfile
 
-from tactile_bringup.commands.rig import run_nodes, signalled
+from tactile_bringup.commands.rig import run_nodes
 from tactile_bringup.wiring.launch_plans import plan_launch
+from tactile_ros.signals import hold_signals
 from tactile_sim.rig_process import SimulatedRig
 
 
@@ -41,12 +42,13 @@ def run_sensing(name: str, values: Mapping[str, str]) -> None:
     BringupError
         When the arguments do not fit, a node cannot be started, or one fails later.
     """
+    if hold_signals().received:
+        return
     given = {key: value for key, value in values.items() if value}
     with ExitStack() as stack:
-        stop = stack.enter_context(signalled())
         scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix='tactile_'))
         plan = plan_launch(name, given, Path(scratch))
         for rig in plan.rigs:
             stack.enter_context(SimulatedRig(rig.seed, rig.links))
         title = 'SIMULATED sensing' if given.get('rig') == 'simulated' else 'sensing'
-        run_nodes(plan.nodes, stop, '', title)
+        run_nodes(plan.nodes, '', title)

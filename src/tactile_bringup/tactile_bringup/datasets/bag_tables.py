@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.errors import BagError
+from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import EVENT, TactileBag
 from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.records import TASKS
 from tactile_features.config import FeatureConfig
-from tactile_features.conversions import event_from_msg
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
@@ -138,8 +138,7 @@ def _collect(
     left_out: list[str],
 ) -> None:
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
-    for message in bag.messages(EVENT, namespace=namespace):
-        event = event_from_msg(message.decode())
+    for _, event in read_records(bag.messages(EVENT, namespace=namespace)):
         events[event.trial_id].append(event)
     left_out.extend(
         f'{trial_id}: a slip trial, and there are no slip features yet'

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.errors import BagError
+from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import EVENT, STRAIN, TactileBag
-from tactile_features.conversions import event_from_msg, strain_block_from_msg
 
 
 @dataclass(frozen=True)
@@ -56,16 +56,15 @@ def read_trace(bag: TactileBag, trial_id: str, namespace: str = '') -> TrialTrac
     """
     events = [
         event
-        for message in bag.messages(EVENT, namespace=namespace)
-        if (event := event_from_msg(message.decode())).trial_id == trial_id
+        for _, event in read_records(bag.messages(EVENT, namespace=namespace))
+        if event.trial_id == trial_id
     ]
     if len(events) < 2:
         raise BagError(f'{bag.path} has no trial {trial_id}')
     begin_ns, end_ns = events[0].stamp_ns, events[-1].stamp_ns
     offsets_ns: list[int] = []
     tension_n: list[float] = []
-    for message in bag.messages(STRAIN, namespace=namespace):
-        block = strain_block_from_msg(message.decode())
+    for _, block in read_records(bag.messages(STRAIN, namespace=namespace)):
         for i, value in enumerate(block.tension_n):
             stamp_ns = block.stamp_ns + i * block.period_ns
             if begin_ns <= stamp_ns <= end_ns:

@@ -51,9 +51,6 @@ SAVE_PERIOD_S = 0.5
 """How often what came is brought into the file, and from there to the disk: at most so much
 is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
 
-AUDIT_ERROR_PERIOD_S = 10.0
-"""How often at most the log says that messages cannot be audited."""
-
 
 class BagRecorderNode(TactileNode):
     """Records while active; the bag is complete once the node is cleaned up.
@@ -229,10 +226,8 @@ class BagRecorderNode(TactileNode):
             else:
                 audits = auditor.add_event(event_from_msg(message))
         except Exception as error:  # bytes of a stranger; they are recorded as they are
-            self.get_logger().error(
-                f'a message on {topic.name} is recorded, but cannot be audited: {error!r}',
-                throttle_duration_sec=AUDIT_ERROR_PERIOD_S,
-            )
+            reason = f'it is recorded, but cannot be audited: {error!r}'
+            self.message_guard.refuse(topic.name, reason)
             return
         for audit in audits:
             self._publish(audit, writer)

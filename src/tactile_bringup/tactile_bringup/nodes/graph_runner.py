@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from typing import Any
 
 import rclpy
@@ -31,18 +30,8 @@ from rclpy.signals import SignalHandlerOptions
 from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.graph import join_namespaces, NodeDescription
 from tactile_ros.node_group import NodeGroup
-
-NODE_CLASSES = {
-    'tendon_sensor_node': 'tendon_sensor_driver.tendon_sensor_node:TendonSensorNode',
-    'linear_guide_node': 'linear_guide_driver.linear_guide_node:LinearGuideNode',
-    'tendon_actuator_node': 'linear_guide_driver.tendon_actuator_node:TendonActuatorNode',
-    'tactile_features_node': 'tactile_features.tactile_features_node:TactileFeaturesNode',
-    'slip_detector_node': 'tactile_features.slip_detector_node:SlipDetectorNode',
-    'tactile_classifier_node': 'tactile_classifier.tactile_classifier_node:TactileClassifierNode',
-    'trial_runner_node': 'tactile_bringup.nodes.trial_runner_node:TrialRunnerNode',
-    'bag_recorder_node': 'tactile_bringup.nodes.bag_recorder_node:BagRecorderNode',
-    'bag_player_node': 'tactile_bringup.nodes.bag_player_node:BagPlayerNode',
-}
+from tactile_ros.node_program import find_node_class
+from tactile_ros.signals import Signals
 
 
 def create_node(
@@ -57,8 +46,7 @@ def create_node(
     BringupError
         When a parameter is not known, out of range or of the wrong type.
     """
-    module, _, name = NODE_CLASSES[description.executable].partition(':')
-    node_class = getattr(import_module(module), name)
+    node_class = find_node_class(description.executable)
     overrides = [
         Parameter(key, value=list(value) if isinstance(value, tuple) else value)
         for key, value in description.parameters.items()
@@ -106,8 +94,9 @@ def running_graph(
     others: Sequence[Any] = (),
     quiet: bool = False,
     on_end: Callable[[], None] = lambda: None,
+    signals: Signals | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Run nodes on one executor until the block ends; give them by name, with their namespace.
+    """Run nodes until the block ends; give them by name, with their namespace.
 
     Parameters
     ----------
@@ -121,6 +110,8 @@ def running_graph(
         Log warnings and errors only.
     on_end : callable
         Called, on a thread of the graph, when the nodes have stopped running.
+    signals : Signals, optional
+        A signal ends the start of the nodes early; those that are not active then stay so.
 
     Raises
     ------
@@ -129,12 +120,30 @@ def running_graph(
         failed by itself, as a recorder does whose disk is full; the others ran on then.
     """
     nodes: dict[str, Any] = {}
-    try:
+
+    def is_ending() -> bool:
+        return signals is not None and bool(signals.received)
+
+    def bring_up() -> None:
         for description in descriptions:
+            if is_ending():
+                return
             nodes[description.path] = create_node(description, context, namespace, quiet=quiet)
         for name, node in nodes.items():
             if not node.bring_up():
+                if is_ending():
+                    return
                 raise BringupError(f'the node {name} could not be started; its log says why')
+
+    def interrupt() -> None:
+        for node in list(nodes.values()):
+            node.ending.set()
+
+    try:
+        if signals is None:
+            bring_up()
+        else:
+            signals.run(bring_up, interrupt)
     except BaseException:
         NodeGroup([*others, *nodes.values()], context=context).close()
         raise

@@ -33,6 +33,7 @@ from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.records import ClassificationResult
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification
+from tactile_ros.message_guard import MessageGuard
 from tactile_ros.qos import RESULTS
 from tactile_ros.requests import send
 
@@ -51,14 +52,16 @@ class OperatorNode(Node):  # type: ignore[misc]
         self._run = ActionClient(self, RunTrial, 'trial_runner/run_trial')
         self._arrived = threading.Condition()
         self._answers: list[ClassificationResult] = []
+        guard = MessageGuard(self)
         for name in classifiers:
-            self.create_subscription(
-                Classification, classification_topic(name).name, self._on_classification, RESULTS
-            )
+            topic = classification_topic(name).name
+            on_message = guard.wrap(topic, self._on_classification)
+            self.create_subscription(Classification, topic, on_message, RESULTS)
 
     def _on_classification(self, message: Classification) -> None:
+        answer = classification_from_msg(message)
         with self._arrived:
-            self._answers.append(classification_from_msg(message))
+            self._answers.append(answer)
             self._arrived.notify_all()
 
     def home_guide(self) -> str:

@@ -164,7 +164,8 @@ def _replay_graph(models: Mapping[str, str], config: FeatureConfig) -> list[Node
 
 def _caught_up(features: Any, sent: Mapping[str, int]) -> bool:
     extractor = features.extractor
-    return bool(extractor.block_count >= sent[STRAIN] and extractor.event_count >= sent[EVENT])
+    taken = extractor.block_count + extractor.event_count + features.message_guard.refused_count
+    return bool(taken >= sum(sent.values()))
 
 
 def _spin_until(

@@ -26,9 +26,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import EVENT, EVENT_TOPIC, STRAIN, TactileBag
 from tactile_bringup.recording.stream_counts import SampleRun, StreamCounts
-from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_features.phase_window import RATE_TOLERANCE
 from tactile_features.records import (
     PHASE_ABORTED,
@@ -311,11 +311,10 @@ def audit_open_bag(bag: TactileBag) -> list[Audit]:
     audits: list[Audit] = []
     for finger in bag.namespaces:
         auditor = FingerAuditor(finger, nominal_rate_hz(bag.facts))
-        for message in bag.messages(STRAIN, EVENT, namespace=finger):
-            decoded = message.decode()
+        for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=finger)):
             if message.type_name == STRAIN:
-                audits += auditor.add_block(strain_block_from_msg(decoded))
+                audits += auditor.add_block(record)
             elif message.topic.endswith(EVENT_TOPIC.name):  # and not what was found in the signal
-                audits += auditor.add_event(event_from_msg(decoded))
+                audits += auditor.add_event(record)
         audits += auditor.finish()
     return audits

@@ -29,18 +29,13 @@ from typing import Any
 import numpy as np
 
 from tactile_bringup.errors import BagError
+from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
 from tactile_bringup.wiring.graph import parse_classifier_name
-from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_features.config import FeatureConfig
-from tactile_features.conversions import (
-    event_from_msg,
-    feature_window_from_msg,
-    strain_block_from_msg,
-)
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import FeatureWindow
@@ -77,10 +72,10 @@ def recorded_config(bag: TactileBag) -> FeatureConfig:
 def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
     """Return the features and classifications that were published while recording."""
     results = TactileResults()
-    for message in bag.messages(FEATURES, namespace=namespace):
-        results.windows.append(feature_window_from_msg(message.decode()))
-    for message in bag.messages(CLASSIFICATION, namespace=namespace):
-        results.classifications.append(classification_from_msg(message.decode()))
+    for _, window in read_records(bag.messages(FEATURES, namespace=namespace)):
+        results.windows.append(window)
+    for _, classification in read_records(bag.messages(CLASSIFICATION, namespace=namespace)):
+        results.classifications.append(classification)
     return results.sort()
 
 
@@ -94,11 +89,11 @@ def replay_windows(
     """
     extractor = TrialFeatureExtractor(config)
     windows: list[FeatureWindow] = []
-    for message in bag.messages(STRAIN, EVENT, namespace=namespace):
+    for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=namespace)):
         if message.type_name == STRAIN:
-            windows += extractor.add_block(strain_block_from_msg(message.decode()))
+            windows += extractor.add_block(record)
         else:
-            windows += extractor.add_event(event_from_msg(message.decode()))
+            windows += extractor.add_event(record)
     if finish:
         windows += extractor.finish()
     return windows

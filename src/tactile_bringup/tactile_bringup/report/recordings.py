@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.datasets.traces import read_trace, TrialTrace
+from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import STRAIN, TactileBag
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.splits import grouped_split
-from tactile_features.conversions import strain_block_from_msg
 from tactile_features.records import PROTOCOL_STIFFNESS
 
 
@@ -180,8 +180,7 @@ def _read_windows(
 ) -> dict[int, Example]:
     times_ns: dict[int, list[NDArray[np.int64]]] = {row: [] for row in spans}
     values: dict[int, list[NDArray[np.float64]]] = {row: [] for row in spans}
-    for message in bag.messages(STRAIN, namespace=namespace):
-        block = strain_block_from_msg(message.decode())
+    for _, block in read_records(bag.messages(STRAIN, namespace=namespace)):
         stamps = block.stamp_ns + np.arange(len(block.tension_n)) * block.period_ns
         for row, (start, end) in spans.items():
             if stamps[-1] >= start and stamps[0] <= end:

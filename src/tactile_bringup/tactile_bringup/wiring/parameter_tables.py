@@ -48,11 +48,16 @@ NODES: dict[str, type] = {
 
 
 def parameter_tables() -> str:
-    """Return one table a node: name, default, unit, what values are allowed, meaning."""
+    """Return one table a node: name, default, unit, what values are allowed, meaning.
+
+    A sentence before each table says when the node reads them.
+    """
     parts = []
     for node, config_class in NODES.items():
         parts += [
             f'**`{node}`**',
+            '',
+            _tell_when_read(config_class),
             '',
             '| parameter | default | unit | allowed | meaning |',
             '|---|---|---|---|---|',
@@ -60,6 +65,13 @@ def parameter_tables() -> str:
             '',
         ]
     return '\n'.join(parts)
+
+
+def _tell_when_read(config_class: type) -> str:
+    live = [f'`{f.name}`' for f in dataclasses.fields(config_class) if f.metadata.get('live')]
+    if live:
+        return f'Live: {", ".join(live)}. The others are read at configure.'
+    return 'Live: none. All are read at configure.'
 
 
 def _row(field: dataclasses.Field[Any]) -> str:

@@ -12,14 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-from importlib import import_module
 import json
 from pathlib import Path
 
 import pytest
 
 from tactile_bringup.errors import BringupError
-from tactile_bringup.nodes.graph_runner import NODE_CLASSES
 from tactile_bringup.wiring.graph import (
     all_classifier_names,
     classifier_name,
@@ -31,6 +29,7 @@ from tactile_bringup.wiring.graph import (
     slip_node,
 )
 from tactile_bringup.wiring.model_folder import find_models
+from tactile_ros.node_program import find_node_class
 
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
 
@@ -84,8 +83,7 @@ def test_every_described_node_can_be_created_here(models):
     nodes.append(recorder_node(Path('bag'), None, (), {}, simulated=True))
     nodes.append(slip_node({}, simulated=True))
     for node in nodes:
-        module, _, name = NODE_CLASSES[node.executable].partition(':')
-        assert hasattr(import_module(module), name)
+        module = find_node_class(node.executable).__module__
         assert module.split('.')[0] == node.package
         assert module.split('.')[-1] == node.executable
 

@@ -31,6 +31,7 @@ class Config:
     count: int = field(default=3, metadata={'description': 'count', 'range': (1, 10)})
     names: tuple[str, ...] = field(default=(), metadata={'description': 'names'})
     path: str = field(default='', metadata={'description': 'path'})
+    gain: float = field(default=1.0, metadata={'description': 'gain', 'live': True})
 
     def __post_init__(self) -> None:
         if self.path == 'nowhere':
@@ -105,6 +106,43 @@ def test_value_that_is_no_choice_cannot_be_set_later(make_node):
     (result,) = node.set_parameters([Parameter('unit', value='lb')])
     assert not result.successful
     assert 'kg, g' in result.reason
+
+
+def test_parameters_do_not_change_from_configure_to_cleanup_but_for_live_ones(make_node):
+    node = make_node()
+
+    def set_to(name, value):
+        (result,) = node.set_parameters([Parameter(name, value=value)])
+        return result.reason if not result.successful else 'set'
+
+    assert set_to('count', 4) == 'set'
+    for transition in (node.trigger_configure, node.trigger_activate, node.trigger_deactivate):
+        transition()
+        refusal = set_to('count', 5)
+        assert 'count is read when the node is configured' in refusal
+        assert 'deactivate and clean up the node first' in refusal
+        assert set_to('count', 4) == 'set'  # no change
+        assert set_to('gain', float(node.calls.count('start') + 2)) == 'set'
+    node.trigger_cleanup()
+    assert set_to('count', 5) == 'set'
+    assert node.bring_up()
+    assert node.config.count == 5
+    assert 'read' in node.describe_parameter('count').additional_constraints
+    assert not node.describe_parameter('gain').additional_constraints
+
+
+def test_parameters_can_be_mended_after_a_configuration_that_failed(make_node):
+    node = make_node(path='nowhere')
+    assert not node.bring_up()
+    (result,) = node.set_parameters([Parameter('path', value='here')])
+    assert result.successful
+    assert node.bring_up()
+
+
+def test_autostart_is_read_once(make_node):
+    node = make_node(autostart=False)
+    (result,) = node.set_parameters([Parameter('autostart', value=True)])
+    assert not result.successful
 
 
 def test_config_that_refuses_itself_refuses_configure(make_node):

@@ -24,7 +24,9 @@ import pytest
 
 PROGRAM = """
 import sys
+import time
 from dataclasses import dataclass, field
+from tactile_ros import signals
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 
@@ -34,8 +36,18 @@ class Config:
 
 class Node(TactileNode):
     def __init__(self):
+        if 'slow' in sys.argv:
+            print('constructing', flush=True)
+            time.sleep(0.5)
         super().__init__('probe', Config)
     def set_up(self, config):
+        if config.device == 'waiting':
+            print('configuring', flush=True)
+            self.ending.wait()
+        if config.device == 'stuck':
+            signals.INTERRUPT_TIMEOUT_S = 0.2
+            print('configuring', flush=True)
+            time.sleep(60)
         if config.device == 'broken':
             raise RuntimeError('device broken')
     def start(self):
@@ -69,6 +81,30 @@ def test_signal_ends_the_process_cleanly(number):
     output, errors = process.communicate(timeout=10)
     assert process.returncode == 0, errors
     assert output.strip() == 'torn down'
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('device', ['waiting', 'stuck'])
+def test_signal_ends_a_configuration_that_is_under_way(device, number):
+    process = start('--ros-args', '-p', f'device:={device}')
+    assert process.stdout.readline().strip() == 'configuring'
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=10)
+    assert process.returncode == 0, errors
+    assert 'torn down' in output
+    assert 'started' not in output
+    assert 'Traceback' not in errors
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_while_the_node_is_made_ends_the_process_cleanly(number):
+    process = start('slow')
+    assert process.stdout.readline().strip() == 'constructing'
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=10)
+    assert process.returncode == 0, errors
+    assert output.strip() == 'torn down'
+    assert 'Traceback' not in errors
 
 
 def test_node_that_cannot_configure_exits_with_one_and_says_why():

@@ -142,7 +142,7 @@ def test_parameters_do_not_change_under_an_open_sensor(graph):
     assert graph.node.bring_up()
     (result,) = graph.node.set_parameters([scale])
     assert not result.successful
-    assert 'scale cannot change while the sensor is open' in result.reason
+    assert 'scale is read when the node is configured' in result.reason
     graph.node.trigger_deactivate()
     graph.node.trigger_cleanup()
     (result,) = graph.node.set_parameters([scale])

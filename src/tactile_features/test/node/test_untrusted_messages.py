@@ -1,0 +1,251 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whatever a message holds, a conversion gives a record or refuses it, and no core stumbles."""
+
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+
+from tactile_features.config import FeatureConfig
+from tactile_features.conversions import (
+    event_from_msg,
+    event_to_msg,
+    feature_window_from_msg,
+    feature_window_to_msg,
+    slip_to_msg,
+    strain_block_from_msg,
+)
+from tactile_features.extractor import TrialFeatureExtractor
+from tactile_features.slip import SlipConfig, SlipDetector
+from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.errors import MessageError
+
+PHASES = ['approach', 'contact', 'glide', 'hold', 'release', 'return', 'done', 'aborted', 'pull']
+START_S = 1_760_000_000
+
+long_runs = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+
+floats = st.floats() | st.sampled_from([0.0, -1.0, 1e308, -1e308, 1e9, 5e-324])
+int32 = st.integers(-(2**31), 2**31 - 1)
+uint32 = st.integers(0, 2**32 - 1) | st.sampled_from([0, 2**32 - 1, 999_999_999, 10**9])
+int64 = st.integers(-(2**63), 2**63 - 1) | st.sampled_from([0, -1, 1, 2**63 - 1, -(2**63)])
+uint64 = st.integers(0, 2**64 - 1) | st.sampled_from([0, 1, 2**64 - 1, 2**63])
+words = st.sampled_from(['', 'flexion', 'abduction', 'dance', *PHASES]) | st.text(
+    st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=5
+)
+numbers = {'sec': int32, 'nanosec': uint32}
+
+
+def strategy_of(kind):
+    """Return what a field of this type can hold at all."""
+    if kind.startswith('sequence<double>'):
+        return st.lists(floats, max_size=4)
+    return {
+        'double': floats,
+        'int64': int64,
+        'uint64': uint64,
+        'uint32': uint32,
+        'uint8': st.integers(0, 255),
+        'boolean': st.booleans(),
+        'string': words,
+    }.get(kind)
+
+
+def mutations(message_type):
+    """Give changes of some fields of a message, as a dict; ``stamp`` is the header's."""
+    fields = {
+        name: strategy
+        for name, kind in message_type.get_fields_and_field_types().items()
+        if (strategy := strategy_of(kind)) is not None
+    }
+    stamps = st.tuples(int32, uint32)
+    return st.dictionaries(st.sampled_from(['stamp', *fields]), st.none(), max_size=3).flatmap(
+        lambda names: st.fixed_dictionaries({n: fields.get(n, stamps) for n in names})
+    )
+
+
+def mutate(message, changes):
+    for name, value in changes.items():
+        if name == 'stamp':
+            message.header.stamp.sec, message.header.stamp.nanosec = value
+        else:
+            setattr(message, name, value)
+    return message
+
+
+def stream(changes_of_blocks, changes_of_events):
+    """Yield the messages of trials, some of them changed: a second of samples, then an event."""
+    generator = np.random.default_rng(1)
+    for second in range(14):
+        block = StrainBlock(
+            sequence=60 * second,
+            period_ns=16_666_667,
+            tension_n=generator.normal(3.0, 0.1, 60),
+        )
+        block.header.stamp.sec = START_S + second
+        yield mutate(block, changes_of_blocks.get(second, {}))
+        event = TrialEvent(
+            trial_id=f'trial-{second // 7}',
+            protocol='texture',
+            contact='flexion',
+            phase=['approach', 'contact', 'glide', 'glide', 'hold', 'release', 'done'][second % 7],
+            glide_speed_m_s=0.01,
+        )
+        event.header.stamp.sec = START_S + second
+        yield mutate(event, changes_of_events.get(second, {}))
+
+
+changes_of = {
+    kind: st.dictionaries(st.integers(0, 13), mutations(kind), max_size=4)
+    for kind in (StrainBlock, TrialEvent)
+}
+
+
+@given(mutations(StrainBlock))
+@settings(deadline=None)
+def test_a_block_is_converted_or_refused(changes):
+    try:
+        block = strain_block_from_msg(mutate(StrainBlock(period_ns=1, tension_n=[1.0]), changes))
+    except MessageError:
+        return
+    assert len(block.tension_n)
+
+
+@given(mutations(TrialEvent))
+@settings(deadline=None)
+def test_an_event_is_converted_or_refused_and_can_be_sent_on(changes):
+    try:
+        event = event_from_msg(mutate(TrialEvent(phase='hold'), changes))
+    except MessageError:
+        return
+    assert event.phase in PHASES
+    serialize_message(event_to_msg(event))
+
+
+@given(mutations(TactileFeatures))
+@settings(deadline=None)
+def test_a_window_is_converted_or_refused_and_can_be_sent_on(changes):
+    try:
+        window = feature_window_from_msg(mutate(TactileFeatures(), changes))
+    except MessageError:
+        return
+    serialize_message(feature_window_to_msg(window))
+
+
+@pytest.mark.parametrize(
+    'config',
+    [
+        FeatureConfig(running_samples=(90,)),
+        FeatureConfig(texture_features='texture_spatial'),
+        FeatureConfig(phases='texture'),
+        FeatureConfig(phases='stiffness'),
+    ],
+    ids=['stated', 'spatial', 'texture found', 'stiffness found'],
+)
+@given(blocks=changes_of[StrainBlock], events=changes_of[TrialEvent])
+@long_runs
+def test_the_extractor_takes_all_that_is_not_refused(config, blocks, events):
+    extractor = TrialFeatureExtractor(config)
+    windows = []
+    for message in stream(blocks, events):
+        try:
+            if isinstance(message, StrainBlock):
+                windows += extractor.add_block(strain_block_from_msg(message))
+            else:
+                windows += extractor.add_event(event_from_msg(message))
+        except MessageError:
+            continue
+        for event in extractor.take_detected_events():
+            serialize_message(event_to_msg(event))
+    for window in [*windows, *extractor.finish()]:
+        serialize_message(feature_window_to_msg(window))
+
+
+@pytest.mark.parametrize('rate_hz', [60.0, 7000.0])
+@given(blocks=changes_of[StrainBlock])
+@long_runs
+def test_the_slip_detector_takes_all_that_is_not_refused(rate_hz, blocks):
+    config = SlipConfig(rate_hz=rate_hz)
+    detector = SlipDetector(config)
+    for message in stream(blocks, {}):
+        if not isinstance(message, StrainBlock):
+            continue
+        try:
+            slips = detector.add(strain_block_from_msg(message))
+        except MessageError:
+            continue
+        for slip in slips:
+            serialize_message(slip_to_msg(slip, config, ''))
+
+
+@pytest.mark.parametrize(
+    ('changes', 'fault'),
+    [
+        ({'tension_n': []}, 'tension_n is empty'),
+        ({'period_ns': -1}, 'period_ns is -1'),
+        ({'period_ns': 0, 'tension_n': [1.0, 2.0]}, 'period_ns is 0'),
+        ({'period_ns': 2**62, 'tension_n': [1.0, 2.0]}, 'beyond the end of ROS time'),
+        ({'sequence': 2**64 - 1, 'tension_n': [1.0, 2.0]}, 'do not fit into 64 bits'),
+        ({'tension_n': [1.0, 1e300]}, '1e+300'),
+        ({'status': 2**31 + 4}, 'its bits 2147483648 are not known'),
+        ({'stamp': (-1, 0)}, 'no ROS time'),
+    ],
+)
+def test_what_is_wrong_with_a_block_is_said(changes, fault):
+    message = mutate(StrainBlock(period_ns=1, tension_n=[1.0]), changes)
+    with pytest.raises(MessageError) as caught:
+        strain_block_from_msg(message)
+    assert fault in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'fault'),
+    [
+        ({'phase': 'dance'}, 'phase is "dance"; it must be one of approach, contact'),
+        ({'contact': 'thumb'}, 'contact is "thumb"'),
+        ({'protocol': 'smell'}, 'protocol is "smell"'),
+        ({'glide_speed_m_s': float('nan')}, 'glide_speed_m_s is nan'),
+    ],
+)
+def test_what_is_wrong_with_an_event_is_said(changes, fault):
+    with pytest.raises(MessageError) as caught:
+        event_from_msg(mutate(TrialEvent(phase='hold'), changes))
+    assert fault in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'fault'),
+    [
+        ({'outcome': 9}, 'outcome is 9; it must be one of 0 (OK), 1 (GAP)'),
+        ({'contact': 'thumb'}, 'contact is "thumb"'),
+        ({'rate_hz': float('inf')}, 'rate_hz is inf'),
+        ({'status': 2**31}, 'are not known'),
+    ],
+)
+def test_what_is_wrong_with_a_window_is_said(changes, fault):
+    with pytest.raises(MessageError) as caught:
+        feature_window_from_msg(mutate(TactileFeatures(), changes))
+    assert fault in str(caught.value)
+
+
+def test_values_that_are_not_finite_are_for_the_core():
+    block = strain_block_from_msg(StrainBlock(period_ns=1, tension_n=[float('nan'), 1.0]))
+    assert np.isnan(block.tension_n[0])
+
+
+def test_features_of_another_set_are_for_another_node():
+    assert feature_window_from_msg(TactileFeatures(feature_set='smell')).feature_set == 'smell'

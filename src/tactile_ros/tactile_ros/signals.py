@@ -1,0 +1,179 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""SIGINT and SIGTERM, for every process that runs nodes: the one place that handles them.
+
+The handlers take no lock. The interpreter's C handler writes the signal's number into a pipe,
+and the main thread waits on that pipe, so that no signal is lost just before a wait begins.
+This module imports nothing slow: programs hold signals before they import anything else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+import os
+import select
+import signal
+import threading
+from types import FrameType
+from typing import TypeVar
+
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+INTERRUPT_TIMEOUT_S = 10.0
+"""How long interrupted work is waited for."""
+
+REPEAT_S = 0.05
+"""Pause between two attempts to interrupt the main thread."""
+
+Result = TypeVar('Result')
+
+
+class Signals:
+    """The signals that have come since `hold_signals`.
+
+    Attributes
+    ----------
+    received : int
+        Number of the first signal that has come; 0 while there is none.
+    """
+
+    def __init__(self) -> None:
+        self.received = 0
+        self._raises = False
+        self._read_end, self._write_end = os.pipe()
+        for end in (self._read_end, self._write_end):
+            os.set_blocking(end, False)
+        for number in NUMBERS:
+            signal.signal(number, self._take)
+        signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
+        os.register_at_fork(
+            before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS),
+            after_in_parent=lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS),
+            after_in_child=_give_back,
+        )
+
+    def _take(self, number: int, frame: FrameType | None) -> None:
+        self.received = self.received or number
+        if self._raises:
+            self._raises = False  # once: nothing interrupts the clearing up
+            raise KeyboardInterrupt
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for a signal, a `wake` or the time-out; return whether a signal has come."""
+        if not self.received:
+            select.select([self._read_end], [], [], timeout_s)
+            self._read()
+        return bool(self.received)
+
+    def _read(self) -> None:
+        with suppress(BlockingIOError):
+            for number in os.read(self._read_end, 4096):
+                self.received = self.received or number
+
+    def wake(self) -> None:
+        """End a `wait` from another thread."""
+        with suppress(BlockingIOError):  # a full pipe ends the wait, too
+            os.write(self._write_end, b'\0')
+
+    def run(self, work: Callable[[], Result], interrupt: Callable[[], object]) -> Result | None:
+        """Run ``work()`` on a thread of its own, and return what it returns or raise its error.
+
+        When a signal comes, ``interrupt()`` is called on this thread, and the work has
+        `INTERRUPT_TIMEOUT_S` to end. The result is None if it does not, or never began.
+        """
+        results: list[Result] = []
+        errors: list[BaseException] = []
+        if self.received:
+            return None
+
+        def run() -> None:
+            try:
+                results.append(work())
+            except BaseException as error:
+                errors.append(error)
+            self.wake()
+
+        thread = threading.Thread(target=run, name='interruptible', daemon=True)
+        thread.start()
+        while not (results or errors) and not self.wait():
+            pass
+        if self.received:
+            interrupt()
+            thread.join(INTERRUPT_TIMEOUT_S)
+        if errors:
+            raise errors[0]
+        return results[0] if results else None
+
+    @contextmanager
+    def raising(self) -> Iterator[None]:
+        """Raise KeyboardInterrupt in the main thread at the first signal within the block.
+
+        The interpreter runs handlers between two instructions. A signal that comes just
+        before a long wait would act after it, so a thread interrupts the main thread again
+        until the handler has run. Later signals do nothing.
+        """
+        over = threading.Event()
+        thread = threading.Thread(target=self._repeat, args=(over,), daemon=True)
+        self._raises = True
+        try:
+            if self.received:
+                self._take(self.received, None)
+            thread.start()
+            yield
+        finally:
+            self._raises = False
+            over.set()
+
+    def _repeat(self, over: threading.Event) -> None:
+        main = threading.main_thread().ident
+        assert main is not None
+        while not over.is_set():
+            if select.select([self._read_end], [], [], REPEAT_S)[0]:
+                self._read()
+            if self.received and self._raises:
+                signal.pthread_kill(main, self.received)
+                over.wait(REPEAT_S)
+
+
+_signals: Signals | None = None
+
+
+def hold_signals() -> Signals:
+    """Take over SIGINT and SIGTERM for the rest of this process; call it on the main thread.
+
+    Nothing happens by itself when one comes: ask `Signals.received`, `Signals.wait`.
+    """
+    global _signals
+    if _signals is None:
+        _signals = Signals()
+    return _signals
+
+
+def ignore_signals() -> None:
+    """Let no further signal spoil the exit code of a process that is ending.
+
+    The interpreter gives signals their deadly default back before it is gone.
+    """
+    for number in NUMBERS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _give_back() -> None:
+    """Give a forked child the usual handlers, and leave its parent's pipe alone."""
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
