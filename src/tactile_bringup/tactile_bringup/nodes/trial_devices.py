@@ -65,6 +65,7 @@ class TrialDevice:
 
     Attributes
     ----------
+    name : str
     client : rclpy.action.ActionClient
     """
 
@@ -78,7 +79,7 @@ class TrialDevice:
         config: TrialConfig,
         on_state: Callable[[int, float, float], None] = lambda *_: None,
     ) -> None:
-        self._node, self._name, self._words = node, name, words
+        self._node, self.name, self._words = node, name, words
         self._config, self._on_state = config, on_state
         self._heard_s: float | None = None
         self._readiness: Readiness | None = None
@@ -113,7 +114,7 @@ class TrialDevice:
             return [loss]
         if self._readiness is not None:
             return list(self._readiness.missing)
-        if self._node.count_publishers(f'{self._name}/ready'):
+        if self._node.count_publishers(f'{self.name}/ready'):
             return [f'The {self._words} has not said yet whether it is ready; see its log.']
         return []
 
@@ -132,7 +133,7 @@ class TrialDevice:
         if self._heard_s is None or time.monotonic() - self._heard_s <= timeout_s:
             return ''
         sentence = (
-            f'Nothing was heard of {self._name}/heartbeat for {timeout_s:g} s; '
+            f'Nothing was heard of {self.name}/heartbeat for {timeout_s:g} s; '
             'is its node running and active?'
         )
         return ' '.join([sentence, *self._reasons()])
@@ -159,7 +160,7 @@ class TrialDevice:
         """
         if self._position_m is None:
             raise GoalAborted(
-                f'no position was heard on {self._name}/joint_states, so nobody can tell when '
+                f'no position was heard on {self.name}/joint_states, so nobody can tell when '
                 f'the motion begins; home the {self._words}'
             )
         self._track = MotionTrack(self._position_m, target_m, speed_m_s)

@@ -239,7 +239,7 @@ class TrialRunnerNode(TactileNode):
 
         result = device.call(message, check)
         if not self._wait_until(begin, trial, REPORT_S):
-            raise GoalAborted('the motion was not seen in the joint states of its driver')
+            raise GoalAborted(f'the motion was not seen on {device.name}/joint_states')
         return result
 
     # -- what may end a trial ----------------------------------------------------------
