@@ -202,7 +202,7 @@ class TrialDevice:
         try:
             handle = self._wait(answer, check, in_time_s, refusal)
         except (GoalAborted, GoalCanceled):
-            answer.add_done_callback(_cancel_late_goal)
+            answer.add_done_callback(cancel_late_goal)
             raise
         if not handle.accepted:
             raise GoalAborted(f'the {self._words} rejected the goal')
@@ -292,6 +292,7 @@ class StrainWatch:
             self._heard_s = time.monotonic()
 
 
-def _cancel_late_goal(answer: concurrent.futures.Future[Any]) -> None:
+def cancel_late_goal(answer: concurrent.futures.Future[Any]) -> None:
+    """Cancel a goal that was taken when nobody waited for it any more."""
     if answer.exception() is None and answer.result().accepted:
         answer.result().cancel_goal_async()
