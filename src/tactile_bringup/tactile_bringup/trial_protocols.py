@@ -24,7 +24,6 @@ from dataclasses import dataclass
 
 from tactile_bringup.records import CONTACTS, PROTOCOLS, SIMULATED_PROTOCOLS, TrialConfig
 
-
 LONGEST_TRAVEL_M = 2.0
 """No guide is longer; where the guide stands before a trial, nobody knows."""
 
