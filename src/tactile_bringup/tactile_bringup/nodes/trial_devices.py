@@ -167,9 +167,15 @@ class TrialDevice:
         return self._track
 
     def ask_to_stop(self) -> Any:
-        """Ask for a stop without waiting; return the future answer, None if nobody hears it."""
-        can_hear = self._stop.service_is_ready() and not self.describe_loss()
-        return self._stop.call_async(Trigger.Request()) if can_hear else None
+        """Ask for a stop without waiting; return the future answer, None if none will come."""
+        if not self._stop.service_is_ready():
+            return None
+        answer = self._stop.call_async(Trigger.Request())
+        return None if self.describe_loss() else answer
+
+    def send(self, message: Any) -> None:
+        """Send a goal and wait for nothing: a driver without heartbeat may still hear it."""
+        send(self._node, lambda: self.client.send_goal_async(message))
 
     def call(
         self,

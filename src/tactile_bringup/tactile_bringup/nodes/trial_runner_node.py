@@ -307,10 +307,10 @@ class TrialRunnerNode(TactileNode):
         for attempt in range(RELEASE_ATTEMPTS):
             if attempt:
                 time.sleep(RELEASE_PAUSE_S)
-            problem = tendon.describe_loss()
-            if problem:  # its driver is gone, or lets the tendon out by itself
-                break
             try:
+                if problem := tendon.describe_loss():
+                    tendon.send(self._release(request))
+                    break
                 timeout_s = seconds + self.config.server_timeout_s
                 tendon.call(self._release(request), timeout_s=timeout_s)
                 return
