@@ -38,6 +38,7 @@ from linear_guide_driver.grbl_connection import GrblConnection
 from linear_guide_driver.grbl_settings import GuideSettings
 from linear_guide_driver.guide_path import check_reach, compute_piece_s, encode_pieces, mpos_to_m
 from linear_guide_driver.motion_gate import MotionGate
+from linear_guide_driver.motion_track import MotionSummary, MotionTrack
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 
 POSITION_TOLERANCE_M = 0.0001
@@ -73,8 +74,9 @@ class LinearGuideClient:
     Attributes
     ----------
     late_moves : int
-        Moves so far that took longer than they should: the host was late, or the
-        controller slower than it says. A glide among them was no steady one.
+        Moves so far that took longer than computed; a glide among them was not steady.
+    last_move : MotionSummary or None
+        Speed and lag of the last finished move; None when too few positions were reported.
     """
 
     def __init__(
@@ -84,14 +86,13 @@ class LinearGuideClient:
         clock_ns: Callable[[], int] = time.time_ns,
         on_trouble: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._config = config
+        self._config, self._clock_ns = config, clock_ns
         self._on_state, self._on_trouble = on_state, on_trouble
-        self._clock_ns = clock_ns
         self._connection: GrblConnection | None = None
         self._settings: GuideSettings | None = None
         self._gate = MotionGate('guide')
-        self.late_moves = 0  # moves that have paused on the way
-        self._direction = 0
+        self.last_move: MotionSummary | None = None
+        self._direction = self.late_moves = 0
         self._last: tuple[grbl.StatusReport, int] | None = None  # and when it came [ns]
         self._trouble = NOT_HOMED
 
@@ -244,6 +245,7 @@ class LinearGuideClient:
             start_m = self._check_move(position_m, speed_m_s)
             self._gate.begin('move', should_stop)
             self._direction = 1 if position_m >= start_m else -1
+            track = MotionTrack(start_m, position_m, speed_m_s)
             expected_s = settings.compute_move_duration_s(position_m - start_m, speed_m_s)
             started_s = time.monotonic()
 
@@ -262,24 +264,20 @@ class LinearGuideClient:
                     ),
                     expected_s + SLACK_S,
                     is_stopped,
-                    lambda: self._watch(on_state),
+                    lambda: self._watch(on_state, track),
                 )
                 late_s = time.monotonic() - started_s - expected_s
                 report = connection.wait_report(REPLY_TIMEOUT_S)
                 rest_m = mpos_to_m(report, self._config.travel_m)
                 if self._gate.end():
                     raise MotionStoppedError
-                if (
-                    report.state != 'Idle'
-                    or rest_m is None
-                    or abs(rest_m - position_m) > POSITION_TOLERANCE_M
-                ):
+                is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
+                if report.state != 'Idle' or not is_there:
                     raise MotionFailedError(f'it ended as {report.state} at {rest_m} m')
+                self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
                 if late_s > LATE_S:
                     self.late_moves += 1
-                    _logger.warning(
-                        'the move to %.4f m took %.2f s longer than it should', position_m, late_s
-                    )
+                    _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
             except MotionStoppedError:
                 self._come_to_rest(connection, position_m)
             except LinearGuideDriverError as error:
@@ -346,12 +344,14 @@ class LinearGuideClient:
             )
         return state.position_m
 
-    def _watch(self, on_state: Callable[[GuideState], None]) -> None:
+    def _watch(self, on_state: Callable[[GuideState], None], track: MotionTrack) -> None:
         state = self.state
         if state is None or self._gate.is_stopping:  # a stop begins with a hold of our own
             return
         if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
             raise MotionFailedError(f'the controller went to {state.state} by itself')
+        if state.position_m is not None:
+            track.add(state.received_at_ns, state.position_m)
         on_state(state)
 
     def _come_to_rest(self, connection: GrblConnection, target_m: float) -> NoReturn:

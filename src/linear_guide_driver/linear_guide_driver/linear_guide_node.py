@@ -176,6 +176,7 @@ class LinearGuideNode(TactileNode):
             message=f'The guide rests at {state.position_m:.4f} m.',
             position_m=state.position_m,
             duration_s=time.monotonic() - started_s,
+            **(self._client.last_move._asdict() if self._client.last_move else {}),
         )
 
     def _home(self, goal: Goal) -> HomeGuide.Result:

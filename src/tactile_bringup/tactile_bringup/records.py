@@ -99,9 +99,42 @@ class TrialConfig:
     )
     server_timeout_s: float = _parameter(
         5.0,
-        'time to wait for the guide and the tendon actuator to answer',
+        'time to wait for the guide and the tendon actuator to be ready, and to answer',
         unit='s',
         range=(0.1, 60.0),
+    )
+    heartbeat_timeout_s: float = _parameter(
+        0.4,
+        'silence of the heartbeat of the guide or of the tendon actuator that ends a trial',
+        unit='s',
+        range=(0.1, 10.0),
+    )
+    strain_timeout_s: float = _parameter(
+        0.5,
+        'a trial in contact ends when no valid sample came on tendon_sensor/strain for this long',
+        unit='s',
+        range=(0.05, 10.0),
+    )
+    speed_tolerance: float = _parameter(
+        0.011,
+        'largest error of the mean speed of a glide; at the default a spectral line at 30 Hz '
+        'moves by one bin of 1/3 Hz',
+        unit='1',
+        range=(0.0001, 1.0),
+    )
+    lag_tolerance_s: float = _parameter(
+        0.033,
+        'longest time by which the guide may fall behind its commanded motion in a glide; at the '
+        'default a spectral line at 30 Hz loses one period, which is one bin',
+        unit='s',
+        range=(0.001, 10.0),
+    )
+    displacement_tolerance_m: float = _parameter(
+        0.0005,
+        'largest error of the tendon displacement in contact; the default is that within which '
+        'the tendon actuator ends a pull',
+        unit='m',
+        range=(0.00001, 0.1),
     )
 
     def displacement_m(self, contact: str) -> float:

@@ -24,6 +24,9 @@ from dataclasses import dataclass
 
 from tactile_bringup.records import CONTACTS, PROTOCOLS, SIMULATED_PROTOCOLS, TrialConfig
 
+LONGEST_TRAVEL_M = 2.0
+"""No guide is longer; where the guide stands before a trial, nobody knows."""
+
 
 class ProtocolError(ValueError):
     """A trial was asked for that cannot be run; the message says why."""
@@ -134,6 +137,30 @@ def trial_steps(config: TrialConfig, request: TrialRequest) -> list[Step]:
         release,
         GuideStep('return', config.guide_start_m, config.approach_speed_m_s),
     ]
+
+
+def longest_trial_s(config: TrialConfig, request: TrialRequest) -> float:
+    """Return how long a trial may take at most [s]: its motions and waits, and every time-out.
+
+    Raises
+    ------
+    ProtocolError
+        When the rig cannot carry the protocol out.
+    """
+    total_s = config.server_timeout_s  # until the drivers are ready
+    for step in trial_steps(config, request):
+        if isinstance(step, WaitStep):
+            total_s += step.duration_s
+            continue
+        # Two time-outs for each motion: to take the goal, and to give it up.
+        total_s += 2 * config.server_timeout_s
+        if isinstance(step, TendonStep):
+            total_s += config.displacement_m(request.contact) / step.speed_m_s
+        elif isinstance(step, GuideStep) and step.phase == 'glide':
+            total_s += config.glide_length_m / step.speed_m_s
+        elif isinstance(step, GuideStep):
+            total_s += LONGEST_TRAVEL_M / step.speed_m_s
+    return total_s
 
 
 def simulated_steps(config: TrialConfig, request: TrialRequest) -> list[SimulatedStep]:

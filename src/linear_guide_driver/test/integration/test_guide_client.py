@@ -365,6 +365,16 @@ def test_a_move_that_pauses_on_the_way_is_counted(guide, grbl):
     grbl.pause_s = 0.5
     assert move.end() is None
     assert guide.late_moves == 1
+    assert guide.last_move.lag_s > 0.3
+
+
+def test_a_steady_move_is_known_as_steady(guide, grbl):
+    guide.home()
+    guide.move_to(0.051, 0.05)
+    assert guide.last_move.mean_speed_m_s == pytest.approx(0.05, rel=0.02)
+    assert guide.last_move.lag_s < 0.05
+    guide.move_to(0.053, 0.05)
+    assert guide.last_move is None, 'a move of 40 ms gives too few reports to judge it'
 
 
 def test_grblhal_is_known_by_its_banner_and_may_step_faster(grbl):

@@ -142,6 +142,7 @@ def run_live_trials(
         operator = OperatorNode(tuple(models), context)
         with running_graph(graph, context, others=[operator], quiet=True) as nodes:
             recorder = nodes['bag_recorder']
+            operator.trial_config = nodes['trial_runner'].config
             wait_until_matched(recorder)
             operator.home_guide()
             for request in requests:

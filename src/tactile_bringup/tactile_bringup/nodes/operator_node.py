@@ -27,8 +27,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from tactile_bringup.errors import BringupError
+from tactile_bringup.nodes.trial_devices import cancel_late_goal
 from tactile_bringup.recording.bags import classification_topic
-from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import longest_trial_s, TrialRequest
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.records import ClassificationResult
 from tactile_msgs.action import HomeGuide, RunTrial
@@ -37,17 +39,27 @@ from tactile_ros.message_guard import MessageGuard
 from tactile_ros.qos import RESULTS
 from tactile_ros.requests import send
 
-TRIAL_TIMEOUT_S = 120.0
+HOMING_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 5.0
+
+END_TIMEOUT_S = 30.0
+"""For a goal that has been cancelled to come to rest."""
 
 
 class OperatorNode(Node):  # type: ignore[misc]
-    """Blocking calls for a thread that does not spin; the executor runs elsewhere."""
+    """Blocking calls for a thread that does not spin; the executor runs elsewhere.
+
+    Attributes
+    ----------
+    trial_config : TrialConfig
+        Configuration of the trial runner: it tells how long a trial may take.
+    """
 
     def __init__(
         self, classifiers: tuple[str, ...], context: Context, namespace: str = ''
     ) -> None:
         super().__init__('operator', context=context, namespace=namespace)
+        self.trial_config = TrialConfig()
         self._home = ActionClient(self, HomeGuide, 'linear_guide/home')
         self._run = ActionClient(self, RunTrial, 'trial_runner/run_trial')
         self._arrived = threading.Condition()
@@ -72,7 +84,8 @@ class OperatorNode(Node):  # type: ignore[misc]
         BringupError
             When it does not end as asked.
         """
-        return str(self._call(self._home, 'homing the guide', HomeGuide.Goal()).message)
+        end = self._call(self._home, 'homing the guide', HomeGuide.Goal(), HOMING_TIMEOUT_S)
+        return str(end.message)
 
     def run_trial(self, request: TrialRequest) -> str:
         """Run one trial; return its id.
@@ -91,7 +104,8 @@ class OperatorNode(Node):  # type: ignore[misc]
             glide_speed_m_s=request.glide_speed_m_s,
             hold_s=request.hold_s,
         )
-        return str(self._call(self._run, 'the trial', goal).trial_id)
+        timeout_s = longest_trial_s(self.trial_config, request) + END_TIMEOUT_S
+        return str(self._call(self._run, 'the trial', goal, timeout_s).trial_id)
 
     def wait_for_answer(self, trial_id: str) -> ClassificationResult:
         """Wait for the classification of a trial.
@@ -114,19 +128,35 @@ class OperatorNode(Node):  # type: ignore[misc]
                     )
                 self._arrived.wait(left_s)
 
-    def _call(self, client: ActionClient, what: str, goal: Any) -> Any:
+    def _call(self, client: ActionClient, what: str, goal: Any, timeout_s: float) -> Any:
         if not client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S):
             raise BringupError(f'{what}: the action server does not answer; is the rig running?')
+        answer = send(self, lambda: client.send_goal_async(goal))
         try:
-            handle = send(self, lambda: client.send_goal_async(goal)).result(ANSWER_TIMEOUT_S)
+            handle = answer.result(ANSWER_TIMEOUT_S)
         except concurrent.futures.TimeoutError:
+            answer.add_done_callback(cancel_late_goal)
             raise BringupError(f'{what}: the goal was not taken') from None
         if not handle.accepted:
             raise BringupError(f'{what}: the goal was rejected')
+        result = send(self, handle.get_result_async)
         try:
-            reply = send(self, handle.get_result_async).result(TRIAL_TIMEOUT_S)
+            reply = result.result(timeout_s)
         except concurrent.futures.TimeoutError:
-            raise BringupError(f'{what}: no end within {TRIAL_TIMEOUT_S:.0f} s') from None
+            send(self, handle.cancel_goal_async)
+            raise BringupError(
+                f'{what}: no end within {timeout_s:.0f} s; {self._wait_for_rest(result)}'
+            ) from None
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
             raise BringupError(f'{what}: {reply.result.message}')
         return reply.result
+
+    def _wait_for_rest(self, result: concurrent.futures.Future[Any]) -> str:
+        """Wait for the end of a cancelled goal; return a sentence about it."""
+        try:
+            return f'cancelled: {result.result(END_TIMEOUT_S).result.message}'
+        except concurrent.futures.TimeoutError:
+            return (
+                f'cancelled, and not at rest {END_TIMEOUT_S:g} s later; bring the rig to rest '
+                'by hand, then start its nodes again'
+            )

@@ -16,20 +16,20 @@
 
 from __future__ import annotations
 
-import concurrent.futures
-import math
+from collections.abc import Callable
 import time
 from typing import Any
 
-from action_msgs.msg import GoalStatus
-from rclpy.action import ActionClient
-from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
+from rclpy.time import Time
 
+from linear_guide_driver.motion_track import MotionTrack
+from tactile_bringup.nodes.trial_devices import POLL_S, StrainWatch, TrialDevice
 from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_observation import judge_glide, TendonContact
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
+    Step,
     TendonStep,
     trial_steps,
     TrialRequest,
@@ -41,11 +41,15 @@ from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
-from tactile_ros.qos import EVENTS, STREAM
-from tactile_ros.requests import send, wait_for
+from tactile_ros.qos import EVENTS
+from tactile_ros.readiness import ReadinessPublisher
+from tactile_ros.requests import wait_for
 
-POLL_S = 0.02
-"""How often a trial that waits looks for a reason to end."""
+REPORT_S = 0.5
+"""How long the states of a motion may come after the result of its goal."""
+
+STOP_S = 1.0
+"""How long a driver may take to answer a stop."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
@@ -53,38 +57,42 @@ RELEASE_PAUSE_S = 0.3
 
 
 class TrialRunnerNode(TactileNode):
-    """Runs trials: action ``~/run_trial``, events on ``~/events``, ``~/heartbeat``.
+    """Runs trials: action ``~/run_trial``, topics ``~/events``, ``~/ready``, ``~/heartbeat``.
+
+    A phase is stamped from observed motion: a glide begins when the guide was seen to move, a
+    hold when the tendon was seen at rest. A trial fails when a driver or the strain falls
+    silent, or when the observed motion was not the commanded one.
 
     When a trial ends early, for whatever reason, guide and tendon are stopped
-    and the tendon is released; nothing moves again without a new goal. A trial ends
-    early, too, when the actuator lets the tendon go in contact: its guard or its watchdog
-    has acted, and what follows would be no trial.
+    and the tendon is released; nothing moves again without a new goal.
     """
 
     def __init__(self, node_name: str = 'trial_runner', **node_options: Any) -> None:
         super().__init__(node_name, TrialConfig, **node_options)
         self._runner: GoalRunner | None = None
         self._events: Any = None
-        self._guide: ActionClient | None = None
-        self._tendon: ActionClient | None = None
-        self._stops: list[Any] = []
-        self._tendon_states: Any = None
+        self._guide: TrialDevice | None = None
+        self._tendon: TrialDevice | None = None
+        self._strain: StrainWatch | None = None
         self._heartbeat: HeartbeatPublisher | None = None
-        self._contact = _Contact()
-        self._request: TrialRequest | None = None
+        self._ready: ReadinessPublisher | None = None
+        self._contact = TendonContact()
+        self._trial: _Trial | None = None
         self._count = 0
 
     def set_up(self, config: TrialConfig) -> None:
         self._events = self.create_lifecycle_publisher(TrialEvent, '~/events', EVENTS)
-        self._guide = ActionClient(self, MoveGuide, 'linear_guide/move')
-        self._tendon = ActionClient(self, PullTendon, 'tendon_actuator/pull')
-        self._stops = [
-            self.create_client(Trigger, 'linear_guide/stop'),
-            self.create_client(Trigger, 'tendon_actuator/stop'),
-        ]
-        self._tendon_states = self.create_subscription(
-            JointState, 'tendon_actuator/joint_states', self._on_tendon_state, STREAM
+        self._guide = TrialDevice(self, 'linear_guide', 'linear guide', MoveGuide, 'move', config)
+        self._tendon = TrialDevice(
+            self,
+            'tendon_actuator',
+            'tendon actuator',
+            PullTendon,
+            'pull',
+            config,
+            self._contact.take,
         )
+        self._strain = StrainWatch(self, config.strain_timeout_s)
         self._runner = GoalRunner(
             self,
             RunTrial,
@@ -93,6 +101,7 @@ class TrialRunnerNode(TactileNode):
             accepting=lambda: '' if self.is_active else 'the trial runner is not active',
         )
         self._heartbeat = HeartbeatPublisher(self, lambda: self.is_active)
+        self._ready = ReadinessPublisher(self, self._find_missing)
 
     def stop(self) -> None:
         if self._runner is not None and self._runner.is_busy:
@@ -105,90 +114,215 @@ class TrialRunnerNode(TactileNode):
         if self._runner is not None:
             # Not for long: with the executor waiting here, the trial gets no more answers.
             self._runner.close(timeout_s=0.5)
-            if self._runner.is_busy and self._request and self._tendon and self.context.ok():
-                self._tendon.send_goal_async(self._pull(self._release(), self._request))
+            if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
+                self._tendon.client.send_goal_async(self._release(self._trial.request))
             self._runner = None
-        if self._tendon_states is not None:
-            self.destroy_subscription(self._tendon_states)
-            self._tendon_states = None
-        if self._heartbeat is not None:
-            self._heartbeat.close()
-            self._heartbeat = None
-        for client in (self._guide, self._tendon):
-            if client is not None:
-                client.destroy()
-        self._guide = self._tendon = None
-        for stop in self._stops:
-            self.destroy_client(stop)
-        self._stops = []
+        for part in (self._ready, self._heartbeat, self._strain, self._guide, self._tendon):
+            if part is not None:
+                part.close()
+        self._ready = self._heartbeat = self._strain = self._guide = self._tendon = None
         if self._events is not None:
             self.destroy_lifecycle_publisher(self._events)
             self._events = None
+
+    def _find_missing(self) -> list[str]:
+        """Return what keeps a trial from being taken, a sentence each."""
+        if not self.is_active:
+            return ['The trial runner is not active; activate its node.']
+        if self._runner is not None and self._runner.is_busy:
+            return ['A trial is running; wait for its end or cancel it.']
+        return self._find_missing_parts()
+
+    def _find_missing_parts(self) -> list[str]:
+        guide, tendon, strain = self._guide, self._tendon, self._strain
+        if guide is None or tendon is None or strain is None:
+            return ['The trial runner is not configured; configure its node.']
+        parts = [*guide.find_missing(), *tendon.find_missing(), strain.describe_silence()]
+        return [part for part in parts if part]
 
     # -- one trial, on the goal's own thread -----------------------------------------
 
     def _run_trial(self, goal: Goal) -> RunTrial.Result:
         asked = goal.request
         self._count += 1
-        now_ns = self.get_clock().now().nanoseconds
         request = TrialRequest(
             protocol=asked.protocol,
             contact=asked.contact,
             object_label=asked.object_label,
-            trial_id=asked.trial_id or f'trial-{now_ns // 1_000_000_000}-{self._count:04d}',
+            trial_id=asked.trial_id or f'trial-{self._now_ns() // 10**9}-{self._count:04d}',
             session_id=asked.session_id,
             glide_speed_m_s=asked.glide_speed_m_s,
             hold_s=asked.hold_s,
         )
         steps = trial_steps(self.config, request)  # refuses, before anything moves
-        self._request = request
-        started = time.monotonic()
-        phase = ''
+        self._trial = trial = _Trial(request, goal)
         try:
             for step in steps:
                 goal.check()
-                if step.phase != phase:
-                    phase = step.phase
-                    self._announce(request, phase)
-                    goal.feedback(phase=phase, elapsed_s=time.monotonic() - started)
-                self._carry_out(step, request, goal)
+                is_new = step.phase != trial.phase
+                trial.phase = step.phase
+                self._carry_out(step, trial, is_new)
         except Exception as error:
-            self._contact.end()
-            self._bring_to_rest(request)
-            self._announce(request, TrialEvent.PHASE_ABORTED, str(error))
-            end = GoalCanceled if isinstance(error, GoalCanceled) else GoalAborted
-            message = f'trial {request.trial_id} ended in {phase}: {error}'
-            raise end(message, trial_id=request.trial_id) from error
-        self._announce(request, TrialEvent.PHASE_DONE)
+            self._end_early(trial, error)
+        self._announce(trial, TrialEvent.PHASE_DONE)
         return RunTrial.Result(
-            trial_id=request.trial_id,
-            message=f'trial {request.trial_id} done after {time.monotonic() - started:.1f} s',
+            message=f'trial {request.trial_id} done after {trial.elapsed_s:.1f} s',
+            **trial.numbers(),
         )
 
-    def _carry_out(
-        self, step: GuideStep | TendonStep | WaitStep, request: TrialRequest, goal: Goal
-    ) -> None:
+    def _carry_out(self, step: Step, trial: _Trial, is_new: bool) -> None:
         if isinstance(step, WaitStep):
+            if is_new:
+                self._begin(trial, self._contact.rest_ns)
             end_s = time.monotonic() + step.duration_s
-            while (left_s := end_s - time.monotonic()) > 0:
-                goal.wait(min(left_s, POLL_S))
-                goal.check()
-                self._contact.check()
+            self._wait_until(lambda: time.monotonic() >= end_s, trial)
         elif isinstance(step, GuideStep):
-            move = MoveGuide.Goal(position_m=step.position_m, speed_m_s=step.speed_m_s)
-            self._call(self._guide, 'linear guide', move, goal)
+            self._carry_out_guide(step, trial, is_new)
         else:
+            self._carry_out_tendon(step, trial, is_new)
+
+    def _carry_out_guide(self, step: GuideStep, trial: _Trial, is_new: bool) -> None:
+        assert self._guide is not None
+        move = MoveGuide.Goal(position_m=step.position_m, speed_m_s=step.speed_m_s)
+        if step.phase == TrialEvent.PHASE_APPROACH:
+            self._begin(trial, None)
+            self._wait_until_ready(trial)
+            trial.has_moved = True
+            self._guide.call(move, lambda: self._check(trial))
+            return
+        track = self._guide.track(step.position_m, step.speed_m_s)
+        result = self._move(self._guide, move, track, trial, is_new)
+        if step.phase == TrialEvent.PHASE_GLIDE:
+            summary = track.summarise(result.lag_s)
+            if summary is not None:
+                trial.glide_speed_m_s, trial.glide_lag_s = summary
+            if problem := judge_glide(summary, step.speed_m_s, self.config):
+                raise GoalAborted(problem)
+            trial.glide_end_ns = track.end_ns
+
+    def _carry_out_tendon(self, step: TendonStep, trial: _Trial, is_new: bool) -> None:
+        assert self._tendon is not None
+        pull = self._pull(step, trial.request)
+        track = self._tendon.track(step.displacement_m, step.speed_m_s)
+        if step.displacement_m > 0:
+            self._contact.begin(step.displacement_m, self.config.displacement_tolerance_m)
+            trial.needs_strain = True
+            self._move(self._tendon, pull, track, trial, is_new)
+            if not self._wait_until(lambda: self._contact.rest_ns is not None, trial, REPORT_S):
+                raise GoalAborted('the tendon was not seen at rest at its displacement')
+        else:
+            trial.displacement_error_m = self._contact.error_m
             self._contact.end()
-            self._call(self._tendon, 'tendon actuator', self._pull(step, request), goal)
-            if step.displacement_m > 0:
-                self._contact.begin(step.displacement_m)
+            if is_new and trial.glide_end_ns is not None:
+                self._begin(trial, trial.glide_end_ns)
+                is_new = False
+            self._move(self._tendon, pull, track, trial, is_new)
 
-    def _on_tendon_state(self, state: JointState) -> None:
-        for displacement_m in state.position:
-            self._contact.take(displacement_m)
+    def _move(
+        self, device: TrialDevice, message: Any, track: MotionTrack, trial: _Trial, is_new: bool
+    ) -> Any:
+        """Carry out one motion; its phase, if it is new, begins when the motion is seen."""
+        if is_new and not track.is_motion:
+            self._begin(trial, None)
+            is_new = False
 
-    def _release(self) -> TendonStep:
-        return TendonStep(TrialEvent.PHASE_RELEASE, 0.0, self.config.pull_speed_m_s)
+        def begin() -> bool:
+            nonlocal is_new
+            if is_new and track.start_ns is not None:
+                self._begin(trial, track.start_ns)
+                is_new = False
+            return not is_new
+
+        def check() -> None:
+            begin()
+            self._check(trial)
+
+        result = device.call(message, check)
+        if not self._wait_until(begin, trial, REPORT_S):
+            raise GoalAborted(f'the motion was not seen on {device.name}/joint_states')
+        return result
+
+    # -- what may end a trial ----------------------------------------------------------
+
+    def _wait_until_ready(self, trial: _Trial) -> None:
+        deadline_s = time.monotonic() + self.config.server_timeout_s
+        while missing := self._find_missing_parts():
+            needs_help = any(d is not None and d.needs_help for d in (self._guide, self._tendon))
+            if needs_help or time.monotonic() > deadline_s:
+                raise GoalAborted(' '.join(missing))
+            trial.goal.wait(POLL_S)
+            trial.goal.check()
+
+    def _wait_until(
+        self, is_done: Callable[[], bool], trial: _Trial, timeout_s: float = float('inf')
+    ) -> bool:
+        """Wait while the trial is sound; return whether the condition came true in time."""
+        deadline_s = time.monotonic() + timeout_s
+        while not is_done():
+            if time.monotonic() > deadline_s:
+                return False
+            trial.goal.wait(POLL_S)
+            self._check(trial)
+        return True
+
+    def _check(self, trial: _Trial) -> None:
+        """Raise unless the trial may go on."""
+        trial.goal.check()
+        for device in (self._guide, self._tendon):
+            if device is not None and (loss := device.describe_loss()):
+                raise GoalAborted(loss)
+        if loss := self._contact.describe_loss():
+            raise _ContactLost(loss)
+        if trial.needs_strain and self._strain and (loss := self._strain.describe_silence()):
+            raise GoalAborted(loss)
+
+    def _end_early(self, trial: _Trial, error: Exception) -> None:
+        """Bring the rig to rest and raise the trial's end."""
+        trial.displacement_error_m = max(trial.displacement_error_m, self._contact.error_m)
+        self._contact.end()
+        stops = self._ask_to_stop() if trial.has_moved else []
+        reason = ''
+        if isinstance(error, _ContactLost) and self._tendon is not None:
+            reason = self._tendon.wait_for_reasons()
+        sentence = f'{error}. {reason}' if reason else str(error)
+        self._announce(trial, TrialEvent.PHASE_ABORTED, message=sentence)
+        if trial.has_moved:
+            for future in stops:
+                wait_for(future, STOP_S)
+            self._release_tendon(trial.request)
+        end = GoalCanceled if isinstance(error, GoalCanceled) else GoalAborted
+        message = f'trial {trial.request.trial_id} ended in {trial.phase}: {sentence}'
+        raise end(message, **trial.numbers()) from error
+
+    def _ask_to_stop(self) -> list[Any]:
+        devices = [device for device in (self._guide, self._tendon) if device is not None]
+        return [stop for device in devices if (stop := device.ask_to_stop()) is not None]
+
+    def _release_tendon(self, request: TrialRequest) -> None:
+        tendon = self._tendon
+        if tendon is None:
+            return
+        seconds = self.config.displacement_m(request.contact) / self.config.pull_speed_m_s
+        problem = ''
+        for attempt in range(RELEASE_ATTEMPTS):
+            if attempt:
+                time.sleep(RELEASE_PAUSE_S)
+            try:
+                if problem := tendon.describe_loss():
+                    tendon.send(self._release(request))
+                    break
+                timeout_s = seconds + self.config.server_timeout_s
+                tendon.call(self._release(request), timeout_s=timeout_s)
+                return
+            except Exception as error:  # whatever it is, the trial must still tell its end
+                problem = str(error)
+        self.get_logger().error(f'the tendon could not be released: {problem}')
+
+    # -- messages ------------------------------------------------------------------------
+
+    def _release(self, request: TrialRequest) -> PullTendon.Goal:
+        step = TendonStep(TrialEvent.PHASE_RELEASE, 0.0, self.config.pull_speed_m_s)
+        return self._pull(step, request)
 
     def _pull(self, step: TendonStep, request: TrialRequest) -> PullTendon.Goal:
         return PullTendon.Goal(
@@ -197,7 +331,15 @@ class TrialRunnerNode(TactileNode):
             contact=request.contact,
         )
 
-    def _announce(self, request: TrialRequest, phase: str, message: str = '') -> None:
+    def _begin(self, trial: _Trial, stamp_ns: int | None) -> None:
+        """Announce the trial's present phase, which began at ``stamp_ns``, or now."""
+        self._announce(trial, trial.phase, stamp_ns)
+        trial.goal.feedback(phase=trial.phase, elapsed_s=trial.elapsed_s)
+
+    def _announce(
+        self, trial: _Trial, phase: str, stamp_ns: int | None = None, message: str = ''
+    ) -> None:
+        request = trial.request
         event = TrialEvent(
             trial_id=request.trial_id,
             session_id=request.session_id,
@@ -211,124 +353,44 @@ class TrialRunnerNode(TactileNode):
             pull_displacement_m=self.config.displacement_m(request.contact),
             simulated=self.config.simulated,
         )
-        event.header.stamp = self.get_clock().now().to_msg()
+        # The clocks of the drivers may differ a little from this one.
+        trial.stamp_ns = max(trial.stamp_ns, self._now_ns() if stamp_ns is None else stamp_ns)
+        event.header.stamp = Time(nanoseconds=trial.stamp_ns).to_msg()
         if self._events is not None:
             self._events.publish(event)
 
-    def _call(
-        self,
-        client: Any,
-        who: str,
-        message: Any,
-        goal: Goal | None,
-        timeout_s: float = math.inf,
-    ) -> Any:
-        """Send one action goal and wait for its end; raise unless it succeeded.
-
-        Without a trial's ``goal`` the call cannot be cancelled: it is part of
-        coming to rest.
-        """
-        if not client.wait_for_server(timeout_sec=self.config.server_timeout_s):
-            raise GoalAborted(f'the {who} does not answer; is its node active?')
-        answer = send(self, lambda: client.send_goal_async(message))
-        try:
-            handle = answer.result(self.config.server_timeout_s)
-        except concurrent.futures.TimeoutError:
-            answer.add_done_callback(_cancel_late_goal)
-            raise GoalAborted(f'the {who} did not take the goal') from None
-        if not handle.accepted:
-            raise GoalAborted(f'the {who} rejected the goal')
-        result = send(self, handle.get_result_async)
-        deadline_s = time.monotonic() + timeout_s
-        end: Exception | None = None  # why the device has been asked to end its goal
-        while not concurrent.futures.wait([result], POLL_S).done:
-            if goal is not None and end is None:
-                try:
-                    goal.check()
-                    self._contact.check()
-                except (GoalAborted, GoalCanceled) as error:
-                    end = error
-                    send(self, handle.cancel_goal_async)
-                    deadline_s = time.monotonic() + self.config.server_timeout_s
-            if not self.context.ok():
-                raise GoalAborted('the process is ending')
-            if not client.server_is_ready():
-                raise end or GoalAborted(f'the {who} went away; is its node running?')
-            if time.monotonic() > deadline_s:
-                raise end or GoalAborted(f'the {who} did not end its goal; see its log')
-        reply = result.result()
-        if end is not None:
-            raise end
-        if goal is not None:
-            goal.check()
-        if reply.status != GoalStatus.STATUS_SUCCEEDED:
-            raise GoalAborted(f'{who}: {reply.result.message}')
-        return reply.result
-
-    def _ask_to_stop(self) -> list[Any]:
-        return [
-            stop.call_async(Trigger.Request()) for stop in self._stops if stop.service_is_ready()
-        ]
-
-    def _bring_to_rest(self, request: TrialRequest) -> None:
-        """Stop both devices, then release the tendon."""
-        for future in self._ask_to_stop():
-            wait_for(future, 1.0)
-        for attempt in range(RELEASE_ATTEMPTS):
-            if attempt:
-                time.sleep(RELEASE_PAUSE_S)
-            problem = self._try_release(request)
-            if not problem or self._tendon is None or not self._tendon.server_is_ready():
-                break
-        if problem:
-            self.get_logger().error(f'the tendon could not be released: {problem}')
-
-    def _try_release(self, request: TrialRequest) -> str:
-        """Release the tendon; return what went wrong, or nothing."""
-        seconds = self.config.displacement_m(request.contact) / self.config.pull_speed_m_s
-        pull = self._pull(self._release(), request)
-        timeout_s = seconds + self.config.server_timeout_s
-        try:
-            self._call(self._tendon, 'tendon actuator', pull, None, timeout_s)
-        except Exception as error:  # whatever it is, the trial must still tell its end
-            return str(error)
-        return ''
+    def _now_ns(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
 
 
-class _Contact:
-    """Whether the tendon is kept at the displacement that a trial has pulled it to.
-
-    It counts as let go at half the displacement, once it has been seen at nine tenths:
-    states that were measured before the pull ended may still arrive after it.
-    """
-
-    def __init__(self) -> None:
-        self._displacement_m = math.inf
-        self._was_seen = False
-        self._is_lost = False
-
-    def begin(self, displacement_m: float) -> None:
-        self._was_seen = self._is_lost = False
-        self._displacement_m = displacement_m
-
-    def end(self) -> None:
-        self._displacement_m = math.inf
-        self._was_seen = self._is_lost = False
-
-    def take(self, displacement_m: float) -> None:
-        if displacement_m >= 0.9 * self._displacement_m:
-            self._was_seen = True
-        elif self._was_seen and displacement_m < 0.5 * self._displacement_m:
-            self._is_lost = True
-
-    def check(self) -> None:
-        if self._is_lost:
-            raise GoalAborted('the tendon actuator has let the tendon go; its log says why')
+class _ContactLost(GoalAborted):
+    """The tendon has left its displacement; its driver may say why."""
 
 
-def _cancel_late_goal(answer: concurrent.futures.Future[Any]) -> None:
-    if answer.exception() is None and answer.result().accepted:
-        answer.result().cancel_goal_async()
+class _Trial:
+    """One trial while it runs."""
+
+    def __init__(self, request: TrialRequest, goal: Goal) -> None:
+        self.request, self.goal = request, goal
+        self.phase = ''
+        self.stamp_ns = 0  # of the last event
+        self.has_moved = self.needs_strain = False
+        self.glide_end_ns: int | None = None
+        self.glide_speed_m_s = self.glide_lag_s = self.displacement_error_m = 0.0
+        self._started_s = time.monotonic()
+
+    @property
+    def elapsed_s(self) -> float:
+        return time.monotonic() - self._started_s
+
+    def numbers(self) -> dict[str, Any]:
+        """Return what the result says of the trial's motion."""
+        return {
+            'trial_id': self.request.trial_id,
+            'glide_speed_m_s': self.glide_speed_m_s,
+            'glide_lag_s': self.glide_lag_s,
+            'displacement_error_m': self.displacement_error_m,
+        }
 
 
 def main() -> int:

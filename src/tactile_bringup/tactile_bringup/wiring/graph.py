@@ -49,6 +49,9 @@ RIG_NODES = (*SENSING_NODES, 'linear_guide', 'tendon_actuator', 'trial_runner')
 PLAYER = 'bag_player'
 """Name of the node that plays a recording."""
 
+NO_PORT = 'none'
+"""Sensor port of a finger that has no serial sensor."""
+
 STRAIN_TIMEOUT_S = 0.15
 """Nine samples at 60 Hz; with it an approach at 50 mm/s, too, ends within 0.3 s."""
 
@@ -98,7 +101,8 @@ def sensing_graph(
     Parameters
     ----------
     sensor_port : str
-        Serial port of the load cell; empty: that of the parameters.
+        Serial port of the load cell; empty: that of the parameters; ``none``: there is no
+        sensor node, unless the parameters name a sensor with an address.
     models : mapping of str to str
         Model file by classifier name, see `classifier_name`.
     parameters : mapping
@@ -115,15 +119,12 @@ def sensing_graph(
     stated = parameters.get(FEATURES_NODE, {})
     wanted = wanted_features(models, stated)
     of_features = _shared(ClassifierConfig, {**wanted, **stated})
-    nodes = [
-        NodeDescription(
-            'tendon_sensor_driver',
-            'tendon_sensor_node',
-            'tendon_sensor',
-            {'port': sensor_port} if sensor_port else {},
-        ),
-        NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted),
-    ]
+    nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted)]
+    has_port = sensor_port != NO_PORT
+    if has_port or parameters.get('tendon_sensor', {}).get('sensor') == 'net_ft':
+        told = {'port': sensor_port} if sensor_port and has_port else {}
+        sensor = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', told)
+        nodes.insert(0, NodeDescription(*sensor))
     for name, model in models.items():
         task, contact = parse_classifier_name(name)
         nodes.append(

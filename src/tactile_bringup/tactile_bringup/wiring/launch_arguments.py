@@ -53,7 +53,9 @@ RIG = LaunchArgument(
 )
 SENSOR_PORT = LaunchArgument(
     'sensor_port',
-    'serial port of the load cell; empty: the port in params_file, or /dev/tactile/sensor',
+    'serial port of the load cell; none: no sensor node is started, unless params_file names a '
+    'sensor with an address (net_ft), and another node publishes tendon_sensor/strain; empty: the '
+    'port in params_file, or /dev/tactile/sensor',
 )
 GUIDE_PORT = LaunchArgument(
     'guide_port',
@@ -85,8 +87,8 @@ PHASES = LaunchArgument(
 )
 DETECTED_CONTACT = LaunchArgument(
     'contact',
-    'how the finger touches, where phases are found in the tension and nobody else says it; '
-    'empty: not known',
+    'how the finger touches: which models of a folder are loaded, and what phases that are found '
+    'in the tension say; empty: not known, and all models are loaded',
     '',
     ('', *CONTACTS),
 )

@@ -34,7 +34,9 @@ from tactile_bringup.wiring.graph import (
     feature_parameters_of,
     FEATURES_NODE,
     join_namespaces,
+    NO_PORT,
     NodeDescription,
+    parse_classifier_name,
     PLAYER,
     Ports,
     recorder_node,
@@ -141,11 +143,19 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
 def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> LaunchPlan:
     simulated = values['rig'] == 'simulated'
     given = {name: values[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
+    for name in ('guide', 'tendon'):
+        if given[name] == NO_PORT:
+            raise BringupError(
+                f'{name}_port is none, but a trial moves the {name}; where another node moves the '
+                'finger, use sense.launch.py'
+            )
     rigs = []
-    if simulated and not any(given.values()):
+    if simulated and not any(port for port in given.values() if port != NO_PORT):
         mount = (protocol, values['object'], values['contact'])
         rigs.append(RigDescription(scratch / 'rig', 1, mount))
         ports = rigs[0].ports
+        if given['sensor']:
+            ports = dataclasses.replace(ports, sensor=NO_PORT)
     elif simulated and not all(given.values()):
         missing = [f'{name}_port' for name, port in given.items() if not port]
         raise BringupError(
@@ -211,7 +221,7 @@ def _finger_nodes(
 ) -> list[NodeDescription]:
     namespace = join_namespaces(values['namespace'], finger.name)
     model = finger.model or _path(values['model'])
-    models = find_models(model) if model else {}
+    models = _models_of_contact(find_models(model), values['contact']) if model else {}
     slips = values['slip'] == 'true' if finger.slip is None else finger.slip
     names = (*SENSING_NODES, *([SLIP_NODE] if slips else []), *models)
     unknown = [node for node in finger.parameters if node not in names]
@@ -243,6 +253,20 @@ def _finger_nodes(
             _recorder(bag, model, models, nodes, namespace, simulated=simulated, rig=False)
         )
     return nodes
+
+
+def _models_of_contact(models: Mapping[str, str], contact: str) -> Mapping[str, str]:
+    """Return the models that take windows of a contact; all of them where it is not known."""
+    if not contact:
+        return models
+    taken = {
+        name: file
+        for name, file in models.items()
+        if parse_classifier_name(name)[1] in (contact, '')
+    }
+    if not taken:
+        raise BringupError(f'no model is for {contact}, only {", ".join(models)}')
+    return taken
 
 
 def _found_phases(phases: str, contact: str, simulated: bool) -> dict[str, Any]:

@@ -15,12 +15,16 @@
 """Trials on the simulated rig through every real part: serial lines, drivers, DDS."""
 
 from contextlib import contextmanager
+import threading
 import time
 
 import pytest
-from rclpy.action import ActionClient
+from rclpy.action import ActionClient, GoalResponse
 from rclpy.node import Node
+from rclpy.task import Future
+from rclpy.time import Time
 
+from linear_guide_driver import guide_client
 from tactile_bringup.errors import BringupError
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
@@ -34,6 +38,9 @@ from tactile_ros.requests import send
 from tactile_sim.rig_process import SimulatedRig
 
 DEADLINE_S = 20.0
+
+STAMP_BOUND_S = 0.1
+"""Reports may come late on a busy machine; on a quiet one the stamps are within 0.02 s."""
 
 
 class Watcher(Node):
@@ -61,12 +68,12 @@ class Watcher(Node):
 
 
 @contextmanager
-def running_rig(context, models=None):
+def running_rig(context, models=None, parameters=None):
     with SimulatedRig(seed=3) as rig:
         ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
         operator = OperatorNode(tuple(models or ()), context)
         watcher = Watcher(context)
-        graph = rig_graph(ports, models or {}, {}, simulated=True)
+        graph = rig_graph(ports, models or {}, parameters or {}, simulated=True)
         with running_graph(graph, context, others=[operator, watcher]) as nodes:
             yield rig, operator, watcher, nodes
 
@@ -150,3 +157,101 @@ def test_closing_the_graph_in_a_glide_brings_the_rig_to_rest(context):
         truth = truth_at_rest(rig)
         assert truth['guide_position_m'] < 0.120
         assert truth['tension_n'] < 1.0
+
+
+class Truth:
+    """Where guide and tendon of the simulated rig really were, and when."""
+
+    def __init__(self, rig):
+        self._rig = rig
+        self._samples = []
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._read)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._is_over.set()
+        self._thread.join()
+
+    def _read(self):
+        while not self._is_over.wait(0.005):
+            self._samples.append((time.time_ns(), self._rig.truth()))
+
+    def first_ns(self, condition):
+        return next(stamp_ns for stamp_ns, state in self._samples if condition(state))
+
+
+def stamp_ns(watcher, phase):
+    (event,) = (event for event in watcher.events if event.phase == phase)
+    return Time.from_msg(event.header.stamp).nanoseconds
+
+
+def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(context):
+    # A driver that is busy accepting does not beat either.
+    parameters = {'trial_runner': {'heartbeat_timeout_s': 10.0}}
+    with running_rig(context, parameters=parameters) as (rig, operator, watcher, nodes):
+        operator.home_guide()
+        rig.mount('texture', 'R1', 'flexion')
+        timers = []
+
+        async def accept_late(_):
+            late = Future()
+            timers.append(threading.Timer(1.5, late.set_result, [None]))
+            timers[-1].start()
+            await late
+            return GoalResponse.ACCEPT
+
+        for name in ('linear_guide', 'tendon_actuator'):
+            nodes[name].goal_runners[0]._server.register_goal_callback(accept_late)
+        with Truth(rig) as truth:
+            result = operator.run_trial(TrialRequest('texture', 'flexion', 'R1', 'late'))
+            watcher.wait_for_phase('done')
+        assert result == 'late'
+        moments = {
+            'contact': truth.first_ns(lambda s: s['tendon_displacement_m'] > 5e-5),
+            'glide': truth.first_ns(
+                lambda s: s['tendon_displacement_m'] > 0.004 and s['guide_position_m'] > 0.06001
+            ),
+            'release': truth.first_ns(lambda s: s['guide_position_m'] > 0.1249),
+        }
+        for phase, true_ns in moments.items():
+            assert abs(stamp_ns(watcher, phase) - true_ns) < STAMP_BOUND_S * 1e9, phase
+        assert stamp_ns(watcher, 'glide') - stamp_ns(watcher, 'contact') > 1.5e9
+
+
+def test_a_sensor_that_dies_in_the_hold_fails_the_trial(context):
+    with running_rig(context) as (rig, operator, watcher, _):
+        operator.home_guide()
+        rig.mount('stiffness', 'pla', 'flexion')
+        handle = watcher.start_trial('stiffness')
+        watcher.wait_for_phase('hold')
+        rig.fault('sensor', 'unplug')
+        reply = send(watcher, handle.get_result_async).result(DEADLINE_S)
+        assert 'No valid sample came on tendon_sensor/strain' in reply.result.message
+        watcher.wait_for_phase('aborted')
+        assert 'No valid sample' in watcher.events[-1].message
+        assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(context, monkeypatch):
+    encode_pieces = guide_client.encode_pieces
+
+    def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
+        for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
+            if speed_mm_s == 15.0 and number == 150:
+                time.sleep(0.6)  # longer than run_on_s
+            yield line
+
+    monkeypatch.setattr(guide_client, 'encode_pieces', encode_and_pause)
+    with running_rig(context) as (rig, operator, watcher, nodes):
+        operator.home_guide()
+        rig.mount('texture', 'R1', 'flexion')
+        handle = watcher.start_trial('texture')
+        result = send(watcher, handle.get_result_async).result(DEADLINE_S).result
+        assert 'ended in glide' in result.message
+        assert 0.1 < result.glide_lag_s < 0.8
+        assert nodes['linear_guide']._client.late_moves == 1
+        watcher.wait_for_phase('aborted')

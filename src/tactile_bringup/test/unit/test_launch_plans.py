@@ -16,6 +16,7 @@ import dataclasses
 import json
 from pathlib import Path
 import re
+import shutil
 import subprocess
 import sys
 
@@ -282,6 +283,38 @@ def test_two_net_ft_need_no_port(tmp_path):
     sensor = '{sensor_port: none, parameters: {tendon_sensor: {sensor: net_ft, host: 10.0.0.%d}}}'
     hand.write_text(f'fingers: {{a: {sensor % 1}, b: {sensor % 2}}}')
     assert len(plan_launch('hand', {'hand_file': str(hand)}, tmp_path).nodes) == 4
+
+
+@pytest.mark.parametrize('values', [{}, {'rig': 'simulated'}])
+@pytest.mark.parametrize('name', ['sense', *PROTOCOLS])
+def test_no_sensor_port_is_no_sensor_node(name, values, tmp_path):
+    usual = plan_launch(name, values, tmp_path)
+    without = plan_launch(name, {**values, 'sensor_port': 'none'}, tmp_path)
+    assert set(by_path(usual)) - set(by_path(without)) == {'tendon_sensor'}
+    assert len(without.rigs) == (1 if values and name != 'sense' else 0)
+    assert 'none' not in [node.parameters.get('port') for node in without.nodes]
+
+
+@pytest.mark.parametrize('name', ['guide', 'tendon'])
+def test_a_rig_that_cannot_move_is_refused(name, tmp_path):
+    with pytest.raises(BringupError, match=f'{name}_port is none, but a trial moves the {name}'):
+        plan_launch('texture', {f'{name}_port': 'none'}, tmp_path)
+
+
+@pytest.mark.parametrize('phases', ['stated', 'stiffness'])
+def test_the_contact_narrows_the_models_of_a_finger(phases, trained, tmp_path):
+    models = tmp_path / 'models'
+    models.mkdir()
+    for name in ('stiffness_flexion', 'stiffness_abduction', 'stiffness'):
+        shutil.copy(trained / 'stiffness_flexion.onnx', models / f'{name}.onnx')
+    values = {'model': str(models), 'phases': phases, 'sensor_port': 'none'}
+    every = set(by_path(plan_launch('sense', values, tmp_path)))
+    flexion = set(by_path(plan_launch('sense', {**values, 'contact': 'flexion'}, tmp_path)))
+    assert every - flexion == {'stiffness_abduction_classifier'}
+    (models / 'stiffness.onnx').unlink()
+    (models / 'stiffness_flexion.onnx').unlink()
+    with pytest.raises(BringupError, match='no model is for flexion'):
+        plan_launch('sense', {**values, 'contact': 'flexion'}, tmp_path)
 
 
 # -- replay ------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import (
     glide_speed_m_s,
     GuideStep,
+    longest_trial_s,
     ProtocolError,
     PullStep,
     simulated_steps,
@@ -57,6 +58,14 @@ def test_request_overrides_speed_and_hold():
     long = TrialRequest('stiffness', 'flexion', hold_s=10.0)
     assert trial_steps(CONFIG, long)[2].duration_s == 10.0
     assert glide_speed_m_s(CONFIG, long) == 0.0
+
+
+@pytest.mark.parametrize('hold_s', [0.5, 4.0, 3600.0])
+def test_a_trial_may_take_as_long_as_it_was_asked_to_hold(hold_s):
+    longest_s = longest_trial_s(CONFIG, TrialRequest('stiffness', 'flexion', hold_s=hold_s))
+    assert hold_s + 50 < longest_s < hold_s + 120
+    slow = TrialRequest('texture', 'flexion', glide_speed_m_s=0.001)
+    assert longest_trial_s(CONFIG, slow) > 65
 
 
 def test_slip_pulls_the_object_while_the_tendon_is_held():

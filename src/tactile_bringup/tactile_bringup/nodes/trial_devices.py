@@ -1,0 +1,304 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The guide and the tendon actuator as the trial runner sees them, and the sensor's stream."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import concurrent.futures
+import math
+import time
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
+
+from linear_guide_driver.motion_track import MotionTrack
+from tactile_bringup.records import TrialConfig
+from tactile_msgs.msg import Readiness, StrainBlock
+from tactile_ros.goals import GoalAborted, GoalCanceled
+from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.requests import send
+
+POLL_S = 0.02
+"""How often a wait looks for a reason to end."""
+
+REASON_S = 0.3
+"""How long a driver may take to say why it has acted; it looks ten times a second."""
+
+NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
+
+
+class TrialDevice:
+    """One motion driver: its action, its stop, its signs of life, its reports.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Spun by an executor on another thread than that of the calls.
+    name, words : str
+        Name of the driver's node, and what it is called in sentences.
+    action_type, verb
+        Its action ``name/verb``.
+    config : TrialConfig
+    on_state : callable
+        Called with stamp [ns], position [m] and speed [m/s] of each joint state, on the
+        executor's thread.
+
+    Attributes
+    ----------
+    name : str
+    client : rclpy.action.ActionClient
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        words: str,
+        action_type: Any,
+        verb: str,
+        config: TrialConfig,
+        on_state: Callable[[int, float, float], None] = lambda *_: None,
+    ) -> None:
+        self._node, self.name, self._words = node, name, words
+        self._config, self._on_state = config, on_state
+        self._heard_s: float | None = None
+        self._readiness: Readiness | None = None
+        self._told_s = 0.0  # when it last said whether it is ready
+        self._position_m: float | None = None
+        self._track: MotionTrack | None = None
+        self.client = ActionClient(node, action_type, f'{name}/{verb}')
+        self._stop = node.create_client(Trigger, f'{name}/stop')
+        self._subscriptions = [
+            node.create_subscription(kind, f'{name}/{topic}', callback, qos)
+            for kind, topic, callback, qos in (
+                (Empty, 'heartbeat', self._on_heartbeat, qos_profile_sensor_data),
+                (Readiness, 'ready', self._on_ready, LATEST),
+                (JointState, 'joint_states', self._on_joint_state, STREAM),
+            )
+        ]
+
+    def close(self) -> None:
+        """Take clients and subscriptions away."""
+        self.client.destroy()
+        self._node.destroy_client(self._stop)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    # -- whether it can be used --------------------------------------------------------------
+
+    def find_missing(self) -> list[str]:
+        """Return a sentence for each thing without which it takes no goal."""
+        if not self.client.server_is_ready():
+            return [f'The {self._words} does not answer; start and activate its node.']
+        if loss := self.describe_loss():
+            return [loss]
+        if self._readiness is not None:
+            return list(self._readiness.missing)
+        if self._node.count_publishers(f'{self.name}/ready'):
+            return [f'The {self._words} has not said yet whether it is ready; see its log.']
+        return []
+
+    @property
+    def needs_help(self) -> bool:
+        """Whether it has not been ready for so long that waiting does not help."""
+        is_unready = self._readiness is not None and not self._readiness.ready
+        return is_unready and time.monotonic() - self._told_s > self._config.server_timeout_s
+
+    def describe_loss(self) -> str:
+        """Return that its heartbeat has ended, and why if it said so; empty while it beats.
+
+        A heartbeat that was never heard is none that can end.
+        """
+        timeout_s = self._config.heartbeat_timeout_s
+        if self._heard_s is None or time.monotonic() - self._heard_s <= timeout_s:
+            return ''
+        sentence = (
+            f'Nothing was heard of {self.name}/heartbeat for {timeout_s:g} s; '
+            'is its node running and active?'
+        )
+        return ' '.join([sentence, *self._reasons()])
+
+    def wait_for_reasons(self) -> str:
+        """Return why the driver is not ready, as soon as it says so; empty if it does not."""
+        deadline_s = time.monotonic() + REASON_S
+        while not self._reasons() and time.monotonic() < deadline_s:
+            time.sleep(POLL_S)
+        return ' '.join(self._reasons())
+
+    def _reasons(self) -> list[str]:
+        return [] if self._readiness is None else list(self._readiness.missing)
+
+    # -- motion --------------------------------------------------------------------------------
+
+    def track(self, target_m: float, speed_m_s: float) -> MotionTrack:
+        """Return the track of the motion that is about to be commanded.
+
+        Raises
+        ------
+        GoalAborted
+            When its position is not known.
+        """
+        if self._position_m is None:
+            raise GoalAborted(
+                f'no position was heard on {self.name}/joint_states, so nobody can tell when '
+                f'the motion begins; home the {self._words}'
+            )
+        self._track = MotionTrack(self._position_m, target_m, speed_m_s)
+        return self._track
+
+    def ask_to_stop(self) -> Any:
+        """Ask for a stop without waiting; return the future answer, None if none will come."""
+        if not self._stop.service_is_ready():
+            return None
+        answer = self._stop.call_async(Trigger.Request())
+        return None if self.describe_loss() else answer
+
+    def send(self, message: Any) -> None:
+        """Send a goal and wait for nothing: a driver without heartbeat may still hear it."""
+        send(self._node, lambda: self.client.send_goal_async(message))
+
+    def call(
+        self,
+        message: Any,
+        check: Callable[[], None] = lambda: None,
+        timeout_s: float = math.inf,
+    ) -> Any:
+        """Send a goal and wait for its end; return the result.
+
+        Parameters
+        ----------
+        message
+            The goal.
+        check : callable
+            Called all the time; ends the goal by raising `GoalAborted` or `GoalCanceled`.
+        timeout_s : float
+            For the whole goal [s].
+
+        Raises
+        ------
+        GoalAborted, GoalCanceled
+            Unless the goal succeeded.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        if not self.client.wait_for_server(timeout_sec=self._config.server_timeout_s):
+            raise GoalAborted(f'the {self._words} does not answer; is its node active?')
+        answer = send(self._node, lambda: self.client.send_goal_async(message))
+        refusal = f'the {self._words} did not take the goal'
+        in_time_s = min(deadline_s, time.monotonic() + self._config.server_timeout_s)
+        try:
+            handle = self._wait(answer, check, in_time_s, refusal)
+        except (GoalAborted, GoalCanceled):
+            answer.add_done_callback(cancel_late_goal)
+            raise
+        if not handle.accepted:
+            raise GoalAborted(f'the {self._words} rejected the goal')
+        result = send(self._node, handle.get_result_async)
+        lateness = f'the {self._words} did not end its goal; see its log'
+        try:
+            reply = self._wait(result, check, deadline_s, lateness)
+        except (GoalAborted, GoalCanceled):
+            # Let it come to rest, so that the next goal does not meet this one.
+            send(self._node, handle.cancel_goal_async)
+            end_s = time.monotonic() + self._config.server_timeout_s
+            self._wait(result, lambda: None, end_s)
+            raise
+        check()
+        if reply.status != GoalStatus.STATUS_SUCCEEDED:
+            raise GoalAborted(f'{self._words}: {reply.result.message}')
+        return reply.result
+
+    def _wait(
+        self,
+        future: concurrent.futures.Future[Any],
+        check: Callable[[], None],
+        deadline_s: float,
+        lateness: str = '',
+    ) -> Any:
+        """Wait for a future; without ``lateness`` return None when it will not come."""
+        while not concurrent.futures.wait([future], POLL_S).done:
+            check()
+            end = ''
+            if not self._node.context.ok():
+                end = 'the process is ending'
+            elif not self.client.server_is_ready():
+                end = f'the {self._words} went away; is its node running?'
+            else:
+                end = self.describe_loss()
+            if not end and time.monotonic() > deadline_s:
+                end = lateness or 'late'
+            if end and not lateness:
+                return None
+            if end:
+                raise GoalAborted(end)
+        return future.result()
+
+    # -- what it says, on the executor's thread --------------------------------------------------
+
+    def _on_heartbeat(self, _: Empty) -> None:
+        self._heard_s = time.monotonic()
+
+    def _on_ready(self, readiness: Readiness) -> None:
+        self._readiness, self._told_s = readiness, time.monotonic()
+
+    def _on_joint_state(self, state: JointState) -> None:
+        if not state.position:
+            return
+        stamp_ns = Time.from_msg(state.header.stamp).nanoseconds
+        self._position_m = state.position[0]
+        if self._track is not None:
+            self._track.add(stamp_ns, state.position[0])
+        self._on_state(stamp_ns, state.position[0], state.velocity[0] if state.velocity else 0.0)
+
+
+class StrainWatch:
+    """Whether valid strain samples arrive."""
+
+    def __init__(self, node: Node, timeout_s: float) -> None:
+        self._node, self._timeout_s = node, timeout_s
+        self._heard_s = -math.inf
+        self._subscription = node.create_subscription(
+            StrainBlock, 'tendon_sensor/strain', self._on_block, qos_profile_sensor_data
+        )
+
+    def close(self) -> None:
+        """Take the subscription away."""
+        self._node.destroy_subscription(self._subscription)
+
+    def describe_silence(self) -> str:
+        """Return that no valid sample arrives, and what to do; empty while they do."""
+        if time.monotonic() - self._heard_s <= self._timeout_s:
+            return ''
+        return (
+            f'No valid sample came on tendon_sensor/strain for {self._timeout_s:g} s; '
+            'start the sensor node, and check its cable and its diagnostics.'
+        )
+
+    def _on_block(self, block: StrainBlock) -> None:
+        if block.tension_n and not block.status & NO_MEASUREMENT:
+            self._heard_s = time.monotonic()
+
+
+def cancel_late_goal(answer: concurrent.futures.Future[Any]) -> None:
+    """Cancel a goal that was taken when nobody waited for it any more."""
+    if answer.exception() is None and answer.result().accepted:
+        answer.result().cancel_goal_async()

@@ -1,0 +1,59 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The operator: how long it waits for a trial, and what it leaves behind when it gives up."""
+
+import threading
+
+import pytest
+from trial_bench import Bench
+
+from tactile_bringup.errors import BringupError
+from tactile_bringup.nodes import operator_node
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_ros.node_group import NodeGroup
+
+
+@pytest.fixture
+def operated(context):
+    bench = Bench(context)
+    operator = OperatorNode((), context)
+    with NodeGroup([operator], context=context):
+        yield bench, operator
+    bench.close()
+
+
+def test_a_trial_that_is_given_up_is_cancelled_and_the_next_one_runs(operated, monkeypatch):
+    bench, operator = operated
+    bench.guide.delays = {1: 2.0}
+    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: -29.0)  # 1 s in all
+    with pytest.raises(BringupError, match=r'no end within 1 s; cancelled: .* ended in approach'):
+        operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
+    assert not bench.runner.goal_runners[0].is_busy
+    monkeypatch.undo()
+    second = TrialRequest('stiffness', 'flexion', trial_id='second', hold_s=0.5)
+    assert operator.run_trial(second) == 'second'
+
+
+def test_a_rig_that_does_not_come_to_rest_is_said(operated, monkeypatch):
+    bench, operator = operated
+    stuck = threading.Event()
+    work = bench.runner.goal_runners[0]._work
+    bench.runner.goal_runners[0]._work = lambda goal: stuck.wait(10.0) and work(goal)
+    monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.3)
+    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 0.2)
+    with pytest.raises(BringupError, match='later; bring the rig to rest by hand'):
+        operator.run_trial(TrialRequest('stiffness', 'flexion'))
+    stuck.set()

@@ -1,0 +1,142 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a trial says of itself: when its phases began, how it moved, why it cannot begin."""
+
+import itertools
+import re
+import time
+
+import pytest
+from trial_bench import Bench, stamp_ns, wait_until
+
+STAMP_BOUND_NS = 50_000_000
+
+
+@pytest.fixture
+def bench(context):
+    bench = Bench(context)
+    yield bench
+    bench.close()
+
+
+def phase(bench, name):
+    (event,) = (event for event in bench.events if event.phase == name)
+    return stamp_ns(event)
+
+
+def test_phases_begin_with_the_motion_and_not_with_its_command(bench):
+    bench.guide.delays = {2: 0.7}
+    bench.tendon.delays = {1: 0.5}
+    result = bench.end(bench.start('texture'))
+    assert 'done' in result.message
+    bench.wait_for_phase('done')
+    assert bench.phases == ['approach', 'contact', 'glide', 'release', 'return', 'done']
+    for name, device, goal in (
+        ('contact', bench.tendon, 1),
+        ('glide', bench.guide, 2),
+        ('return', bench.guide, 3),
+    ):
+        assert abs(phase(bench, name) - device.moved_at_ns[goal]) < STAMP_BOUND_NS, name
+    arrived_ns = bench.guide.moved_at_ns[2] + 10**9  # 15 mm at 15 mm/s
+    assert abs(phase(bench, 'release') - arrived_ns) < STAMP_BOUND_NS
+    stamps = [stamp_ns(event) for event in bench.events]
+    assert all(a <= b for a, b in itertools.pairwise(stamps))
+
+
+def test_a_hold_lasts_from_rest_to_the_release_that_was_seen(bench):
+    bench.tendon.delays = {2: 0.7}
+    result = bench.end(bench.start('stiffness', hold_s=0.5))
+    bench.wait_for_phase('done')
+    assert bench.phases == ['approach', 'contact', 'hold', 'release', 'done']
+    rest_ns = bench.tendon.moved_at_ns[1] + round(0.0049 / 0.03 * 1e9)
+    assert abs(phase(bench, 'hold') - rest_ns) < STAMP_BOUND_NS
+    assert abs(phase(bench, 'release') - bench.tendon.moved_at_ns[2]) < STAMP_BOUND_NS
+    assert result.displacement_error_m < 1e-6
+
+
+def test_the_result_says_how_the_guide_moved(bench):
+    result = bench.end(bench.start('texture'))
+    assert result.glide_speed_m_s == pytest.approx(0.015, rel=0.01)
+    assert result.glide_lag_s < 0.02
+
+
+@pytest.mark.parametrize(
+    ('fault', 'sentence'),
+    [
+        ({'slowness': {2: 1.05}}, r'glided at 0\.014\d+ m/s instead of 0\.015 m/s'),
+        ({'pauses': {2: 0.1}}, r'fell 0\.\d+ s behind|glided at 0\.01\d+ m/s instead'),
+    ],
+)
+def test_a_glide_that_was_not_the_commanded_one_fails_with_the_numbers(bench, fault, sentence):
+    for name, value in fault.items():
+        setattr(bench.guide, name, value)
+    result = bench.end(bench.start('texture'))
+    assert 'ended in glide' in result.message
+    assert re.search(sentence, result.message), result.message
+    assert 0.01 < result.glide_speed_m_s < 0.0149
+    assert result.glide_lag_s > 0.033
+    assert bench.phases[-1] == 'aborted'
+    bench.wait_until_released()
+
+
+def test_a_motion_that_nobody_reports_fails(bench):
+    bench.guide.publish = lambda position_m: None
+    bench.end(bench.start('texture'))
+    wait_until(lambda: bench.phases[-1] == 'aborted')
+    assert 'linear_guide/joint_states' in bench.events[-1].message
+
+
+# -- ready means ready ------------------------------------------------------------------------
+
+
+def test_a_goal_waits_for_a_driver_that_is_not_ready_yet(bench):
+    bench.guide.say_ready('Nothing was heard of trial_runner/heartbeat yet.')
+    handle = bench.start('stiffness', hold_s=0.5)
+    bench.wait_for_phase('approach')
+    assert not bench.guide.goals
+    bench.guide.say_ready()
+    assert 'done' in bench.end(handle).message
+
+
+def test_a_driver_that_stays_unready_ends_the_trial_with_its_sentence(bench):
+    sentence = 'The position is unknown; home the guide.'
+    bench.guide.say_ready(sentence)
+    for limit_s in (2.0, 0.5):  # waits server_timeout_s of 1 s once, then refuses at once
+        began_s = time.monotonic()
+        assert bench.end(bench.start('stiffness')).message.endswith(sentence)
+        assert time.monotonic() - began_s < limit_s
+    assert (bench.guide.goals, bench.tendon.goals) == ([], [])
+
+
+def test_without_a_sensor_nothing_moves(bench):
+    wait_until(lambda: bench.readiness and bench.readiness[-1].ready)
+    bench.sensor.is_alive = False
+    wait_until(lambda: not bench.readiness[-1].ready)
+    message = bench.end(bench.start('stiffness')).message
+    assert 'tendon_sensor/strain' in message
+    assert (bench.guide.goals, bench.tendon.goals) == ([], [])
+
+
+def test_the_trial_runner_says_whether_it_is_ready_and_what_is_missing(bench):
+    wait_until(lambda: bench.readiness and bench.readiness[-1].ready)
+    bench.tendon.say_ready('The servo is hot; let it cool.')
+    wait_until(lambda: bench.readiness[-1].missing == ['The servo is hot; let it cool.'])
+    bench.tendon.say_ready()
+    wait_until(lambda: bench.readiness[-1].ready)
+    bench.start('stiffness')
+    wait_until(lambda: 'A trial is running' in ' '.join(bench.readiness[-1].missing))
+    bench.wait_for_phase('hold')
+    bench.guide.beats = False
+    wait_until(lambda: 'linear_guide/heartbeat' in ' '.join(bench.readiness[-1].missing))

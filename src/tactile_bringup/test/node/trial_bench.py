@@ -1,0 +1,209 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trial runner and the devices that a test can take away, delay or make worse."""
+
+from dataclasses import dataclass
+import threading
+import time
+
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
+from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
+from tactile_msgs.msg import Readiness, StrainBlock, TrialEvent
+from tactile_ros.goals import GoalAborted, GoalRunner
+from tactile_ros.heartbeat import HeartbeatPublisher
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node_group import NodeGroup
+from tactile_ros.qos import EVENTS, LATEST, STREAM
+from tactile_ros.requests import send
+
+DEADLINE_S = 10.0
+PERIOD_S = 0.01
+
+
+@dataclass(frozen=True)
+class NoConfig:
+    pass
+
+
+class Device(TactileNode):
+    """A device that moves as it is told, unless a test has said otherwise.
+
+    Goals are counted from 1. ``waits_in``, ``fails_in``, ``delays``: what happens before a goal
+    moves anything; ``pauses``: a pause half way [s]; ``slowness``: by which factor it is slow.
+    """
+
+    def __init__(self, name, action_type, verb, **options):
+        super().__init__(name, NoConfig, **options)
+        self.goals = []
+        self.waits_in = ()
+        self.fails_in = ()
+        self.delays = {}
+        self.pauses = {}
+        self.slowness = {}
+        self.moved_at_ns = {}
+        self.beats = True
+        self.position_m = self.velocity_m_s = 0.0
+        self.stopped = threading.Event()
+        self._type = action_type
+        self._runner = GoalRunner(self, action_type, f'~/{verb}', self._work)
+        self.create_service(Trigger, '~/stop', self._on_stop)
+        self.states = self.create_publisher(JointState, '~/joint_states', STREAM)
+        self.heart = HeartbeatPublisher(self, lambda: self.beats)
+        self._timer = self.create_timer(PERIOD_S, lambda: self.publish(self.position_m))
+        self._ready = None
+
+    def say_ready(self, *missing):
+        if self._ready is None:
+            self._ready = self.create_publisher(Readiness, '~/ready', LATEST)
+        self._ready.publish(Readiness(ready=not missing, missing=list(missing)))
+
+    def publish(self, position_m):
+        state = JointState(position=[position_m], velocity=[self.velocity_m_s])
+        state.header.stamp = self.get_clock().now().to_msg()
+        self.states.publish(state)
+
+    def _work(self, goal):
+        self.goals.append(goal.request)
+        number = len(self.goals)
+        if number in self.waits_in:
+            while not goal.wait(PERIOD_S) and not self.stopped.is_set():
+                pass
+            goal.check()
+        if number in self.fails_in:
+            raise GoalAborted('the servo was silent')
+        goal.wait(self.delays.get(number, 0.0))
+        goal.check()
+        self._move(goal, number)
+        return self._type.Result(message='ended')
+
+    def _move(self, goal, number):
+        request = goal.request
+        target_m = getattr(request, 'position_m', getattr(request, 'displacement_m', 0.0))
+        start_m, speed_m_s = self.position_m, request.speed_m_s / self.slowness.get(number, 1.0)
+        duration_s = abs(target_m - start_m) / speed_m_s
+        self.moved_at_ns[number] = time.time_ns()
+        began_s, paused_s = time.monotonic(), 0.0
+        self.velocity_m_s = speed_m_s
+        while True:
+            share = (time.monotonic() - began_s - paused_s) / duration_s if duration_s else 1.0
+            self.position_m = start_m + min(1.0, share) * (target_m - start_m)
+            if share >= 1.0:
+                self.velocity_m_s = 0.0
+                self.publish(self.position_m)
+                return
+            if share > 0.5 and not paused_s and number in self.pauses:
+                paused_s = self.pauses[number]
+                goal.wait(paused_s)
+            goal.wait(PERIOD_S)
+            goal.check()
+
+    def _on_stop(self, _, response):
+        self.stopped.set()
+        response.success = True
+        return response
+
+    def tear_down(self):
+        self._runner.close()
+
+
+class Sensor(Node):
+    def __init__(self, context):
+        super().__init__('tendon_sensor', context=context)
+        self.is_alive = True
+        self._publisher = self.create_publisher(StrainBlock, '~/strain', STREAM)
+        self._timer = self.create_timer(PERIOD_S, self._publish)
+
+    def _publish(self):
+        if self.is_alive:
+            self._publisher.publish(StrainBlock(tension_n=[1.0]))
+
+
+class Bench:
+    """Devices, sensor and runner, each on an executor of its own, as in processes of their own."""
+
+    def __init__(self, context):
+        self.guide = Device('linear_guide', MoveGuide, 'move', context=context)
+        self.tendon = Device('tendon_actuator', PullTendon, 'pull', context=context)
+        self.sensor = Sensor(context)
+        values = {
+            'server_timeout_s': 1.0,
+            'settle_s': 0.0,
+            'guide_start_m': 0.01,
+            'glide_length_m': 0.015,
+            'approach_speed_m_s': 0.2,
+            'pull_speed_m_s': 0.03,
+        }
+        self.runner = TrialRunnerNode(
+            context=context,
+            parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
+        )
+        assert self.runner.bring_up()
+        self.client = Node('client', context=context)
+        self.events = []
+        self.readiness = []
+        self.client.create_subscription(
+            TrialEvent, 'trial_runner/events', self.events.append, EVENTS
+        )
+        self.client.create_subscription(
+            Readiness, 'trial_runner/ready', self.readiness.append, LATEST
+        )
+        self.action = ActionClient(self.client, RunTrial, 'trial_runner/run_trial')
+        self.groups = {
+            node: NodeGroup([node], context=context)
+            for node in (self.guide, self.tendon, self.sensor, self.runner, self.client)
+        }
+        for group in self.groups.values():
+            group.__enter__()
+        assert self.action.wait_for_server(timeout_sec=DEADLINE_S)
+
+    @property
+    def phases(self):
+        return [event.phase for event in self.events]
+
+    def start(self, protocol, hold_s=100.0):
+        goal = RunTrial.Goal(protocol=protocol, contact='flexion', hold_s=hold_s)
+        return send(self.client, lambda: self.action.send_goal_async(goal)).result(DEADLINE_S)
+
+    def end(self, handle):
+        return send(self.client, handle.get_result_async).result(DEADLINE_S).result
+
+    def wait_for_phase(self, phase):
+        wait_until(lambda: phase in self.phases)
+
+    def wait_until_released(self):
+        wait_until(lambda: self.tendon.goals and self.tendon.goals[-1].displacement_m == 0.0)
+        wait_until(lambda: self.tendon.position_m == 0.0)
+
+    def close(self):
+        for group in reversed(self.groups.values()):
+            group.close()
+
+
+def stamp_ns(event):
+    return Time.from_msg(event.header.stamp).nanoseconds
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline, 'condition not met in time'
+        time.sleep(0.005)
