@@ -122,6 +122,14 @@ class SignalPhases:
         }
         self.reset()
 
+    def abort(self, message: str) -> list[TrialEvent]:
+        """Forget everything; return the end of the trial that was under way, if any."""
+        events = []
+        if self._state not in (_State.LEARN, _State.REST):
+            events.append(self._event(PHASE_ABORTED, self._stamp_ns[-1], message))
+        self.reset()
+        return events
+
     def reset(self) -> None:
         """Forget everything: the next samples have nothing to do with the last ones."""
         self._pending: list[tuple[int, float]] = []

@@ -122,7 +122,7 @@ def replay_through_core(
         Namespace of the finger.
     """
     for model in models.values():
-        model.check_fits(spec_for(model.task, config))
+        model.expect(spec_for(model.task, config))
     results = TactileResults(windows=replay_windows(bag, config, namespace))
     for window in results.windows:
         for name, model in models.items():
