@@ -48,9 +48,8 @@ from tactile_features.spec import array_spec, FeatureSpec
 from tactile_features.spectrum import compute_spectrum
 from tactile_features.windows import SampleBuffer
 
-
 GRACE_S = 0.5
-"""Longest time that a sample takes to arrive: samples count as missing so long after their time."""
+"""Longest time that a sample takes to arrive; only after it does a sample count as missing."""
 
 
 class TrialFeatureExtractor:
@@ -173,7 +172,7 @@ class TrialFeatureExtractor:
 
     @property
     def waits_since_ns(self) -> int | None:
-        """End of the oldest phase that waits for samples, on their clock [ns]; None: none waits."""
+        """End of the oldest phase that waits for samples, on their clock [ns]; None: none."""
         return self._waiting[0].end.stamp_ns if self._waiting else None
 
     def time_out(self) -> list[FeatureWindow]:
@@ -231,7 +230,7 @@ class TrialFeatureExtractor:
         return event is not None and event.stamp_ns - waiting.end.stamp_ns > self._buffer_ns
 
     def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
-        """Refuse what waits for samples of before the clock was set back, and the present phase."""
+        """Refuse what waits when the clock is set back, and the phase that it falls into."""
         if not step_ns:
             return self._give_up(Outcome.GAP, _SET_BACK)
         windows = self._give_up(Outcome.BAD_TIME, describe_clock_step(step_ns, 'trial'))

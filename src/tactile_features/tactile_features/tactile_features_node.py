@@ -20,6 +20,8 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
+
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import (
     event_from_msg,
@@ -31,14 +33,11 @@ from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
 from tactile_features.records import StrainBlock as StrainRecord
 from tactile_features.sample_timeout import SampleTimeout
-from rclpy.clock import Clock, ClockType
-
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
-
 
 WATCH_PERIOD_S = 0.25
 

@@ -258,7 +258,6 @@ def _measure_step(last: Any, first: Any, period_ns: int) -> int:
     return max(-_LARGEST_STEP_NS, min(_LARGEST_STEP_NS, step_ns))
 
 
-
 def _interpolate(before: Any, after: Any, count: int) -> Samples:
     """Return ``count`` samples evenly between two."""
     step = np.arange(1, count + 1)

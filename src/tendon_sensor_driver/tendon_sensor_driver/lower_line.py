@@ -82,7 +82,9 @@ class LowerLine:
         """Move line and differences up by a step of the host's clock [ns]."""
         self._difference_ns += step_ns
         self._least = (self._least[0], self._least[1] + step_ns)
-        points = [(device_ns, difference_ns + step_ns) for device_ns, difference_ns in self._points]
+        points = [
+            (device_ns, difference_ns + step_ns) for device_ns, difference_ns in self._points
+        ]
         self._points.clear()
         self._points.extend(points)
 

@@ -90,7 +90,8 @@ def replay_windows(
     """Return the feature windows of a recording, computed anew by the plain core.
 
     With ``finish``, phases that were still undecided when the recording ended yield
-    a window without features too.
+    a window without features too. Samples that had not come in time when it ended, a node
+    had given up as well: see `TrialFeatureExtractor`.
     """
     extractor = TrialFeatureExtractor(config)
     windows: list[FeatureWindow] = []
@@ -99,6 +100,7 @@ def replay_windows(
             windows += extractor.add_block(strain_block_from_msg(message.decode()))
         else:
             windows += extractor.add_event(event_from_msg(message.decode()))
+    windows += extractor.pass_time(bag.last_arrival_ns)
     if finish:
         windows += extractor.finish()
     return windows

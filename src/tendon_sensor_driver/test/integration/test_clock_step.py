@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The host's clock is set while a sensor sends: the stamps follow it, the device did not restart."""
+"""The host's clock is set while a sensor sends: stamps follow, the device did not restart."""
 
 import time
 
