@@ -232,7 +232,7 @@ class TrialFeatureExtractor:
     def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
         """Refuse what waits when the clock is set back, and the phase that it falls into."""
         if not step_ns:
-            return self._give_up(Outcome.GAP, _SET_BACK)
+            return self._give_up(Outcome.GAP, f'{_SET_BACK} before they came')
         windows = self._give_up(Outcome.BAD_TIME, describe_clock_step(step_ns, 'trial'))
         event = self._event
         if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
@@ -250,7 +250,7 @@ class TrialFeatureExtractor:
         return windows
 
 
-_SET_BACK = 'the clock of the samples was set back before they came'
+_SET_BACK = 'the clock of the samples was set back'
 
 
 def _begins_again(begun: TrialEvent, event: TrialEvent) -> bool:

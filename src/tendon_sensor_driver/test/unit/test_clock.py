@@ -16,13 +16,12 @@
 
 from itertools import pairwise
 import random
-import time
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from tendon_sensor_driver.clock import ArrivalClock, DeviceClock, HostClock
+from tendon_sensor_driver.clock import DeviceClock, HostClock
 
 SECOND_NS = 1_000_000_000
 MS_NS = 1_000_000
@@ -360,63 +359,3 @@ def test_without_a_device_clock_arrival_counts_and_the_error_is_unknown():
     stamps = [clock.place(None, at_ns) for at_ns in (5, 5, 5, 20, 19)]
     assert [instant.stamp_ns for instant in stamps] == [5, 6, 7, 20, 21]
     assert {instant.stamp_error_s for instant in stamps} == {-1.0}
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    st.lists(
-        st.tuples(st.integers(1, 30), st.integers(-3600 * 1000, 3600 * 1000)),
-        min_size=1,
-        max_size=4,
-    ),
-    st.integers(0, 2**32 - 1),
-)
-def test_steps_that_are_told_leave_the_error_as_stated(steps, seed):
-    """The host's clock is set at any moment, by any number of milliseconds."""
-    model, clock, source = Model(37), DeviceClock(0.001), random.Random(seed)
-    step_at = {}
-    for second, step_ms in steps:
-        step_at[60 * second + source.randrange(60)] = step_ms * MS_NS
-    offset_ns = 0
-    for i in range(40 * 60):
-        if i in step_at:
-            offset_ns += step_at[i]
-            clock.note_step(step_at[i])
-        elapsed_ns = i * SECOND_NS // 60
-        arrived_ns = EPOCH_NS + elapsed_ns + model.delay_ns + source.randrange(8 * MS_NS)
-        instant = clock.place(model.ticks(elapsed_ns), arrived_ns + offset_ns)
-        assert not instant.is_restart
-        assert not instant.is_step
-        error_ns = instant.stamp_ns - model.true_stamp(elapsed_ns) - offset_ns
-        # The first stamps are those of arrivals.
-        most_s = instant.stamp_error_s if instant.stamp_error_s >= 0 else 0.01
-        assert abs(error_ns) <= most_s * SECOND_NS
-    assert (clock.restarts, clock.outliers, clock.late_samples) == (0, 0, 0)
-
-
-def test_a_step_that_nobody_told_is_marked_when_the_stamps_leap():
-    clock = DeviceClock(0.001)
-    leaps = []
-    for i in range(30 * 60):
-        elapsed_ns = i * SECOND_NS // 60
-        step_ns = 5 * SECOND_NS if elapsed_ns > 12 * SECOND_NS else 0
-        instant = clock.place(elapsed_ns // MS_NS, EPOCH_NS + elapsed_ns + step_ns)
-        leaps += [i] if instant.is_step else []
-    assert len(leaps) == 1
-
-
-def test_the_time_of_arrival_tells_steps_from_delays_of_its_own():
-    now_ns = [0]
-    arrivals = ArrivalClock(lambda: time.monotonic_ns() + now_ns[0])
-    for _ in range(200):
-        arrivals.now_ns()
-    assert arrivals.take_step_ns() == 0
-    now_ns[0] = 50 * MS_NS  # less than what counts
-    arrivals.now_ns()
-    assert arrivals.take_step_ns() == 0
-    now_ns[0] -= 5 * SECOND_NS
-    arrivals.now_ns()
-    now_ns[0] += 2 * SECOND_NS
-    arrivals.now_ns()
-    assert arrivals.take_step_ns() == pytest.approx(-3 * SECOND_NS, abs=5 * MS_NS)
-    assert arrivals.take_step_ns() == 0
