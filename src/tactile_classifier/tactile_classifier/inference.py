@@ -31,6 +31,7 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.manifest import Manifest, WHOLE
 from tactile_classifier.onnx_container import check_seal, open_container
 from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_classifier.specification import describe_mismatch
 from tactile_features.records import FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_features.spec import FeatureSpec
@@ -114,6 +115,8 @@ class TactileModel:
             )
         )
         self.running_samples = self.manifest.running_samples
+        # What ready-cut windows or an older file do not state, `expect` says.
+        self._expected = None if self.spec.missing_parameters else self.spec
         self._parts = {part.sample_count: part for part in self.manifest.parts}
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
         self._session = _open_session(data)
@@ -147,6 +150,25 @@ class TactileModel:
                 f'model {self.model_id} does not fit the features: {reason} '
                 '(here: the model, there: the features)'
             )
+
+    def expect(self, spec: FeatureSpec) -> None:
+        """Answer windows of this specification alone.
+
+        Without it, a model answers windows of the specification in its file. Where that does not
+        state how windows were cut, they are not compared in this.
+
+        Parameters
+        ----------
+        spec : FeatureSpec
+            What the feature node is to compute, as its parameters say.
+
+        Raises
+        ------
+        ModelFileError
+            When features of ``spec`` are not those the model was trained on.
+        """
+        self.check_fits(spec)
+        self._expected = spec
 
     def compute(self, values: npt.ArrayLike, sample_count: int = 0) -> Answers:
         """Return what the model says of many windows of one length.
@@ -245,21 +267,16 @@ class TactileModel:
     def _why_not(self, window: FeatureWindow) -> str:
         if window.outcome != FeatureOutcome.OK:
             return window.reason or f'the window ended with {FeatureOutcome(window.outcome).name}'
-        spec = self.spec
-        pairs = [
-            ('feature set', window.feature_set, spec.feature_set),
-            ('version of the feature set', window.feature_set_version, spec.version),
-            ('rate in Hz', window.rate_hz, spec.rate_hz),
-            ('number of features', len(window.values), len(spec.names)),
-        ]
-        if spec.sample_count and not window.running:
-            pairs.append(('window in samples', window.sample_count, spec.sample_count))
-        for what, got, wanted in pairs:
-            if got != wanted:
-                return f'the {what} is {got}; the model was trained on {wanted}'
+        reason = self.describe_mismatch(window)
+        if reason:
+            return reason
         if not np.isfinite(window.values).all():
             return 'the features are not finite'
         return ''
+
+    def describe_mismatch(self, window: FeatureWindow) -> str:
+        """Return why a window has features of another specification, or an empty string."""
+        return describe_mismatch(window, self.spec, self._expected)
 
     def _check_graph(self) -> None:
         """Try the graph once: its width, its outputs and their types."""

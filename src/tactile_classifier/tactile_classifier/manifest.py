@@ -36,7 +36,10 @@ from tactile_classifier.records import (
 from tactile_features.errors import FeatureError
 from tactile_features.spec import FeatureSpec
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
+"""2: parts and calibration. 3: the digest of the specification, which states its gap policy."""
+
+_DIGEST = 'specification_digest'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,6 +145,7 @@ class Manifest:
         """Return the manifest as JSON text."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
+        fields[_DIGEST] = self.spec.digest
         fields['parts'] = [dataclasses.asdict(part) for part in self.parts]
         return json.dumps({'format_version': FORMAT_VERSION, **fields}, sort_keys=True)
 
@@ -171,6 +175,10 @@ class Manifest:
             fields['spec'] = FeatureSpec.from_dict(fields['spec'])
         except FeatureError as error:
             raise ModelFileError(f'its manifest is damaged: {error}') from error
+        if version > 2 and fields.pop(_DIGEST) != fields['spec'].digest:
+            raise ModelFileError(
+                f'its {_DIGEST} is not that of its feature specification: one of them was changed'
+            )
         fields['labels'] = tuple(fields['labels'])
         if version > 1:
             fields['parts'] = tuple(map(_read_part, fields['parts']))
@@ -230,6 +238,8 @@ _TYPES_2: dict[str, type] = {
     'stop_error_rate': float,
 }
 
+_TYPES_3: dict[str, type] = {**_TYPES_2, _DIGEST: str}
+
 
 def _read_part(entry: Any) -> Part:
     defaults = dataclasses.asdict(WHOLE)
@@ -242,7 +252,7 @@ def _read_part(entry: Any) -> Part:
 
 
 def _check_types(fields: dict[str, Any], version: int) -> None:
-    types = _TYPES if version == 1 else _TYPES_2
+    types = (_TYPES, _TYPES_2, _TYPES_3)[version - 1]
     for name, expected in types.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')

@@ -152,6 +152,7 @@ class ClassifierConfig:
     spatial_finest_m: float = _feature_parameter('spatial_finest_m')
     stiffness_settle_s: float = _feature_parameter('stiffness_settle_s')
     stiffness_crop_end_s: float = _feature_parameter('stiffness_crop_end_s')
+    max_gap_samples: int = _feature_parameter('max_gap_samples')
 
     def feature_config(self) -> FeatureConfig:
         """Return the feature node's configuration as far as a model depends on it."""
@@ -165,6 +166,7 @@ class ClassifierConfig:
             spatial_finest_m=self.spatial_finest_m,
             stiffness_settle_s=self.stiffness_settle_s,
             stiffness_crop_end_s=self.stiffness_crop_end_s,
+            max_gap_samples=self.max_gap_samples,
             buffer_s=600.0,  # no model depends on it, and this allows every window
         )
 

@@ -27,10 +27,12 @@ from tactile_classifier.vision import vision_class, vision_from_msg
 from tactile_features.conversions import feature_window_from_msg
 from tactile_features.spec import spec_for
 from tactile_msgs.msg import Classification, TactileFeatures
-from tactile_ros.diagnostics import Diagnostics, Health, OK
+from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import RESULTS
+
+LOG_PERIOD_S = 10.0
 
 
 class TactileClassifierNode(TactileNode):
@@ -53,6 +55,9 @@ class TactileClassifierNode(TactileNode):
         Those of another feature set or another contact.
     published_count : int
         Those that were answered.
+    refused_count : int
+        Those of them, running ones too, whose features are of another specification than the
+        model's: they are answered with the reason.
     running_count : int
         Running windows that were answered.
     """
@@ -63,7 +68,9 @@ class TactileClassifierNode(TactileNode):
         self.seen_count = 0
         self.ignored_count = 0
         self.published_count = 0
+        self.refused_count = 0
         self.running_count = 0
+        self._mismatch = ''
         self._publisher: Any = None
         self._running_publisher: Any = None
         self._vision_publisher: Any = None
@@ -89,6 +96,12 @@ class TactileClassifierNode(TactileNode):
             )
         self._diagnostics = Diagnostics(self, lambda: model.model_id, self._assess)
         self.get_logger().info(f'{model.model_id} knows {", ".join(model.labels)}')
+        missing = ', '.join(model.spec.missing_parameters)
+        if missing:
+            self.get_logger().warning(
+                f'the file of {model.model_id} does not state {missing}: the parameters of this '
+                'node are taken for what it was trained with'
+            )
 
     def _subscribe(
         self, topic: str, callback: Callable[[TactileModel, Any], None], model: TactileModel
@@ -118,6 +131,7 @@ class TactileClassifierNode(TactileNode):
         if not model.accepts(window) or not self.config.takes_contact(window.contact):
             self.ignored_count += 1
             return
+        self._note_mismatch(model.describe_mismatch(window))
         answer = classification_to_msg(model.classify(window))
         self._publisher.publish(answer)
         if self._vision_publisher is not None:
@@ -130,6 +144,7 @@ class TactileClassifierNode(TactileNode):
         window = feature_window_from_msg(message)
         if not model.accepts(window) or not self.config.takes_contact(window.contact):
             return
+        self._note_mismatch(model.describe_mismatch(window))
         result = model.classify(window)
         self._running_publisher.publish(classification_to_msg(result))
         self.running_count += 1
@@ -142,14 +157,22 @@ class TactileClassifierNode(TactileNode):
                 f'probability {max(result.scores):.3f} (trial {result.trial_id})'
             )
 
+    def _note_mismatch(self, reason: str) -> None:
+        """Count a window of another specification; tell it at once and then now and then."""
+        self._mismatch = reason
+        if reason:
+            self.refused_count += 1
+            self.get_logger().warning(reason, throttle_duration_sec=LOG_PERIOD_S)
+
     def _assess(self) -> Health:
         return Health(
-            OK,
-            'the model is loaded',
+            WARN if self._mismatch else OK,
+            self._mismatch or 'the model is loaded',
             {
                 'windows': self.seen_count,
                 'answers': self.published_count,
                 'windows for others': self.ignored_count,
+                'windows of another specification': self.refused_count,
                 'running answers': self.running_count,
                 'active': self.is_active,
             },
@@ -176,7 +199,7 @@ def load_fitting_model(config: ClassifierConfig) -> TactileModel:
             f'model {model.model_id} was trained on {model.contact}; '
             f'the parameter contact is {config.contact}'
         )
-    model.check_fits(spec_for(config.task, config.feature_config()))
+    model.expect(spec_for(config.task, config.feature_config()))
     return model
 
 

@@ -121,6 +121,7 @@ def make_window(small_table):
             'interpolated_count': 0,
             'status': 0,
             'frame_id': 'tendon_sensor_link',
+            'specification_digest': small_table.spec.digest,
         }
         return FeatureWindow(**{**fields, **changes})
 

@@ -142,6 +142,23 @@ class FeatureConfig:
         unit='1',
         range=(0, 1000),
     )
+    samples_timeout_s: float = parameter(
+        5.0,
+        'a window is refused when no samples come for so long after its phase has ended',
+        unit='s',
+        range=(0.5, 600.0),
+    )
+    max_stamp_error_share: float = parameter(
+        0.01,
+        'largest error of stamps, as a share of the window, or of ten times the crop at its start '
+        'where that is shorter; a larger one refuses the window',
+        unit='1',
+        range=(0.0001, 1.0),
+    )
+    accept_unknown_stamp_error: bool = parameter(
+        True,
+        'accept windows of samples whose stamp error is not known, as of a device without a clock',
+    )
     buffer_s: float = parameter(
         120.0,
         'how long samples wait for the events of their trial, and events for samples',

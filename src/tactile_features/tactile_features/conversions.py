@@ -70,6 +70,7 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
         tension_n=np.array(msg.tension_n, dtype=np.float64),
         lost_before=int(msg.lost_before),
         status=int(msg.status),
+        stamp_error_s=float(msg.stamp_error_s),
     )
 
 
@@ -137,6 +138,8 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
             )
             for m in msg.measures
         ),
+        specification_digest=str(msg.specification_digest),
+        stamp_error_s=float(msg.stamp_error_s),
     )
 
 
@@ -180,6 +183,8 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
             )
             for m in window.measures
         ],
+        specification_digest=window.specification_digest,
+        stamp_error_s=window.stamp_error_s,
     )
 
 

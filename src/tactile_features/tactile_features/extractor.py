@@ -26,11 +26,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.phase_window import PhaseWindow
+from tactile_features.phase_window import describe_clock_step, PhaseWindow
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
     PHASE_ABORTED,
+    PHASE_APPROACH,
+    PHASE_CONTACT,
     PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
@@ -46,6 +48,9 @@ from tactile_features.spec import array_spec, FeatureSpec
 from tactile_features.spectrum import compute_spectrum
 from tactile_features.windows import SampleBuffer
 
+GRACE_S = 0.5
+"""Longest time that a sample takes to arrive; only after it does a sample count as missing."""
+
 
 class TrialFeatureExtractor:
     """Cuts one window out of every finished glide and hold phase.
@@ -59,7 +64,14 @@ class TrialFeatureExtractor:
     The windows depend on stamps and sequence numbers alone: in whatever way events
     and blocks interleave, and however samples are grouped into blocks, the same
     windows come out in the same order, bit for bit, as long as neither topic runs
-    ahead of the other by more than ``buffer_s``.
+    ahead of the other by more than ``buffer_s``, and the clock of the samples is not set
+    back by a second or more: then nothing that is still to come can belong to what was.
+
+    A window whose samples do not come is refused `GRACE_S` after ``samples_timeout_s`` by
+    `time_out`, which a node calls by a monotonic clock, and by `pass_time`, which a replay
+    calls at the end of its data. Samples that come later refuse it by their stamps, with
+    the same bits. So a replay equals what was live, unless a sample with a stamp within
+    ``samples_timeout_s`` took longer than `GRACE_S` to arrive.
 
     Parameters
     ----------
@@ -107,11 +119,17 @@ class TrialFeatureExtractor:
         """Take in samples; return the windows that are now complete, in order of phases."""
         self.block_count += 1
         self.sample_count += len(block.tension_n)
+        is_set_back = self._buffer.add(block)
+        new = self._buffer.new_samples
+        step_ns = int(new['step_ns'][0]) if len(new) else 0
         windows = []
-        if self._buffer.add(block):
-            windows = self._give_up('the clock of the samples was set back before they came')
-            if self._signal:
-                self._signal.reset()
+        if self._signal and (is_set_back or step_ns):
+            message = describe_clock_step(step_ns, 'trial') if step_ns else _SET_BACK
+            for event in self._signal.abort(message):
+                self._detected.append(event)
+                windows += self._take_event(event)
+        if is_set_back:
+            windows += self._forget_past(step_ns)
         if self._signal:
             for event in self._signal.add(self._buffer.new_samples):
                 self._detected.append(event)
@@ -138,8 +156,7 @@ class TrialFeatureExtractor:
         begun, self._event = self._event, event
         before, self._before = self._before, begun
         if begun is not None and begun != event:
-            # A step back in time is the same trial played again, not the end of a phase.
-            if begun.trial_id == event.trial_id and event.stamp_ns >= begun.stamp_ns:
+            if begun.trial_id == event.trial_id and not _begins_again(begun, event):
                 if begun.phase in (PHASE_GLIDE, PHASE_HOLD):
                     same = before is not None and before.trial_id == begun.trial_id
                     self._waiting.append(
@@ -153,9 +170,32 @@ class TrialFeatureExtractor:
             )
         return self._take_running() + self._take_complete()
 
+    @property
+    def waits_since_ns(self) -> int | None:
+        """End of the oldest phase that waits for samples, on their clock [ns]; None: none."""
+        return self._waiting[0].end.stamp_ns if self._waiting else None
+
+    def time_out(self) -> list[FeatureWindow]:
+        """Refuse the oldest window that waits: its samples have not come in time."""
+        return self._count(self._waiting.popleft().time_out()) if self._waiting else []
+
+    def pass_time(self, now_ns: int) -> list[FeatureWindow]:
+        """Refuse the windows whose samples have not come in time, when the last data came.
+
+        Parameters
+        ----------
+        now_ns : int
+            Time of arrival of the last data of any kind (ROS time) [ns].
+        """
+        most_ns = (self.config.samples_timeout_s + GRACE_S) * 1e9
+        windows: list[FeatureWindow] = []
+        while self._waiting and now_ns - self._waiting[0].end.stamp_ns > most_ns:
+            windows += self.time_out()
+        return windows
+
     def finish(self) -> list[FeatureWindow]:
         """Return windows for the finished phases that still wait: no more samples will come."""
-        return self._give_up('the stream ended before all samples had come')
+        return self._give_up(Outcome.GAP, 'the stream ended before all samples had come')
 
     def _take_running(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
@@ -172,32 +212,54 @@ class TrialFeatureExtractor:
         windows: list[FeatureWindow] = []
         while self._waiting:
             # Only the oldest phase may go, so that the order does not depend on arrival.
-            window = self._waiting[0].take(self._buffer) or self._refuse_overdue(self._waiting[0])
+            window = self._waiting[0].take(self._buffer)
+            if window is None and self._is_overdue(self._waiting[0]):
+                window = self._waiting[0].time_out()
             if window is None:
                 break
             self._waiting.popleft()
-            self.window_counts[window.outcome] += 1
-            windows.append(window)
+            windows += self._count(window)
         return windows
 
-    def _refuse_overdue(self, waiting: PhaseWindow) -> FeatureWindow | None:
-        if self._is_overdue(waiting):
-            reason = f'no samples came within {self.config.buffer_s:g} s'
-            return waiting.refuse(Outcome.GAP, reason)
-        return None
+    def _count(self, window: FeatureWindow) -> list[FeatureWindow]:
+        self.window_counts[window.outcome] += 1
+        return [window]
 
     def _is_overdue(self, waiting: PhaseWindow) -> bool:
         event = self._event
         return event is not None and event.stamp_ns - waiting.end.stamp_ns > self._buffer_ns
 
-    def _give_up(self, reason: str) -> list[FeatureWindow]:
-        self._filling.clear()
-        windows = []
-        while self._waiting:
-            window = self._waiting.popleft().refuse(Outcome.GAP, reason)
-            self.window_counts[window.outcome] += 1
-            windows.append(window)
+    def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
+        """Refuse what waits when the clock is set back, and the phase that it falls into."""
+        if not step_ns:
+            return self._give_up(Outcome.GAP, f'{_SET_BACK} before they came')
+        windows = self._give_up(Outcome.BAD_TIME, describe_clock_step(step_ns, 'trial'))
+        event = self._event
+        if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
+            self._event = None  # its end would be on another clock
+            reason = describe_clock_step(step_ns, event.phase)
+            window = PhaseWindow(event, event, self.config).refuse(Outcome.BAD_TIME, reason)
+            windows += self._count(window)
         return windows
+
+    def _give_up(self, outcome: Outcome, reason: str) -> list[FeatureWindow]:
+        self._filling.clear()
+        windows: list[FeatureWindow] = []
+        while self._waiting:
+            windows += self._count(self._waiting.popleft().refuse(outcome, reason))
+        return windows
+
+
+_SET_BACK = 'the clock of the samples was set back'
+
+
+def _begins_again(begun: TrialEvent, event: TrialEvent) -> bool:
+    """Return whether the trial is played again, and the phase did not end with this event.
+
+    An event that is stamped earlier but ends the phase comes from a clock that was set back.
+    """
+    is_earlier = event.stamp_ns < begun.stamp_ns
+    return is_earlier and event.phase in (PHASE_APPROACH, PHASE_CONTACT, begun.phase)
 
 
 def features_from_trials(

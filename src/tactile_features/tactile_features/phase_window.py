@@ -54,6 +54,9 @@ _BAD_STATUS = {
     STATUS_DEVICE_ERROR: 'reported as faulty by the device',
 }
 
+CROP_MARGIN = 10.0
+"""How many times a stamp error must fit into the crop, for each time into the window."""
+
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
 
 
@@ -72,10 +75,12 @@ class _Cut(NamedTuple):
     """The samples of a window.
 
     ``after``: the sample after them, where the phase and not a count ends the window.
+    ``lead``: those from the start of the phase to the window.
     """
 
     samples: Samples
     after: Any
+    lead: Samples
 
 
 class PhaseWindow:
@@ -85,6 +90,16 @@ class PhaseWindow:
     end before the crop at its end; with ``texture_spatial``, as many samples as the path
     takes at the speed that the glide's event states. Stiffness: all samples of the hold
     between its crops.
+
+    Stamps that are wrong by e move the window by e along its phase. For a texture window of
+    length T a share e / T of its samples is then of another part of the surface; its
+    frequencies do not change, because samples are taken by number. The slope of a hold is
+    wrong by a share of 3 e / T at most: the errors that are worst for a regression over
+    evenly spaced times are +e in one half and -e in the other. The length that is compared
+    with the nominal rate is wrong by 2 e. So e must be at most ``max_stamp_error_share``
+    of T; at 1 % the length is known within `RATE_TOLERANCE`. The crop at the start keeps out
+    what happens there only while e is small against it: `CROP_MARGIN` crops count as
+    T where they are shorter. A crop of 0 sets no limit.
 
     Parameters
     ----------
@@ -115,16 +130,20 @@ class PhaseWindow:
             self._wanted = config.texture_samples
             if self._spec.feature_set == SET_TEXTURE_SPATIAL:
                 crop_start_s = self._cut_by_distance()
-            shortest_s = (self._wanted - 1) / config.rate_hz * (1 - RATE_TOLERANCE)
+            length_s = (self._wanted - 1) / config.rate_hz
+            shortest_s = length_s * (1 - RATE_TOLERANCE)
         else:
             self._spec = stiffness_spec(config)
             crop_start_s, crop_end_s = config.stiffness_settle_s, config.stiffness_crop_end_s
+            length_s = (end.stamp_ns - start.stamp_ns) / 1e9 - crop_start_s - crop_end_s
             shortest_s = config.stiffness_min_s
             self._wanted = 2
         self._period_ns = round(1e9 / config.rate_hz)
         self._from_ns = start.stamp_ns + round(crop_start_s * 1e9)
         self._to_ns = end.stamp_ns - round(crop_end_s * 1e9)
         self._shortest_ns = round(shortest_s * 1e9)
+        crops_s = CROP_MARGIN * crop_start_s or length_s
+        self._most_error_s = config.max_stamp_error_share * min(length_s, crops_s)
 
     def _cut_by_distance(self) -> float:
         """Set speed and number of samples; return the crop at the start [s]."""
@@ -146,6 +165,13 @@ class PhaseWindow:
             return self.refuse(Outcome.ABORTED, reason)
         if self._no_speed:
             return self.refuse(Outcome.UNDEFINED, self._no_speed)
+        early_ns = self.start.stamp_ns - self.end.stamp_ns
+        if early_ns > 0:
+            reason = (
+                f'the end of the {self.start.phase} is stamped {early_ns / 1e9:.3f} s before its '
+                "start: the host's clock was set back"
+            )
+            return self.refuse(Outcome.BAD_TIME, reason)
         if self._to_ns - self._from_ns < self._shortest_ns:
             reason = (
                 f'the {self.start.phase} leaves {(self._to_ns - self._from_ns) / 1e9:.3f} s '
@@ -155,7 +181,9 @@ class PhaseWindow:
         cut = self._cut(buffer)
         if cut is None:
             return None
-        window = self._refuse_evicted(buffer) or self._assess(cut)
+        window = self._refuse_evicted(buffer)
+        if window is None:
+            window = self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
         if window.outcome != Outcome.OK or not self._config.measures:
             return window
         return dataclasses.replace(window, measures=self._measure(cut.samples, buffer))
@@ -165,6 +193,21 @@ class PhaseWindow:
     ) -> FeatureWindow:
         """Return the window without features."""
         return self._window(outcome, reason, samples, np.empty(0))
+
+    def time_out(self) -> FeatureWindow:
+        """Return the window without features: its samples have not come in time."""
+        reason = (
+            f'no samples came within {self._config.samples_timeout_s:g} s of the end of the '
+            f'{self.start.phase}: the sensor is silent, see its diagnostics'
+        )
+        return self.refuse(Outcome.GAP, reason)
+
+    def _is_too_late(self, after: Any) -> bool:
+        """Return whether the sample after the window came later than anybody waits for it."""
+        if after is None or after['step_ns']:
+            return False
+        late_ns = int(after['latest_ns']) - self.end.stamp_ns
+        return late_ns > self._config.samples_timeout_s * 1e9
 
     def _refuse_evicted(self, buffer: SampleBuffer) -> FeatureWindow | None:
         if buffer.evicted_ns is None or buffer.evicted_ns < self._from_ns:
@@ -176,31 +219,39 @@ class PhaseWindow:
         return self.refuse(Outcome.GAP, reason)
 
     def _first_samples(self, buffer: SampleBuffer) -> _Cut | None:
-        samples = buffer.samples
         begin = buffer.first_at(self._from_ns)
         end = begin + self._wanted
-        return _Cut(samples[begin:end], None) if end <= len(samples) else None
+        return self._slice(buffer, begin, end, None) if end <= len(buffer.samples) else None
+
+    def _slice(self, buffer: SampleBuffer, begin: int, end: int, after: Any) -> _Cut:
+        lead = buffer.samples[buffer.first_at(self.start.stamp_ns) : begin]
+        return _Cut(buffer.samples[begin:end], after, lead)
 
     def _cut(self, buffer: SampleBuffer) -> _Cut | None:
         if self._is_texture:
             cut = self._first_samples(buffer)
             if cut is not None and cut.samples['latest_ns'][-1] <= self._to_ns:
                 return cut
-        samples = buffer.samples
         begin = buffer.first_at(self._from_ns)
         if buffer.watermark_ns is None or buffer.watermark_ns <= self._to_ns:
             return None
         end = buffer.first_beyond(self._to_ns)
-        return _Cut(samples[begin:end], samples[end])
+        return self._slice(buffer, begin, end, buffer.samples[end])
 
     def _assess(self, cut: _Cut) -> FeatureWindow:
         samples = cut.samples
+        reason = self._describe_step(cut)
+        if reason:
+            return self.refuse(Outcome.BAD_TIME, reason, samples)
         reason = self._describe_gap(cut)
         if reason:
             return self.refuse(Outcome.GAP, reason, samples)
         if len(samples) < self._wanted:
             reason = f'the {self.start.phase} gave {len(samples)} of {self._wanted} samples'
             return self.refuse(Outcome.TOO_SHORT, reason, samples)
+        reason = self._describe_stamp_error(samples)
+        if reason:
+            return self.refuse(Outcome.BAD_TIME, reason, samples)
         reason = self._describe_fault(samples)
         if reason:
             return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
@@ -233,8 +284,31 @@ class PhaseWindow:
             no_pull = 'the buffer no longer holds the pull into contact; raise buffer_s'
         return measure_hold(samples, pull, before.pull_speed_m_s, no_pull)
 
+    def _describe_step(self, cut: _Cut) -> str:
+        after_ns = [] if cut.after is None else [cut.after['step_ns']]
+        steps_ns = np.concatenate([cut.lead['step_ns'], cut.samples['step_ns'], after_ns])
+        steps_ns = steps_ns[steps_ns != 0]
+        return describe_clock_step(int(steps_ns[0]), self.start.phase) if len(steps_ns) else ''
+
+    def _describe_stamp_error(self, samples: Samples) -> str:
+        error_s = _worst_error_s(samples)
+        if error_s < 0.0:
+            if self._config.accept_unknown_stamp_error:
+                return ''
+            return (
+                'the error of the stamps is not known; the parameter '
+                'accept_unknown_stamp_error is false'
+            )
+        if error_s <= self._most_error_s:
+            return ''
+        return (
+            f'the stamps may be wrong by {error_s:.4f} s; this window allows '
+            f'{self._most_error_s:.4f} s (max_stamp_error_share). See what delays the '
+            'samples on their way to the host'
+        )
+
     def _describe_gap(self, cut: _Cut) -> str:
-        samples, after = cut
+        samples, after, _ = cut
         holes = np.flatnonzero(samples['hole'][1:])
         if len(holes):
             before, behind = samples['sequence'][holes[0] : holes[0] + 2].tolist()
@@ -293,4 +367,18 @@ class PhaseWindow:
             status=int(np.bitwise_or.reduce(samples['status'])),
             frame_id=self._config.frame_id,
             speed_m_s=self._speed_m_s,
+            specification_digest=self._spec.digest,
+            stamp_error_s=_worst_error_s(samples),
         )
+
+
+def describe_clock_step(step_ns: int, phase: str) -> str:
+    """Return the sentence that refuses a window across a step of the host's clock."""
+    way = 'forward' if step_ns > 0 else 'back'
+    return f"the host's clock was set {way} by {abs(step_ns) / 1e9:.3f} s during the {phase}"
+
+
+def _worst_error_s(samples: Samples) -> float:
+    """Return the largest bound on the error of the stamps [s], -1 when one is not known."""
+    errors_s = samples['stamp_error_s']
+    return float(errors_s.max()) if len(errors_s) and errors_s.min() >= 0.0 else -1.0

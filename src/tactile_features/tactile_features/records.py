@@ -52,6 +52,8 @@ STATUS_STUCK = 4
 STATUS_DEVICE_ERROR = 8
 STATUS_RESYNCHRONISED = 16
 STATUS_RECONNECTED = 32
+STATUS_RESTARTED = 64
+STATUS_CLOCK_STEP = 128
 
 SET_TEXTURE_SPECTRUM = 'texture_spectrum'
 SET_TEXTURE_SPATIAL = 'texture_spatial'
@@ -67,6 +69,7 @@ class Outcome(IntEnum):
     BAD_SIGNAL = 3
     UNDEFINED = 4
     ABORTED = 5
+    BAD_TIME = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,8 @@ class StrainBlock:
         Samples known to be lost between the previous block and this one.
     status : int
         STATUS_ bits; they hold for every sample of the block.
+    stamp_error_s : float
+        Bound on the error of the stamps [s]; negative: not known.
     """
 
     stamp_ns: int
@@ -98,6 +103,7 @@ class StrainBlock:
     tension_n: NDArray[np.float64]
     lost_before: int = 0
     status: int = STATUS_OK
+    stamp_error_s: float = -1.0
 
 
 @dataclass(frozen=True)
@@ -164,6 +170,10 @@ class FeatureWindow:
         Sliding speed that the features were computed with; 0: they need none [m/s].
     measures : tuple of Measure
         Physical quantities of the same window.
+    specification_digest : str
+        `FeatureSpec.digest` of the specification that made the values; empty: not known.
+    stamp_error_s : float
+        Largest bound on the error of its samples' stamps [s]; negative: not known.
     """
 
     feature_set: str
@@ -185,6 +195,8 @@ class FeatureWindow:
     running: bool = False
     speed_m_s: float = 0.0
     measures: tuple[Measure, ...] = ()
+    specification_digest: str = ''
+    stamp_error_s: float = -1.0
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FeatureWindow):

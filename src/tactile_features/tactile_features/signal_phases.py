@@ -122,6 +122,13 @@ class SignalPhases:
         }
         self.reset()
 
+    def abort(self, message: str) -> list[TrialEvent]:
+        """Forget everything; return the end of the trial that was under way, if any."""
+        is_idle = self._state in (_State.LEARN, _State.REST)
+        events = [] if is_idle else [self._event(PHASE_ABORTED, self._stamp_ns[-1], message)]
+        self.reset()
+        return events
+
     def reset(self) -> None:
         """Forget everything: the next samples have nothing to do with the last ones."""
         self._pending: list[tuple[int, float]] = []
@@ -359,7 +366,7 @@ class SignalPhases:
 def find_phases(
     time_ns: ArrayLike, tension_n: ArrayLike, config: FeatureConfig
 ) -> tuple[TrialEvent, ...]:
-    """Return the phases found in an array: what `SignalPhases` finds in the same stream.
+    """Return the phases that `SignalPhases` finds in an array, in the order of time.
 
     Parameters
     ----------
@@ -369,11 +376,6 @@ def find_phases(
         Tension [N]; values that are not finite are passed over.
     config : FeatureConfig
         ``phases`` names the protocol.
-
-    Returns
-    -------
-    tuple of TrialEvent
-        In the order of time.
 
     Raises
     ------

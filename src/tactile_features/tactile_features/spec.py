@@ -19,6 +19,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 import dataclasses
 from dataclasses import dataclass, field
+from functools import cached_property
+import hashlib
+import json
 import math
 from types import MappingProxyType
 from typing import Any
@@ -41,11 +44,18 @@ SPATIAL_VERSION = 1
 STIFFNESS_VERSION = 2
 
 _CUTS = {
-    SET_TEXTURE_SPECTRUM: ('texture_crop_start_s',),
-    SET_TEXTURE_SPATIAL: ('spatial_crop_m', 'spatial_length_m', 'spatial_finest_m'),
-    SET_STIFFNESS_REGRESSION: ('stiffness_settle_s', 'stiffness_crop_end_s'),
+    SET_TEXTURE_SPECTRUM: ('texture_crop_start_s', 'max_gap_samples'),
+    SET_TEXTURE_SPATIAL: (
+        'spatial_crop_m',
+        'spatial_length_m',
+        'spatial_finest_m',
+        'max_gap_samples',
+    ),
+    SET_STIFFNESS_REGRESSION: ('stiffness_settle_s', 'stiffness_crop_end_s', 'max_gap_samples'),
 }
 """What the parameters of each set may be: a file from elsewhere sets nothing but these."""
+
+_DIGEST_DIGITS = 16
 
 
 @dataclass(frozen=True)
@@ -65,8 +75,9 @@ class FeatureSpec:
     names, units : tuple of str
         One a feature.
     parameters : mapping of str to float
-        Which part of the phase the window is, by the names of `FeatureConfig`. Empty
-        for arrays of ready-cut windows.
+        Which part of the phase the window is and which losses are filled, by the names of
+        `FeatureConfig`. Empty for arrays of ready-cut windows. What refuses a window but
+        changes no value is not among them.
     """
 
     feature_set: str
@@ -76,6 +87,29 @@ class FeatureSpec:
     names: tuple[str, ...]
     units: tuple[str, ...]
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def digest(self) -> str:
+        """The first 16 hex digits of the SHA-256 of the specification as canonical JSON.
+
+        Canonical: keys in order, no spaces, ASCII, each number as the shortest text of its
+        double. So it is the same on every platform, and for 60 as for 60.0.
+        """
+        values = {
+            **self.to_dict(),
+            'version': int(self.version),
+            'sample_count': int(self.sample_count),
+            'rate_hz': float(self.rate_hz),
+            # The sum takes the sign from a zero.
+            'parameters': {name: float(value) + 0.0 for name, value in self.parameters.items()},
+        }
+        text = json.dumps(values, sort_keys=True, separators=(',', ':'), ensure_ascii=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:_DIGEST_DIGITS]
+
+    @property
+    def missing_parameters(self) -> tuple[str, ...]:
+        """What a feature node's specification states and this one does not."""
+        return tuple(n for n in _CUTS.get(self.feature_set, ()) if n not in self.parameters)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the specification as plain JSON types."""
@@ -99,6 +133,9 @@ class FeatureSpec:
             When an entry is missing or of the wrong type.
         """
         try:
+            parameters = {str(k): float(v) for k, v in data['parameters'].items()}
+            if not parameters.get('max_gap_samples', 0.0).is_integer():
+                raise ValueError(f'max_gap_samples is {parameters["max_gap_samples"]}')
             return cls(
                 feature_set=str(data['feature_set']),
                 version=int(data['version']),
@@ -106,7 +143,7 @@ class FeatureSpec:
                 sample_count=int(data['sample_count']),
                 names=tuple(str(name) for name in data['names']),
                 units=tuple(str(unit) for unit in data['units']),
-                parameters={str(k): float(v) for k, v in data['parameters'].items()},
+                parameters=parameters,
             )
         except KeyError as error:
             raise FeatureError(f'the feature specification has no entry {error}') from error
@@ -125,7 +162,8 @@ class FeatureSpec:
             values['texture_samples'] = self.sample_count
         for name in _CUTS.get(self.feature_set, ()):
             if name in self.parameters:
-                values[name] = self.parameters[name]
+                value = self.parameters[name]
+                values[name] = int(value) if name == 'max_gap_samples' else value
         return values
 
     def mismatch(self, other: FeatureSpec) -> str:
@@ -156,12 +194,18 @@ class FeatureSpec:
 def texture_spec(config: FeatureConfig) -> FeatureSpec:
     """Return what the texture features of ``config`` are."""
     if config.texture_features == SET_TEXTURE_SPATIAL:
-        crop = {'spatial_crop_m': config.spatial_crop_m}
+        crop = {
+            'spatial_crop_m': config.spatial_crop_m,
+            'max_gap_samples': config.max_gap_samples,
+        }
         return spatial_spec(config.rate_hz, config.spatial_window(), crop)
     return _texture(
         config.rate_hz,
         config.texture_samples,
-        {'texture_crop_start_s': config.texture_crop_start_s},
+        {
+            'texture_crop_start_s': config.texture_crop_start_s,
+            'max_gap_samples': config.max_gap_samples,
+        },
     )
 
 
@@ -219,6 +263,7 @@ def stiffness_spec(config: FeatureConfig) -> FeatureSpec:
         parameters={
             'stiffness_settle_s': config.stiffness_settle_s,
             'stiffness_crop_end_s': config.stiffness_crop_end_s,
+            'max_gap_samples': config.max_gap_samples,
         },
     )
 

@@ -20,6 +20,8 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
+
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import (
     event_from_msg,
@@ -30,11 +32,14 @@ from tactile_features.conversions import (
 from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
 from tactile_features.records import StrainBlock as StrainRecord
+from tactile_features.sample_timeout import SampleTimeout
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
+
+WATCH_PERIOD_S = 0.25
 
 
 class TactileFeaturesNode(TactileNode):
@@ -42,6 +47,9 @@ class TactileFeaturesNode(TactileNode):
 
     Windows that still fill go to ``~/running_features``, where nobody takes them for
     finished ones; phases found in the signal go to ``~/detected_events``.
+
+    A window whose samples do not come is refused after ``samples_timeout_s``, also while
+    nothing at all comes any more.
 
     It listens as soon as it is configured, so that a trial under way at activation
     is whole, and publishes while it is active.
@@ -59,6 +67,7 @@ class TactileFeaturesNode(TactileNode):
         self._running_publisher: Any = None
         self._event_publisher: Any = None
         self._subscriptions_made: list[Any] = []
+        self._watch_timer: Any = None
         self._diagnostics: Diagnostics | None = None
         self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
@@ -86,6 +95,12 @@ class TactileFeaturesNode(TactileNode):
                 EVENTS,
             ),
         ]
+        timeout = SampleTimeout(extractor)
+        self._watch_timer = self.create_timer(
+            WATCH_PERIOD_S,
+            lambda: self._publish(extractor.time_out()) if timeout.is_over() else None,
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
         self._diagnostics = Diagnostics(self, lambda: '', self._assess)
 
     def stop(self) -> None:
@@ -97,6 +112,9 @@ class TactileFeaturesNode(TactileNode):
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
+        if self._watch_timer is not None:
+            self.destroy_timer(self._watch_timer)
+            self._watch_timer = None
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
         self._subscriptions_made = []

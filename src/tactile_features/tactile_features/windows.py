@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.records import STATUS_RECONNECTED, StrainBlock
+from tactile_features.records import STATUS_CLOCK_STEP, STATUS_RECONNECTED, StrainBlock
 
 SAMPLE = np.dtype(
     [
@@ -31,12 +31,21 @@ SAMPLE = np.dtype(
         ('sequence', np.uint64),
         ('tension_n', np.float64),
         ('status', np.uint32),
+        ('stamp_error_s', np.float64),
+        ('step_ns', np.int64),
         ('hole', np.bool_),
         ('interpolated', np.bool_),
     ]
 )
 """One sample. ``latest_ns``: latest stamp so far, never falls, so it can be searched.
-``hole``: something is missing between the sample before and this one."""
+``stamp_error_s``: bound on the error of the stamp; negative: not known. ``step_ns``: by how much
+the host's clock was stepped between the sample before and this one. ``hole``: something is
+missing between them, or the clock was stepped."""
+
+_LARGEST_STEP_NS = 1 << 62
+
+_BREAKS = STATUS_RECONNECTED | STATUS_CLOCK_STEP
+"""Where one of these begins, a block does not continue the one before."""
 
 SET_BACK_NS = 1_000_000_000
 """A block whose stamps lie further back than this is not late: the clock was set back."""
@@ -52,7 +61,8 @@ class SampleBuffer:
       is dropped. If its stamps are new, the driver was restarted instead.
     - A run of at most ``max_gap_samples`` lost samples is filled by linear
       interpolation between its neighbours; a longer one is a hole, and so is a
-      restart or a reconnection, where nobody knows how much was lost.
+      restart or a reconnection, where nobody knows how much was lost, and a step of
+      the host's clock.
     - The memory is bounded in time and in samples.
 
     Parameters
@@ -67,7 +77,7 @@ class SampleBuffer:
     Attributes
     ----------
     late_sample_count, restart_count : int
-        Samples dropped as repeated; restarts of the stream.
+        Samples dropped as repeated; restarts of the stream, or of its clock.
     new_count : int
         Samples that the last `add` appended, interpolated ones included.
     evicted_ns : int or None
@@ -130,9 +140,11 @@ class SampleBuffer:
             return False
         last = self._data[self._end - 1]
         if new['stamp_ns'][-1] < last['latest_ns'] - SET_BACK_NS:
+            step_ns = _measure_step(last, new[0], block.period_ns)
             self._clear()
             self.restart_count += 1
             self.add(block)
+            self.new_samples['step_ns'][0] = step_ns
             return True
         fresh = (new['sequence'] > last['sequence']) | (new['stamp_ns'] > last['stamp_ns'])
         repeated = int(fresh.argmax()) if fresh.any() else len(new)
@@ -140,6 +152,7 @@ class SampleBuffer:
         new = new[repeated:]
         if len(new):
             lost_before = 0 if repeated else block.lost_before
+            new['step_ns'][0] = _measure_step(last, new[0], block.period_ns)
             self._join(last, new, lost_before)
             self._append(new)
         return False
@@ -152,7 +165,7 @@ class SampleBuffer:
         return (
             block.sequence == int(last['sequence']) + 1
             and block.stamp_ns > last['latest_ns']
-            and not block.status & ~int(last['status']) & STATUS_RECONNECTED
+            and not block.status & ~int(last['status']) & _BREAKS
         )
 
     def _append_next(self, block: StrainBlock) -> None:
@@ -167,6 +180,8 @@ class SampleBuffer:
         columns['sequence'][to] = np.uint64(block.sequence) + step.astype(np.uint64)
         columns['tension_n'][to] = block.tension_n
         columns['status'][to] = block.status
+        columns['stamp_error_s'][to] = _known_error(block)
+        columns['step_ns'][to] = 0
         columns['hole'][to] = columns['interpolated'][to] = False
         self._end += count
         self.new_count += count
@@ -176,8 +191,8 @@ class SampleBuffer:
         lost = int(new['sequence'][0]) - int(last['sequence']) - 1
         if lost < 0:
             self.restart_count += 1
-        reconnected = new['status'][0] & ~last['status'] & STATUS_RECONNECTED
-        if lost < lost_before or reconnected or lost > self._max_gap_samples:
+        broken = new['status'][0] & ~last['status'] & _BREAKS
+        if lost < lost_before or broken or lost > self._max_gap_samples:
             new['hole'][0] = True
         elif lost > 0:
             self._append(_interpolate(last, new[0], lost))
@@ -224,7 +239,23 @@ def _unpack(block: StrainBlock) -> Samples:
     new['sequence'] = np.uint64(block.sequence) + step.astype(np.uint64)
     new['tension_n'] = block.tension_n
     new['status'] = block.status
+    new['stamp_error_s'] = _known_error(block)
     return new
+
+
+def _known_error(block: StrainBlock) -> float:
+    """Return the bound on the error of a block's stamps [s], -1 when it is not known."""
+    return block.stamp_error_s if block.stamp_error_s >= 0.0 else -1.0
+
+
+def _measure_step(last: Any, first: Any, period_ns: int) -> int:
+    """Return by how much the host's clock was stepped between two samples [ns], 0: not at all."""
+    if not first['status'] & ~last['status'] & STATUS_CLOCK_STEP:
+        return 0
+    periods = max(1, int(first['sequence']) - int(last['sequence']))
+    elapsed_ns = int(first['stamp_ns']) - int(last['stamp_ns'])
+    step_ns = elapsed_ns - periods * period_ns or 1
+    return max(-_LARGEST_STEP_NS, min(_LARGEST_STEP_NS, step_ns))
 
 
 def _interpolate(before: Any, after: Any, count: int) -> Samples:
@@ -239,5 +270,7 @@ def _interpolate(before: Any, after: Any, count: int) -> Samples:
         rise = after['tension_n'] - before['tension_n']
         filled['tension_n'] = before['tension_n'] + rise * (step / (count + 1))
     filled['status'] = before['status'] | after['status']
+    errors_s = (before['stamp_error_s'], after['stamp_error_s'])
+    filled['stamp_error_s'] = max(errors_s) if min(errors_s) >= 0.0 else -1.0
     filled['interpolated'] = True
     return filled

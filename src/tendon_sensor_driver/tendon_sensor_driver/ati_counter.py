@@ -115,6 +115,11 @@ class SampleCounter:
         self._record = None
         self._is_new_session = True
 
+    def note_clock_step(self, step_ns: int) -> None:
+        """Say that the host's clock was set by this before the next batch [ns]."""
+        if self._newest is not None:
+            self._newest = (self._newest[0], self._newest[1] + step_ns)
+
     def sort(self, batch: Batch) -> Order:
         """Return the new samples of a batch in their order.
 

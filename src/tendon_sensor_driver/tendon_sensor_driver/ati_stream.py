@@ -119,6 +119,14 @@ class CountedStream:
         """Say that something that was no sample was dropped before the next one."""
         self._event |= StrainStatus.RESYNCHRONISED
 
+    def note_clock_step(self, step_ns: int) -> None:
+        """Say that the host's clock was set by this before the next batch [ns]."""
+        self._clock.note_step(step_ns)
+        self.counter.note_clock_step(step_ns)
+        if self._end_ns is not None:
+            self._end_ns += step_ns
+        self._event |= StrainStatus.CLOCK_STEP
+
     def add(self, batch: Batch) -> list[Block]:
         """Take a batch; return the blocks that it completes.
 
@@ -128,6 +136,8 @@ class CountedStream:
             When the counter jumps within a session; begin another one.
         """
         order = self.counter.sort(batch)
+        if order.is_restart:
+            self._event |= StrainStatus.RESTARTED
         if not len(order.indices):
             return []
         # A sample that came twice or late has no place in time.
@@ -138,6 +148,9 @@ class CountedStream:
             self._lost += int(order.steps.sum())
             self._event |= StrainStatus.RESYNCHRONISED
             return []
+        # The counter, not the clock, tells a restart: without it the host's clock was set.
+        if instant.is_step or (instant.is_restart and not self._event & StrainStatus.RESTARTED):
+            self._event |= StrainStatus.CLOCK_STEP
         return self._place(batch._replace(timed=timed), order, instant)
 
     def flush(self) -> list[Block]:

@@ -41,6 +41,7 @@ class _Chunk(NamedTuple):
     received_at_ns: int
     connection: int
     is_cut: bool  # bytes before these were dropped
+    clock_step_ns: int  # of the host's clock before these arrived
 
 
 class TendonSensorClient(BlockClient):
@@ -107,7 +108,7 @@ class TendonSensorClient(BlockClient):
         self._check_is_new(self._reader)
         self._transport = SerialTransport(self._config.port, self._config.baud)
         self._identity = find_serial_number(self._config.port)
-        self._heard_at_ns = self._now_ns()
+        self._note_heard()
         self._is_connected = True
         self._worker.start()
         self._reader.start()
@@ -156,7 +157,7 @@ class TendonSensorClient(BlockClient):
     # -- the reading thread ------------------------------------------------------------
 
     def _read(self) -> None:
-        is_cut = False
+        is_cut, step_ns = False, 0
         transport = self._transport
         while transport is not None and not self._stop.is_set():
             try:
@@ -170,9 +171,12 @@ class TendonSensorClient(BlockClient):
             if not data:
                 continue
             self._delay_s = FIRST_DELAY_S
+            received_at_ns = self._arrivals.now_ns()
+            step_ns += self._arrivals.take_step_ns()
+            chunk = _Chunk(data, received_at_ns, self._reconnects, is_cut, step_ns)
             try:
-                self._chunks.put_nowait(_Chunk(data, self._now_ns(), self._reconnects, is_cut))
-                is_cut = False
+                self._chunks.put_nowait(chunk)
+                is_cut, step_ns = False, 0
             except queue.Full:
                 self._overruns += 1
                 is_cut = True
@@ -217,10 +221,12 @@ class TendonSensorClient(BlockClient):
             elif chunk.is_cut:
                 self._decoder.reset()
                 self._stream.note_dropped_bytes()
+            if chunk.clock_step_ns:
+                self._stream.note_clock_step(chunk.clock_step_ns)
             readings = self._decoder.feed(chunk.data, chunk.received_at_ns)
             self._bursts += len(readings) >= _BURST_READINGS
             for reading in readings:
-                self._heard_at_ns = reading.received_at_ns
+                self._note_heard()
                 self._deliver(self._stream.add(reading))
 
     def _leave_menu(self) -> None:

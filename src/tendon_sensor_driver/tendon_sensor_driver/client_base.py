@@ -20,9 +20,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 import logging
 import threading
+import time
 from types import TracebackType
 from typing import Generic, Protocol, TypeVar
 
+from tendon_sensor_driver.clock import ArrivalClock
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
 from tendon_sensor_driver.records import Block, TendonSensorConfig
 
@@ -55,10 +57,11 @@ class BlockClient(ABC):
     ) -> None:
         self._config = config
         self._on_block = on_block
-        self._now_ns = now_ns
+        self._host_ns = now_ns
+        self._arrivals = ArrivalClock(now_ns)
         self._stop = threading.Event()
         self._is_connected = False
-        self._heard_at_ns = 0
+        self._heard_monotonic_ns = 0
         self._delay_s = FIRST_DELAY_S
         self._reconnects = 0
         self._last_error = ''
@@ -74,6 +77,14 @@ class BlockClient(ABC):
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    @property
+    def _heard_at_ns(self) -> int:
+        """Time of the last reading on the host's clock as it is set now [ns]."""
+        return self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
+
+    def _note_heard(self) -> None:
+        self._heard_monotonic_ns = time.monotonic_ns()
 
     @abstractmethod
     def open(self) -> None:
@@ -135,7 +146,7 @@ class LinkClient(BlockClient, Generic[LinkType]):
         """
         self._check_is_new(self._thread)
         self._link = self._connect()
-        self._heard_at_ns = self._now_ns()
+        self._note_heard()
         self._is_connected = True
         self._thread.start()
 
@@ -166,9 +177,9 @@ class LinkClient(BlockClient, Generic[LinkType]):
         """Tell whether to wait before the next attempt."""
         return True
 
-    def _note_samples(self, received_at_ns: int) -> None:
+    def _note_samples(self) -> None:
         """Note that new samples have come: the link is well."""
-        self._heard_at_ns = received_at_ns
+        self._note_heard()
         self._delay_s = FIRST_DELAY_S
         if not self._is_connected:
             self._is_connected = True

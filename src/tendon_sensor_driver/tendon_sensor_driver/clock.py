@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
+import time
 from typing import NamedTuple
 
 from tendon_sensor_driver.lower_line import LowerLine, SECOND_NS, STEP_NS
@@ -25,6 +27,52 @@ _SLEW_DIVISOR = 20
 _LATE_NS = SECOND_NS // 4
 _EARLY_NS = SECOND_NS
 _WRAP_TICKS = 1 << 32
+_LEAST_STEP_NS = SECOND_NS // 10
+_QUICK_NS = SECOND_NS // 1000
+_ATTEMPTS = 3
+
+
+class ArrivalClock:
+    """The host's time, whose steps are told by the monotonic clock.
+
+    The host's clock may be set back or forward at any moment, the monotonic clock never. When
+    the difference of the two changes by more than 0.1 s from one reading to the next, the
+    host's clock was stepped. A slow change is drift, as of a simulated time.
+
+    Its methods belong to one thread.
+
+    Parameters
+    ----------
+    now_ns : callable
+        The host's time [ns].
+    """
+
+    def __init__(self, now_ns: Callable[[], int]) -> None:
+        self._now_ns = now_ns
+        self._offset_ns: int | None = None  # host's time less monotonic time
+        self._slack_ns = 0
+        self._step_ns = 0
+
+    def now_ns(self) -> int:
+        """Return the host's time; note whether it was stepped since the last call [ns]."""
+        for _ in range(_ATTEMPTS):  # other threads may run between two looks at the clocks
+            before_ns = time.monotonic_ns()
+            now_ns = self._now_ns()
+            slack_ns = time.monotonic_ns() - before_ns
+            if slack_ns <= _QUICK_NS:
+                break
+        offset_ns = now_ns - before_ns
+        if self._offset_ns is not None:
+            change_ns = offset_ns - self._offset_ns
+            if abs(change_ns) > _LEAST_STEP_NS + slack_ns + self._slack_ns:
+                self._step_ns += change_ns
+        self._offset_ns, self._slack_ns = offset_ns, slack_ns
+        return now_ns
+
+    def take_step_ns(self) -> int:
+        """Return by how much the host's clock was stepped since the last call [ns]."""
+        step_ns, self._step_ns = self._step_ns, 0
+        return step_ns
 
 
 class Instant(NamedTuple):
@@ -40,12 +88,15 @@ class Instant(NamedTuple):
         Bound on the error of the stamp [s]; negative when not known.
     is_restart
         Whether the device's clock started anew: ``device_ns`` does not continue.
+    is_step
+        Whether the stamp leaps because the host's clock was set.
     """
 
     device_ns: int | None
     stamp_ns: int
     stamp_error_s: float
     is_restart: bool = False
+    is_step: bool = False
 
 
 class HostClock:
@@ -62,6 +113,11 @@ class HostClock:
     def note_reconnection(self) -> None:
         """Do nothing: arrival times go on as before."""
 
+    def note_step(self, step_ns: int) -> None:
+        """Follow the host's clock, which was set by this [ns]."""
+        if self._stamp_ns is not None:
+            self._stamp_ns += step_ns
+
     def place(self, ticks: int | None, received_at_ns: int) -> Instant:
         """Return when a sample was taken, as far as its arrival tells."""
         stamp_ns = received_at_ns
@@ -77,7 +133,8 @@ class DeviceClock:
     stamp = device time + offset. The offset follows the line under "arrival minus device
     time" (`LowerLine`), which knows the drift, by at most 1/20 of the device time that
     passes: two stamps differ by what the device says, within 6 %, and never go backwards.
-    Only when the line is more than 1 s above (the host's clock was set) the offset steps.
+    A step of the host's clock that `note_step` tells moves line and stamps at once. One that
+    nobody told moves the stamps only when the line has come more than 1 s above them.
 
     The stated error is one tick, plus what the offset still lacks of the line, plus how far
     the line may be off; in the first five seconds it is not known. It is relative to the shortest
@@ -122,6 +179,15 @@ class DeviceClock:
     def note_reconnection(self) -> None:
         """Expect the next reading to be fresh, and perhaps the device to have restarted."""
         self._is_reconnected = True
+
+    def note_step(self, step_ns: int) -> None:
+        """Follow the host's clock, which was set by this before the next reading [ns]."""
+        self._line.shift(step_ns)
+        self._offset_ns += step_ns
+        if self._outlier is not None:
+            self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
+        if self._last is not None:
+            self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         """Return when a sample was taken, or None when its time fits nowhere.
@@ -185,22 +251,24 @@ class DeviceClock:
         self._line.add(device_ns, received_at_ns - device_ns)
         away_ns = self._get_away(self._line.at(self._last_ns))
         left_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
-        self._offset_ns = self._line.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
-        return self._stamp(device_ns, is_restart=False)
+        offset_ns = self._line.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
+        is_step = offset_ns - self._offset_ns > STEP_NS
+        self._offset_ns = offset_ns
+        return self._stamp(device_ns, is_restart=False, is_step=is_step)
 
     def _get_away(self, line_ns: int) -> int:
         """Return how far the offset is above the line [ns]; nothing when it is to step."""
         away_ns = self._offset_ns - line_ns
         return away_ns if away_ns >= -STEP_NS else 0
 
-    def _stamp(self, device_ns: int, *, is_restart: bool) -> Instant:
+    def _stamp(self, device_ns: int, *, is_restart: bool, is_step: bool = False) -> Instant:
         stamp_ns = device_ns + self._offset_ns
         if self._last is not None:
             stamp_ns = max(stamp_ns, self._last.stamp_ns + 1)  # ticks of single nanoseconds
         self._last_ns = device_ns
         self._outlier = None
         self._is_reconnected = False
-        self._last = Instant(device_ns, stamp_ns, self._compute_error(), is_restart)
+        self._last = Instant(device_ns, stamp_ns, self._compute_error(), is_restart, is_step)
         return self._last
 
     def _compute_error(self) -> float:

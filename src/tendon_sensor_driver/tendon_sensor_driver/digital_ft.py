@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import logging
+import time
 
 from tendon_sensor_driver.client_base import LinkClient
 from tendon_sensor_driver.digital_ft_link import DigitalFtLink
@@ -57,7 +58,7 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
         super().__init__(config, on_block, now_ns)
         self._stream = DigitalFtStream(config)
         self.identity = ''
-        self._connected_at_ns = 0
+        self._connected_monotonic_ns = 0
         self._status_word = 0
         self._is_marked = False
 
@@ -97,7 +98,7 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
             raise
         self.identity = calibration.serial
         self._stream.begin_session(calibration)
-        self._connected_at_ns = self._now_ns()
+        self._connected_monotonic_ns = time.monotonic_ns()
         return link
 
     def _flush(self) -> list[Block]:
@@ -105,13 +106,16 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
 
     def _read(self, link: DigitalFtLink) -> None:
         data = link.read()
-        received_at_ns = self._now_ns()
+        received_at_ns = self._arrivals.now_ns()
+        step_ns = self._arrivals.take_step_ns()
+        if step_ns:
+            self._stream.note_clock_step(step_ns)
         records = self._stream.decoder.records
         if data:
             self._deliver(self._stream.add(data, received_at_ns))
         if self._stream.decoder.records > records:
-            self._note_samples(received_at_ns)
-        elif received_at_ns - max(self._heard_at_ns, self._connected_at_ns) > _DEAD_S * 1e9:
+            self._note_samples()
+        elif self._measure_silence_s() > _DEAD_S:
             raise LinkError(
                 f'no records from the Digital F/T at {self._config.port} for {_DEAD_S} s; '
                 'check its power and cable'
@@ -123,3 +127,7 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
         if self._is_marked and not is_marked:
             self._status_word = 0
         self._is_marked = is_marked
+
+    def _measure_silence_s(self) -> float:
+        since_ns = max(self._heard_monotonic_ns, self._connected_monotonic_ns)
+        return (time.monotonic_ns() - since_ns) / 1e9

@@ -99,6 +99,13 @@ class DigitalFtStream:
             self._stream.begin_session(self._stream.rate_hz, 1, is_clock=False)
             self._is_resumed = True
 
+    def note_clock_step(self, step_ns: int) -> None:
+        """Say that the host's clock was set by this before the next bytes [ns]."""
+        self._stream.note_clock_step(step_ns)
+        self._newest_ns += step_ns
+        if self._begun_ns is not None:
+            self._begun_ns += step_ns
+
     def add(self, data: bytes, received_at_ns: int) -> list[Block]:
         """Take bytes; return the blocks that they complete."""
         blocks: list[Block] = []

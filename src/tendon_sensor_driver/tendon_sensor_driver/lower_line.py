@@ -78,6 +78,16 @@ class LowerLine:
         self._device_ns, self._difference_ns = device_ns, difference_ns
         self._begin_least(device_ns, difference_ns)
 
+    def shift(self, step_ns: int) -> None:
+        """Move line and differences up by a step of the host's clock [ns]."""
+        self._difference_ns += step_ns
+        self._least = (self._least[0], self._least[1] + step_ns)
+        points = [
+            (device_ns, difference_ns + step_ns) for device_ns, difference_ns in self._points
+        ]
+        self._points.clear()
+        self._points.extend(points)
+
     def at(self, device_ns: int) -> int:
         """Return the line's difference at a device time [ns]."""
         return self._difference_ns + round(self.slope * (device_ns - self._device_ns))

@@ -105,7 +105,8 @@ class NetFtClient(LinkClient[NetFtLink]):
         config = self._config
         box, rate_hz = self._set_up(self._web.read_configuration())
         link = open_link(
-            config.host, config.rdt_port, box, rate_hz, config.samples_per_block, self._now_ns
+            *(config.host, config.rdt_port, box, rate_hz),
+            *(config.samples_per_block, self._arrivals.now_ns),
         )
         self._seen_rejected = 0
         self._box = box
@@ -168,7 +169,10 @@ class NetFtClient(LinkClient[NetFtLink]):
         if batch is None:
             self._deliver(self._stream.flush())
             return
+        step_ns = self._arrivals.take_step_ns()
+        if step_ns:
+            self._stream.note_clock_step(step_ns)
         readings = self._stream.readings
         self._deliver(self._stream.add(batch))
         if self._stream.readings != readings:
-            self._note_samples(batch.received_at_ns)
+            self._note_samples()

@@ -186,6 +186,8 @@ class StrainStatus(IntFlag):
     DEVICE_ERROR = 8
     RESYNCHRONISED = 16
     RECONNECTED = 32
+    RESTARTED = 64
+    CLOCK_STEP = 128
 
 
 class Reading(NamedTuple):

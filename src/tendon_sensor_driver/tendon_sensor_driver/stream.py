@@ -119,7 +119,9 @@ class SampleStream:
             status |= StrainStatus.STUCK
         event = self._take_event()
         if instant.is_restart:
-            event |= StrainStatus.RECONNECTED
+            event |= StrainStatus.RECONNECTED | StrainStatus.RESTARTED
+        if instant.is_step:
+            event |= StrainStatus.CLOCK_STEP
         self.status = status
         return self._sequencer.add(instant, tension_n, status, event, wrench)
 
@@ -131,6 +133,11 @@ class SampleStream:
         """Say that the link was lost and came back before the next sample."""
         self._clock.note_reconnection()
         self._event |= StrainStatus.RECONNECTED
+
+    def note_clock_step(self, step_ns: int) -> None:
+        """Say that the host's clock was set by this before the next sample [ns]."""
+        self._clock.note_step(step_ns)
+        self._event |= StrainStatus.CLOCK_STEP
 
     def flush(self) -> list[Block]:
         """Return the unfinished block, if there is one."""

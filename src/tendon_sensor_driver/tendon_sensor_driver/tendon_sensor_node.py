@@ -57,12 +57,10 @@ class TendonSensorNode(TactileNode):
         self._client: SensorClient | None = None
         self._diagnostics: diagnostics.Diagnostics | None = None
         self._entities: list[tuple[Any, Any]] = []  # what to destroy, and with what
-        self._restarts = 0
         self._drift_n: float | None = None
 
     def set_up(self, config: TendonSensorConfig) -> None:
         self._zero = tare.Tare(config)
-        self._restarts = 0
         self._drift_n = None
         self._strain = self._add_stream(StrainBlock, '~/strain')
         self._wrench = self._add_stream(WrenchStamped, '~/wrench')
@@ -111,7 +109,7 @@ class TendonSensorNode(TactileNode):
 
     def _publish(self, block: Block) -> None:
         """Send one block, unless deactivated."""
-        if block.status & StrainStatus.RECONNECTED:
+        if block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._zero.apply(block)
         config = self.config
@@ -119,11 +117,6 @@ class TendonSensorNode(TactileNode):
         self._wrench.publish(to_wrench_msg(block, config.frame_id, config.axis, config.scale))
 
     def _forget_after_restart(self) -> None:
-        client = self._client
-        restarts = client.health().restarts if client is not None else 0
-        if restarts == self._restarts:
-            return
-        self._restarts = restarts
         if self._zero.note_restart(self._now_ns()):
             self.get_logger().warning('the device has restarted: the tare is gone, tare again')
             self._drift_n = None

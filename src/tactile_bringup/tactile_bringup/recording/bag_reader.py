@@ -43,6 +43,7 @@ from tactile_bringup.recording.bag_writer import FACTS_KEY
 from tactile_bringup.recording.mcap_format import MAX_CHUNK_BYTES, MAX_OPEN_BYTES, StoredTopic
 from tactile_bringup.recording.mcap_reader import McapFile, Message, Segment, unpack_zstd
 from tactile_bringup.recording.recorded_topics import (
+    EVENT,
     join_topic,
     message_store,
     STRAIN,
@@ -108,6 +109,7 @@ class TactileBag:
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
         self._open_bytes = 0
+        self._foreign: dict[str, str] = {}  # sentences by type that is defined otherwise here
         self._stack = ExitStack()
         try:
             metadata = self._open()
@@ -202,10 +204,13 @@ class TactileBag:
             if topic.type_name not in self._store.fielddefs or not type_hash.startswith('RIHS01_'):
                 continue
             if type_hash != self._store.hash_rihs01(topic.type_name):
-                raise BagError(
+                reason = (
                     f'{topic.name} was recorded with another definition of '
                     f'{topic.type_name} than the one installed here'
                 )
+                if topic.type_name in (STRAIN, EVENT):
+                    raise BagError(reason)
+                self._foreign[topic.type_name] = reason
 
     def _describe_recovery(self) -> str:
         unfinished = [file.path.name for file in self._files if not file.is_finished]
@@ -258,6 +263,11 @@ class TactileBag:
         names = {name for name in self.topics if name.endswith(suffix)}
         return tuple(sorted(name[: -len(suffix)].strip('/') for name in names))
 
+    @property
+    def last_arrival_ns(self) -> int:
+        """When the last message of any kind arrived [ns]; 0 without messages."""
+        return max((file.last_ns for file in self._files), default=0)
+
     def _finger_of(self, topic: str, namespaces: tuple[str, ...]) -> str | None:
         """Return the innermost finger's namespace that a topic lies in."""
         around = [name for name in namespaces if topic.startswith(join_topic(name, ''))]
@@ -277,7 +287,17 @@ class TactileBag:
         ------
         BagDamageError
             When the file is damaged; what came before has been given.
+        BagError
+            When one of the types is named and was recorded with another definition. Samples
+            and trial events never were: such a bag is not opened.
         """
+        for type_name in type_names:
+            if type_name in self._foreign:
+                raise BagError(
+                    f'{self.path}: {self._foreign[type_name]}; its samples and trial events are '
+                    'read all the same, for training and evaluation. To replay it, use the '
+                    'release that recorded it'
+                )
         finger = None if namespace is None else namespace.strip('/')
         namespaces = self.namespaces
         chosen = {

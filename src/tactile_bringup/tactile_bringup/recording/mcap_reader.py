@@ -296,6 +296,12 @@ class McapFile:
         except BagError:
             del self.segments[-1]
 
+    @property
+    def last_ns(self) -> int:
+        """Latest time of arrival [ns]; 0 without messages."""
+        numbers = range(len(self.segments))
+        return max((self.segments[i].last_ns for i in numbers), default=0)
+
     # -- messages -----------------------------------------------------------------------
 
     def messages_of(self, segment: Segment, channels: Collection[int]) -> Iterator[Message]:

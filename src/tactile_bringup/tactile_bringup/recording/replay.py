@@ -85,7 +85,8 @@ def replay_windows(
     """Return the feature windows of a recording, computed anew by the plain core.
 
     With ``finish``, phases that were still undecided when the recording ended yield
-    a window without features too.
+    a window without features too. Samples that had not come in time when it ended, a node
+    had given up as well: see `TrialFeatureExtractor`.
     """
     extractor = TrialFeatureExtractor(config)
     windows: list[FeatureWindow] = []
@@ -94,6 +95,7 @@ def replay_windows(
             windows += extractor.add_block(record)
         else:
             windows += extractor.add_event(record)
+    windows += extractor.pass_time(bag.last_arrival_ns)
     if finish:
         windows += extractor.finish()
     return windows
@@ -117,7 +119,7 @@ def replay_through_core(
         Namespace of the finger.
     """
     for model in models.values():
-        model.check_fits(spec_for(model.task, config))
+        model.expect(spec_for(model.task, config))
     results = TactileResults(windows=replay_windows(bag, config, namespace))
     for window in results.windows:
         for name, model in models.items():

@@ -17,12 +17,15 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
+from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators import CLASSIFIERS
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.model_file import write_model
 from tactile_classifier.records import Outcome
 from tactile_classifier.training import train
+from tactile_features.config import FeatureConfig
 from tactile_features.records import Outcome as FeatureOutcome
+from tactile_features.spec import array_spec, spec_for
 
 
 @pytest.fixture
@@ -74,7 +77,15 @@ def test_probabilities_add_up_to_one(small_table, tmp_path, make_window, classif
             {'feature_set_version': 99},
             'version of the feature set is 99; the model was',
         ),
-        ({'rate_hz': 100.0}, 'rate in Hz is 100.0; the model was trained on 60.0'),
+        (
+            {'rate_hz': 100.0},
+            'rate in Hz is 100.0; the model was trained on 60.0: set rate_hz of the feature node',
+        ),
+        ({'specification_digest': ''}, 'do not state the specification that made them: update'),
+        (
+            {'specification_digest': 'ab' * 8},
+            'set on the feature node max_gap_samples 0, texture_crop_start_s 0.6',
+        ),
         ({'sample_count': 90}, 'window in samples is 90; the model was trained on 180'),
         ({'values': np.zeros(90)}, 'number of features is 90; the model was trained on 91'),
         ({'values': np.full(91, np.nan)}, 'the features are not finite'),
@@ -87,6 +98,22 @@ def test_window_that_gives_no_answer_says_why(model, make_window, changes, reaso
     assert reason in result.reason
     assert (result.label, result.scores) == ('', ())
     assert result.labels == model.labels
+
+
+def test_ready_cut_windows_take_their_specification_from_whoever_asks(
+    small_table, make_window, tmp_path
+):
+    spec = array_spec('texture', 180, 60.0)
+    table = type(small_table)(small_table.values, small_table.labels, spec, small_table.columns)
+    model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
+    assert model.spec.missing_parameters == ('texture_crop_start_s', 'max_gap_samples')
+    assert model.describe_mismatch(make_window(specification_digest='')) == ''
+    other = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
+    model.expect(other)
+    assert model.describe_mismatch(make_window(specification_digest=other.digest)) == ''
+    assert 'texture_crop_start_s 0.9' in model.describe_mismatch(make_window())
+    with pytest.raises(ModelFileError, match='rate in Hz'):
+        model.expect(spec_for('texture', FeatureConfig(rate_hz=100.0)))
 
 
 def test_accepts_its_own_feature_set_and_contact(model, make_window):

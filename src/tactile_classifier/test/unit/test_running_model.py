@@ -186,6 +186,7 @@ def test_file_of_format_version_1_still_answers(small_table, make_window):
     fields = json.loads(train(small_table, 'svm_linear').manifest.to_json())
     for name in ('parts', 'calibration', 'false_alarm_rate', 'stop_error_rate'):
         del fields[name]
+    del fields['specification_digest'], fields['spec']['parameters']['max_gap_samples']
     fields.update(format_version=1, score_kind='margin')
     weights = np.zeros((91, 3))
     weights[:, 1] = 1.0
@@ -196,8 +197,12 @@ def test_file_of_format_version_1_still_answers(small_table, make_window):
     graph = helper.make_graph([node], 'g', info[:1], info[1:], constants)
     file = helper.make_model(graph, opset_imports=[helper.make_opsetid('', 18)], ir_version=8)
     model = TactileModel(seal(file.SerializeToString(), json.dumps(fields)))
+    assert model.spec.missing_parameters == ('max_gap_samples',)
+    model.expect(small_table.spec)
     result = model.classify(make_window())
     assert (result.outcome, result.label) == (Outcome.LABEL, 'plate 1')
     assert (result.score_kind, result.novelty, result.false_alarm_rate) == ('margin', -1.0, -1.0)
     assert result.decided
     assert not model.accepts(make_window(running=True, sample_count=60))
+    odd = model.classify(make_window(specification_digest='0' * 16))
+    assert odd.outcome == Outcome.NO_FEATURES

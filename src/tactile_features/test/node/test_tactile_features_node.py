@@ -133,6 +133,58 @@ def make_bench(context):
         bench.close()
 
 
+@pytest.mark.parametrize('lasts', [90, 400], ids=['sensor died before', 'in the hold'])
+def test_samples_that_do_not_come_are_told_in_time(make_bench, lasts):
+    """Nothing at all arrives any more, no event either."""
+    bench = make_bench(samples_timeout_s=0.5)
+    bench.bring_up()
+    bench.send_blocks(0, lasts)
+    bench.events.publish(event(2.0, 'hold'))
+    bench.events.publish(event(11.0, 'release'))
+    bench.spin_until(lambda: bench.windows)
+    (window,) = bench.windows
+    assert window.outcome == Outcome.GAP
+    assert 'no samples came within 0.5 s of the end of the hold' in window.reason
+    # A replay: the core over the same messages and the time of the last one.
+    extractor = TrialFeatureExtractor(FeatureConfig(samples_timeout_s=0.5))
+    inputs = [*(block(i) for i in range(lasts)), event(2.0, 'hold'), event(11.0, 'release')]
+    replayed = []
+    for msg in inputs:
+        if isinstance(msg, StrainBlock):
+            replayed += extractor.add_block(strain_block_from_msg(msg))
+        else:
+            replayed += extractor.add_event(event_from_msg(msg))
+    assert replayed == []
+    assert extractor.pass_time(START_NS + 60 * 10**9) == [window]
+    # The sensor comes back: nothing more of this trial, and the next one is whole.
+    bench.send_blocks(700, 300)
+    for msg in (event(12.0, 'hold', 't2'), event(16.0, 'done', 't2')):
+        bench.events.publish(msg)
+    bench.spin_until(lambda: len(bench.windows) == 2)
+    assert [w.outcome for w in bench.windows] == [Outcome.GAP, Outcome.OK]
+
+
+def test_stamps_that_may_be_wrong_go_through_to_the_window(make_bench):
+    bench = make_bench()
+    bench.bring_up()
+    for error_s, trial_id in ((0.02, 'a'), (0.5, 'b')):
+        msg = block(0, 600)
+        msg.stamp_error_s = error_s
+        shift_ns = 10**10 if trial_id == 'b' else 0
+        msg.header = header(START_NS + shift_ns)
+        msg.sequence = 600 if trial_id == 'b' else 0
+        bench.strain.publish(msg)
+        for time_s, phase in ((1.0, 'glide'), (6.0, 'done')):
+            bench.events.publish(event(time_s + shift_ns / 1e9, phase, trial_id))
+        bench.spin_until(
+            lambda trial_id=trial_id: bench.windows[-1:] and bench.windows[-1].trial_id == trial_id
+        )
+    good, bad = bench.windows
+    assert (good.outcome, good.stamp_error_s) == (Outcome.OK, 0.02)
+    assert (bad.outcome, bad.stamp_error_s) == (Outcome.BAD_TIME, 0.5)
+    assert 'may be wrong by 0.5000 s; this window allows 0.0298 s' in bad.reason
+
+
 def compute_expected(count=1000):
     """The core's answer to the trial, over the same messages in another order."""
     extractor = TrialFeatureExtractor(FeatureConfig())

@@ -30,7 +30,12 @@ from tactile_features import (
     TrialEvent,
     TrialFeatureExtractor,
 )
-from tactile_features.records import STATUS_RECONNECTED, STATUS_RESYNCHRONISED, STATUS_STUCK
+from tactile_features.records import (
+    STATUS_CLOCK_STEP,
+    STATUS_RECONNECTED,
+    STATUS_RESYNCHRONISED,
+    STATUS_STUCK,
+)
 
 S = 1_000_000_000
 PERIOD_NS = 50_000_000
@@ -43,6 +48,7 @@ class Sample(NamedTuple):
     tension_n: float
     status: int
     lost_before: int
+    stamp_error_s: float
 
 
 @st.composite
@@ -59,11 +65,13 @@ def configs(draw):
         stiffness_min_s=draw(st.sampled_from([0.2, 1.0])),
         max_gap_samples=draw(st.sampled_from([0, 2])),
         buffer_s=60.0,
+        samples_timeout_s=draw(st.sampled_from([0.5, 5.0])),
+        accept_unknown_stamp_error=draw(st.booleans()),
     )
 
 
 def make_stream(random, count=160):
-    """Samples from 0 s to about 8 s with losses, jitter, bad status and a restart."""
+    """Samples from 0 s to about 8 s with losses, jitter, bad status, a restart, a clock step."""
 
     def some(most):
         return [random.randrange(1, count) for _ in range(random.randint(0, most))]
@@ -74,6 +82,12 @@ def make_stream(random, count=160):
     for start in some(2):
         bit = random.choice([STATUS_STUCK, STATUS_RECONNECTED, STATUS_RESYNCHRONISED])
         status_at.update(dict.fromkeys(range(start, start + random.randint(1, 20)), bit))
+    error_at = {}
+    for start in some(2):
+        error_s = random.choice([-1.0, 0.0, 0.5])
+        error_at.update(dict.fromkeys(range(start, start + random.randint(1, 20)), error_s))
+    step_at = random.choice([None, None, random.randrange(1, count)])
+    step_ns = random.choice([-900_000_000, -200_000_000, 200_000_000, 5 * S])
     restart_at = random.choice([None, None, random.randrange(1, count)])
     is_constant = random.random() < 0.2
     samples, sequence, lost_before = [], 0, 0
@@ -83,8 +97,13 @@ def make_stream(random, count=160):
             lost_before += 1
             continue
         stamp_ns = n * PERIOD_NS + jitter_ns.get(n, 0)
+        status = status_at.get(n, 0)
+        if step_at is not None and n >= step_at:
+            stamp_ns += step_ns
+            status |= STATUS_CLOCK_STEP if n == step_at else 0
         tension_n = 2.0 if is_constant else random.gauss(5.0, 1.0)
-        samples.append(Sample(stamp_ns, sequence, tension_n, status_at.get(n, 0), lost_before))
+        error_s = error_at.get(n, 0.001)
+        samples.append(Sample(stamp_ns, sequence, tension_n, status, lost_before, error_s))
         lost_before = 0
     return samples
 
@@ -117,12 +136,19 @@ def group(samples, is_end_of_block):
             and samples[j].sequence == samples[j - 1].sequence + 1
             and samples[j].stamp_ns == first.stamp_ns + (j - i) * step_ns
             and samples[j].status == first.status
+            and samples[j].stamp_error_s == first.stamp_error_s
         ):
             j += 1
         tension_n = np.array([s.tension_n for s in samples[i:j]])
         blocks.append(
             StrainBlock(
-                first.stamp_ns, first.sequence, step_ns, tension_n, first.lost_before, first.status
+                first.stamp_ns,
+                first.sequence,
+                step_ns,
+                tension_n,
+                first.lost_before,
+                first.status,
+                first.stamp_error_s,
             )
         )
         i = j
@@ -178,5 +204,5 @@ def test_any_interleaving_and_grouping_gives_the_same_bits():
     running_outcomes.clear()
     check_interleaving_and_grouping()
     assert set(outcomes) == set(Outcome), f'the examples did not meet every outcome: {outcomes}'
-    expected_running = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL}
+    expected_running = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
     assert set(running_outcomes) == expected_running, running_outcomes

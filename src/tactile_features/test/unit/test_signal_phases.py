@@ -245,14 +245,14 @@ def test_stated_events_are_passed_over_where_phases_are_found():
     assert extractor.event_count == 2
 
 
-def test_a_clock_set_back_within_a_trial_forgets_it():
+def test_a_clock_set_back_within_a_trial_aborts_it():
     extractor = TrialFeatureExtractor(STIFFNESS)
     tension_n, period_ns = pull(step_n=0.0), 16_666_667
     extractor.add_block(StrainBlock(10**12, 0, period_ns, tension_n[:200]))
     extractor.add_block(StrainBlock(0, 200, period_ns, tension_n))
     events = extractor.take_detected_events()
-    assert [e.phase for e in events] == ['contact', 'hold', *IN_STIFFNESS]
-    assert events[2].stamp_ns < 2 * 10**9
+    assert [e.phase for e in events] == ['contact', 'hold', 'aborted', *IN_STIFFNESS]
+    assert events[3].stamp_ns < 2 * 10**9 < events[2].stamp_ns
 
 
 def test_parameters_of_the_search_alone_can_be_left_out_of_a_comparison():

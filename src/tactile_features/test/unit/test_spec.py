@@ -13,6 +13,7 @@
 # limitations under the License.
 
 import dataclasses
+import hashlib
 import json
 import re
 
@@ -163,3 +164,67 @@ def test_every_parameter_is_described():
         assert field.metadata['description']
         if field.name.endswith('_s') and not field.name.endswith('_m_s'):
             assert field.metadata['unit'] == 's'
+
+
+def test_the_digest_is_of_the_canonical_text():
+    text = (
+        '{"feature_set":"stiffness_regression","names":["tension__regression__slope",'
+        '"tension__regression__intercept","tension__regression__correlation"],"parameters":'
+        '{"max_gap_samples":0.0,"stiffness_crop_end_s":0.1,"stiffness_settle_s":0.5},'
+        '"rate_hz":60.0,"sample_count":0,"units":["N/s","N","1"],"version":2}'
+    )
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    assert spec_for('stiffness', CONFIG).digest == digest == 'ef496bae651687be'
+
+
+def test_equal_numbers_give_one_digest():
+    one = FeatureConfig(rate_hz=60, stiffness_settle_s=-0.0, stiffness_crop_end_s=1)
+    other = FeatureConfig(rate_hz=60.0, stiffness_settle_s=0.0, stiffness_crop_end_s=1.0)
+    assert spec_for('stiffness', one).digest == spec_for('stiffness', other).digest
+    spec = spec_for('texture', CONFIG)
+    assert FeatureSpec.from_dict(json.loads(json.dumps(spec.to_dict()))).digest == spec.digest
+
+
+@pytest.mark.parametrize(
+    ('task', 'base', 'names'),
+    [
+        (
+            'texture',
+            {},
+            {'rate_hz', 'texture_samples', 'texture_crop_start_s', 'max_gap_samples'},
+        ),
+        (
+            'texture',
+            {'texture_features': 'texture_spatial'},
+            {'rate_hz', 'spatial_crop_m', 'spatial_length_m', 'spatial_finest_m'}
+            | {'max_gap_samples'},
+        ),
+        (
+            'stiffness',
+            {},
+            {'rate_hz', 'stiffness_settle_s', 'stiffness_crop_end_s', 'max_gap_samples'},
+        ),
+    ],
+)
+def test_each_parameter_that_changes_a_value_changes_the_digest(task, base, names):
+    config = FeatureConfig(**base)
+    digest = spec_for(task, config).digest
+    changed = set()
+    for field in dataclasses.fields(FeatureConfig):
+        value = getattr(config, field.name)
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            low, high = field.metadata['range']
+            other = value * 1.125 if isinstance(value, float) else value + 1
+            assert low <= other <= high
+            another = dataclasses.replace(config, **{field.name: other})
+            if spec_for(task, another).digest != digest:
+                changed.add(field.name)
+    assert changed == names
+
+
+@pytest.mark.parametrize('value', [0.5, float('nan'), float('inf')])
+def test_a_specification_with_part_of_a_sample_is_refused(value):
+    data = spec_for('texture', CONFIG).to_dict()
+    data['parameters']['max_gap_samples'] = value
+    with pytest.raises(FeatureError, match='max_gap_samples'):
+        FeatureSpec.from_dict(data)

@@ -185,7 +185,9 @@ def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, b
     wait_for(lambda: client.health().reconnects == 1)
     sensor.write(b'\nReadings:\r\n' + encode_reading(12, 0.5) + encode_reading(29, 0.5))
     wait_for(lambda: len(blocks) == 3)
-    assert blocks[1].status == StrainStatus.RECONNECTED | StrainStatus.RESYNCHRONISED
+    assert blocks[1].status == (
+        StrainStatus.RECONNECTED | StrainStatus.RESTARTED | StrainStatus.RESYNCHRONISED
+    )
     assert [(b.sequence, b.lost_before) for b in blocks] == [(0, 0), (1, 0), (2, 0)]
     assert blocks[0].stamp_ns < blocks[1].stamp_ns < blocks[2].stamp_ns
 

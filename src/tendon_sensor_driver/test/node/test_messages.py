@@ -23,4 +23,4 @@ def test_status_bits_are_those_of_the_message():
         if name.startswith('STATUS_')
     }
     assert constants == {name: int(bit) for name, bit in StrainStatus.__members__.items()}
-    assert len(constants) == 7
+    assert len(constants) == 9

@@ -150,6 +150,31 @@ def test_a_board_that_restarts_takes_the_tare_with_it(graph, board):
     graph.spin_until(lambda: graph.values()['restarts'] == '1', ANSWER_S)
     assert 'restarted' in graph.sentence()
     assert any(message.status & StrainStatus.RECONNECTED for message in graph.strain)
+    assert any(message.status & StrainStatus.RESTARTED for message in graph.strain)
+
+
+@pytest.mark.parametrize('step_s', [5, -5])
+def test_a_clock_that_is_set_leaves_the_tare(make_graph, sensor, board, step_s):
+    graph = make_graph(sensor.port, unit='N', tare_spread_n=1.0)
+    offset_ns = [0]
+    graph.node._now_ns = lambda: time.time_ns() + offset_ns[0]
+    assert graph.node.bring_up()
+    graph.spin_until(lambda: len(graph.strain) >= 60)
+    assert graph.call('tare').success
+    graph.spin_until(lambda: graph.tares and graph.tares[-1].is_set)
+    tares = len(graph.tares)
+    offset_ns[0] = step_s * 10**9
+    graph.spin_until(lambda: any(m.status & StrainStatus.CLOCK_STEP for m in graph.strain))
+    count = len(graph.strain)
+    graph.spin_until(lambda: len(graph.strain) >= count + 60)
+    stamps_s = [m.header.stamp.sec + m.header.stamp.nanosec / 1e9 for m in graph.strain]
+    behind_s = time.time() + step_s - stamps_s[-1]
+    assert -0.1 < behind_s < ANSWER_S
+    assert not any(m.status & StrainStatus.RESTARTED for m in graph.strain)
+    assert len(graph.tares) == tares
+    assert graph.values()['restarts'] == '0'
+    assert not any('no reading' in d.status[0].message for d in graph.diagnostics[-3:])
+    assert max(m.tension_n[0] for m in graph.strain[-10:]) < 0.2  # the tare is taken off
 
 
 def test_a_menu_that_was_left_open_is_left(make_graph, sensor):

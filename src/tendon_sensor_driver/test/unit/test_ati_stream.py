@@ -225,3 +225,32 @@ def test_late_batches_do_not_spoil_the_stamps():
         if block.tension_n[0] / RATE_HZ > 10
     ]
     assert np.abs(error_s).max() < 1e-3
+
+
+@pytest.mark.parametrize('step_s', [5.0, -5.0, 0.2, -0.2])
+@pytest.mark.parametrize('is_reconnected', [False, True])
+def test_a_step_of_the_hosts_clock_moves_the_stamps_and_is_no_restart(step_s, is_reconnected):
+    stream = start()
+    ticks = 7 * np.arange(1, 2001)
+    blocks = run(stream, [batch_of(part) for part in np.split(ticks[:1000], 20)])
+    stream.note_clock_step(round(step_s * 1e9))
+    if is_reconnected:
+        stream.begin_session(RATE_HZ, 7)
+    after = run(stream, [batch_of(part, delay_s=step_s) for part in np.split(ticks[1000:], 20)])
+    assert {block.status for block in (*blocks, *after[1:])} == {StrainStatus.OK}
+    lost = StrainStatus.RECONNECTED if is_reconnected else StrainStatus.OK
+    assert after[0].status == StrainStatus.CLOCK_STEP | lost
+    assert (stream.counter.restarts, stream.outliers, stream.lost_samples) == (0, 0, 0)
+    end_ns = blocks[-1].stamp_ns + 9 * blocks[-1].period_ns
+    apart_s = (after[0].stamp_ns - end_ns) / 1e9
+    assert apart_s == pytest.approx(step_s + 0.001, abs=0.01)
+
+
+def test_a_restart_of_the_counter_stands_in_the_block():
+    stream = start()
+    run(stream, [batch_of(7 * np.arange(10_001, 10_101))])
+    stream.begin_session(RATE_HZ, 7)
+    later = batch_of(7 * np.arange(1, 101))._replace(received_at_ns=START_NS + 20 * 10**9)
+    blocks = run(stream, [later])
+    assert blocks[0].status == StrainStatus.RECONNECTED | StrainStatus.RESTARTED
+    assert {block.status for block in blocks[1:]} == {StrainStatus.OK}

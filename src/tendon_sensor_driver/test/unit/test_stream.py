@@ -86,7 +86,9 @@ def test_a_device_restart_is_told_although_the_link_held():
         (last,) = stream.add(Reading(ticks, ticks / 1e5, ticks * 1_000_000))
     assert stream.add(Reading(40, 0.5, 93_000_000_000)) == []
     (after,) = stream.add(Reading(57, 0.5, 93_017_000_000))
-    assert after.status == StrainStatus.RECONNECTED | StrainStatus.RESYNCHRONISED
+    assert after.status == (
+        StrainStatus.RECONNECTED | StrainStatus.RESTARTED | StrainStatus.RESYNCHRONISED
+    )
     assert (after.sequence, after.lost_before) == (last.sequence + 1, 0)
     assert (stream.outliers, stream.restarts) == (1, 1)
 

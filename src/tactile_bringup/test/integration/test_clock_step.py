@@ -1,0 +1,117 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The host's clock is set in a trial: from the bytes of the sensor to the windows of features."""
+
+import os
+import threading
+import time
+import tty
+
+import pytest
+
+from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
+from tactile_features.conversions import strain_block_from_msg
+from tendon_sensor_driver import encode_reading, TendonSensorClient, TendonSensorConfig
+from tendon_sensor_driver.conversions import to_strain_msg
+
+SECOND_NS = 1_000_000_000
+DEADLINE_S = 30.0
+CONFIG = FeatureConfig(texture_samples=30, texture_crop_start_s=0.1, texture_crop_end_s=0.0)
+
+
+class Lab:
+    """A board on a pty that sends 60 readings a second, its driver, and a clock that can be set.
+
+    ``heard``: blocks and events in the order in which they came.
+    """
+
+    def __init__(self):
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.offset_ns = 10**9 * SECOND_NS
+        self.heard = []
+        self.blocks = 0
+        config = TendonSensorConfig(port=os.ttyname(self._slave), unit='N')
+        self.client = TendonSensorClient(config, self._take, self.now_ns)
+        self._ending = threading.Event()
+        self._board = threading.Thread(target=self._send, daemon=True)
+
+    def now_ns(self):
+        return time.monotonic_ns() + self.offset_ns
+
+    def __enter__(self):
+        self.client.open()
+        self._board.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ending.set()
+        self._board.join()
+        self.client.close()
+        os.close(self._master)
+        os.close(self._slave)
+
+    def _send(self):
+        os.write(self._master, b'\n')
+        begun_s, number = time.monotonic(), 0
+        while not self._ending.wait(max(0.0, begun_s + number / 60 - time.monotonic())):
+            value = 3.0 + number * 1e-4
+            os.write(self._master, encode_reading(number * 1000 // 60, value, 'N'))
+            number += 1
+
+    def _take(self, block):
+        self.heard.append(strain_block_from_msg(to_strain_msg(block, 'link')))
+        self.blocks += 1
+
+    def wait_for_blocks(self, count):
+        deadline, wanted = time.monotonic() + DEADLINE_S, self.blocks + count
+        while self.blocks < wanted:
+            assert time.monotonic() < deadline, 'no samples'
+            time.sleep(0.002)
+
+    def tell(self, phase, trial_id):
+        event = TrialEvent(self.now_ns(), trial_id, 's1', 'texture', 'flexion', 'R1', phase)
+        self.heard.append(event)
+
+    def set_clock(self, step_s):
+        self.offset_ns += round(step_s * SECOND_NS)
+
+
+@pytest.mark.parametrize('step_s', [5.0, -5.0, -0.5])
+def test_a_trial_across_a_step_is_refused_and_the_next_one_is_not(step_s):
+    with Lab() as lab:
+        lab.wait_for_blocks(30)
+        for trial_id in ('before', 'across', 'after'):
+            lab.tell('glide', trial_id)
+            lab.wait_for_blocks(20)
+            if trial_id == 'across':
+                lab.set_clock(step_s)
+            lab.wait_for_blocks(60)
+            lab.tell('done', trial_id)
+            lab.wait_for_blocks(30)
+        assert lab.client.health().restarts == 0
+    extractor = TrialFeatureExtractor(CONFIG)
+    windows = []
+    for item in lab.heard:
+        is_event = isinstance(item, TrialEvent)
+        windows += extractor.add_event(item) if is_event else extractor.add_block(item)
+    assert [(w.trial_id, w.outcome) for w in windows] == [
+        ('before', Outcome.OK),
+        ('across', Outcome.BAD_TIME),
+        ('after', Outcome.OK),
+    ]
+    way = 'forward' if step_s > 0 else 'back'
+    reason = windows[1].reason
+    assert f"the host's clock was set {way} by {abs(step_s)}" in reason.replace('4.9', '5.0')

@@ -1,0 +1,148 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A feature node and a classifier whose parameters differ: the classifier notices it."""
+
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import numpy as np
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Header
+
+from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.records import Outcome
+from tactile_classifier.tactile_classifier_node import TactileClassifierNode
+from tactile_features.tactile_features_node import TactileFeaturesNode
+from tactile_msgs.msg import Classification, StrainBlock, TrialEvent
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+PERIOD_NS = 16_666_667
+START_NS = 1_760_000_000_000_000_000
+DEADLINE_S = 30.0
+
+
+def header(time_s):
+    stamp_ns = START_NS + round(time_s * 1e9)
+    return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9))
+
+
+class Finger:
+    """Both nodes, and a peer that plays sensor and trial runner and listens."""
+
+    def __init__(self, context, model_path, **feature_parameters):
+        overrides = [Parameter(name, value=value) for name, value in feature_parameters.items()]
+        self.features = TactileFeaturesNode(context=context, parameter_overrides=overrides)
+        self.classifier = TactileClassifierNode(
+            context=context, parameter_overrides=[Parameter('model', value=str(model_path))]
+        )
+        self.peer = Node('peer', context=context)
+        self.strain = self.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+        self.events = self.peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+        self.answers, self.diagnostics = [], []
+        self.peer.create_subscription(
+            Classification, 'tactile_classifier/classification', self.answers.append, RESULTS
+        )
+        self.peer.create_subscription(DiagnosticArray, '/diagnostics', self._diagnose, 10)
+        self.executor = SingleThreadedExecutor(context=context)
+        for node in (self.features, self.classifier, self.peer):
+            self.executor.add_node(node)
+
+    def _diagnose(self, message):
+        self.diagnostics += [s for s in message.status if s.name == 'tactile_classifier']
+
+    def spin_until(self, condition):
+        deadline = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < deadline, 'condition not met in time'
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def bring_up(self):
+        assert self.features.bring_up()
+        assert self.classifier.bring_up()
+        self.spin_until(
+            lambda: self.strain.get_subscription_count()
+            and self.events.get_subscription_count()
+            and self.classifier.count_publishers('tactile_features/features')
+            and self.features.count_subscribers('tactile_features/features')
+            and self.peer.count_publishers('tactile_classifier/classification')
+        )
+
+    def glide(self):
+        """Play a trial; return the answer."""
+        tension_n = np.random.default_rng(0).normal(3.0, 0.1, 600).tolist()
+        self.strain.publish(
+            StrainBlock(header=header(0.0), period_ns=PERIOD_NS, tension_n=tension_n)
+        )
+        for time_s, phase in ((1.0, 'glide'), (7.0, 'done')):
+            self.events.publish(
+                TrialEvent(
+                    header=header(time_s),
+                    trial_id='t1',
+                    protocol='texture',
+                    contact='flexion',
+                    phase=phase,
+                )
+            )
+        self.spin_until(lambda: self.answers)
+        return classification_from_msg(self.answers[0])
+
+    def close(self):
+        self.executor.shutdown()
+        for node in (self.classifier, self.features):
+            node.take_down()
+        self.peer.destroy_node()
+
+
+@pytest.fixture
+def make_finger(context, model_path):
+    fingers = []
+
+    def make(**parameters):
+        fingers.append(Finger(context, model_path, **parameters))
+        fingers[-1].bring_up()
+        return fingers[-1]
+
+    yield make
+    for finger in fingers:
+        finger.close()
+
+
+def test_equal_parameters_are_answered(make_finger):
+    finger = make_finger()
+    assert finger.glide().outcome in (Outcome.LABEL, Outcome.UNKNOWN)
+    assert finger.classifier.refused_count == 0
+
+
+@pytest.mark.parametrize(
+    'parameters', [{'texture_crop_start_s': 0.9}, {'max_gap_samples': 3}], ids=str
+)
+def test_a_parameter_of_the_feature_node_alone_is_noticed(make_finger, parameters):
+    finger = make_finger(**parameters)
+    answer = finger.glide()
+    assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
+    assert 'another specification' in answer.reason
+    assert 'set on the feature node max_gap_samples 0, texture_crop_start_s 0.6' in answer.reason
+    assert finger.classifier.refused_count == 1
+    finger.spin_until(
+        lambda: finger.diagnostics and finger.diagnostics[-1].level == DiagnosticStatus.WARN
+    )
+    status = finger.diagnostics[-1]
+    values = {pair.key: pair.value for pair in status.values}
+    assert values['windows of another specification'] == '1'
+    assert 'another specification' in status.message

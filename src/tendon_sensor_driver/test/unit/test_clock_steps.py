@@ -1,0 +1,90 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Steps of the host's clock: told by the monotonic clock, followed by the stamps."""
+
+import random
+import time
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+
+from tendon_sensor_driver.clock import ArrivalClock, DeviceClock
+
+SECOND_NS = 1_000_000_000
+MS_NS = 1_000_000
+EPOCH_NS = 1_700_000_000 * SECOND_NS
+DELAY_NS = 2 * MS_NS
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 30), st.integers(-3600 * 1000, 3600 * 1000)),
+        min_size=1,
+        max_size=4,
+    ),
+    st.integers(0, 2**32 - 1),
+)
+def test_steps_that_are_told_leave_the_error_as_stated(steps, seed):
+    """The host's clock is set at any moment, by any number of milliseconds."""
+    clock, source = DeviceClock(0.001), random.Random(seed)
+    step_at = {}
+    for second, step_ms in steps:
+        step_at[60 * second + source.randrange(60)] = step_ms * MS_NS
+    offset_ns = 0
+    for i in range(40 * 60):
+        if i in step_at:
+            offset_ns += step_at[i]
+            clock.note_step(step_at[i])
+        elapsed_ns = i * SECOND_NS // 60
+        ticks = 5000 + elapsed_ns * 1_000_037 // 1_000_000 // MS_NS
+        arrived_ns = EPOCH_NS + elapsed_ns + DELAY_NS + source.randrange(8 * MS_NS)
+        instant = clock.place(ticks, arrived_ns + offset_ns)
+        assert not instant.is_restart
+        assert not instant.is_step
+        error_ns = instant.stamp_ns - (EPOCH_NS + elapsed_ns + DELAY_NS) - offset_ns
+        # The first stamps are those of arrivals.
+        most_s = instant.stamp_error_s if instant.stamp_error_s >= 0 else 0.01
+        assert abs(error_ns) <= most_s * SECOND_NS
+    assert (clock.restarts, clock.outliers, clock.late_samples) == (0, 0, 0)
+
+
+def test_a_step_that_nobody_told_is_marked_when_the_stamps_leap():
+    clock = DeviceClock(0.001)
+    leaps = []
+    for i in range(30 * 60):
+        elapsed_ns = i * SECOND_NS // 60
+        step_ns = 5 * SECOND_NS if elapsed_ns > 12 * SECOND_NS else 0
+        instant = clock.place(elapsed_ns // MS_NS, EPOCH_NS + elapsed_ns + step_ns)
+        leaps += [i] if instant.is_step else []
+    assert len(leaps) == 1
+
+
+def test_the_time_of_arrival_tells_steps_from_delays_of_its_own():
+    now_ns = [0]
+    arrivals = ArrivalClock(lambda: time.monotonic_ns() + now_ns[0])
+    for _ in range(200):
+        arrivals.now_ns()
+    assert arrivals.take_step_ns() == 0
+    now_ns[0] = 50 * MS_NS  # less than what counts
+    arrivals.now_ns()
+    assert arrivals.take_step_ns() == 0
+    now_ns[0] -= 5 * SECOND_NS
+    arrivals.now_ns()
+    now_ns[0] += 2 * SECOND_NS
+    arrivals.now_ns()
+    assert arrivals.take_step_ns() == pytest.approx(-3 * SECOND_NS, abs=5 * MS_NS)
+    assert arrivals.take_step_ns() == 0
