@@ -43,7 +43,7 @@ from tactile_features.conversions import (
 )
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import TrialFeatureExtractor
-from tactile_features.records import FeatureWindow
+from tactile_features.records import FeatureWindow, PHASES_STATED, TrialEvent
 from tactile_features.spec import spec_for
 
 
@@ -84,24 +84,60 @@ def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
     return results.sort()
 
 
-def replay_windows(
+@dataclass
+class ReplayedPhases:
+    """What the plain core makes of a recording's samples and events.
+
+    Attributes
+    ----------
+    windows : list of FeatureWindow
+        In the order in which they became complete.
+    completed_at_ns : list of int
+        For each, when the message arrived that completed it [ns].
+    events : list of TrialEvent
+        The phases that the windows go by: those of the recording, or those found in the signal.
+    """
+
+    windows: list[FeatureWindow] = field(default_factory=list)
+    completed_at_ns: list[int] = field(default_factory=list)
+    events: list[TrialEvent] = field(default_factory=list)
+
+
+def replay_phases(
     bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
-) -> list[FeatureWindow]:
-    """Return the feature windows of a recording, computed anew by the plain core.
+) -> ReplayedPhases:
+    """Return windows and phases of a recording, computed anew by the plain core.
 
     With ``finish``, phases that were still undecided when the recording ended yield
     a window without features too.
     """
     extractor = TrialFeatureExtractor(config)
-    windows: list[FeatureWindow] = []
+    replayed = ReplayedPhases()
+    arrived_ns = 0
     for message in bag.messages(STRAIN, EVENT, namespace=namespace):
+        arrived_ns = message.received_at_ns
         if message.type_name == STRAIN:
-            windows += extractor.add_block(strain_block_from_msg(message.decode()))
+            windows = extractor.add_block(strain_block_from_msg(message.decode()))
+            replayed.events += extractor.take_detected_events()
         else:
-            windows += extractor.add_event(event_from_msg(message.decode()))
+            event = event_from_msg(message.decode())
+            windows = extractor.add_event(event)
+            if config.phases == PHASES_STATED:
+                replayed.events.append(event)
+        replayed.windows += windows
+        replayed.completed_at_ns += [arrived_ns] * len(windows)
     if finish:
-        windows += extractor.finish()
-    return windows
+        windows = extractor.finish()
+        replayed.windows += windows
+        replayed.completed_at_ns += [arrived_ns] * len(windows)
+    return replayed
+
+
+def replay_windows(
+    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
+) -> list[FeatureWindow]:
+    """Return the windows of `replay_phases`."""
+    return replay_phases(bag, config, namespace, finish=finish).windows
 
 
 def replay_through_core(
