@@ -28,6 +28,7 @@ from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros import diagnostics
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.node_group import run_node
+from tactile_ros.qos import LATEST
 from tendon_sensor_driver import tare
 from tendon_sensor_driver.conversions import (
     assess_health,
