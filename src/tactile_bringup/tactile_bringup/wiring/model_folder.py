@@ -77,7 +77,8 @@ def choose_models(path: Path, task: str, contact: str) -> dict[str, str]:
     models = find_models(path)
     chosen = models_for(models, task, contact)
     if not chosen:
-        raise BringupError(f'{path} has no model for the {classifier_name(task, contact)}, only {", ".join(models)}')
+        name = classifier_name(task, contact)
+        raise BringupError(f'{path} has no model for the {name}, only {", ".join(models)}')
     return chosen
 
 

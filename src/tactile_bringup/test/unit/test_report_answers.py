@@ -179,7 +179,7 @@ def test_a_short_name_of_several_features_is_refused_with_all_of_them(texture_ba
         table.values, table.labels, dataclasses.replace(table.spec, names=names), table.columns
     )
     assert select_features(table, 'other__size').spec.names == ('other__size',)
-    with pytest.raises(BringupError, match='write one of one__size, other__size$'):
+    with pytest.raises(BringupError, match=r'write one of one__size, other__size$'):
         select_features(table, 'size')
 
 
