@@ -41,7 +41,7 @@ from tactile_features.records import (
 LONGEST_STEP_S = 0.1
 """Longest time between two samples that is not worth a word [s]; at least three periods."""
 
-EVENT_DELAY_S = 60.0
+EVENT_DELAY_S = 10.0
 """How much later than its samples an event may come and its trial still be audited [s]."""
 
 MAX_BLOCKS = 100_000

@@ -32,7 +32,7 @@ from typing import Any
 from rosbags.typesys.store import Typestore
 import zstandard
 
-from tactile_bringup.errors import BagDamageError, BagError
+from tactile_bringup.errors import BagDamageError, BagError, BringupError
 from tactile_bringup.recording.bag_metadata import (
     BagMetadata,
     FILE_NAME,
@@ -158,7 +158,12 @@ class TactileBag:
             self._stack.callback(self._files[-1].close)
         copies = [file.metadata for file in self._files if file.metadata]
         if copies and not self._has_metadata:
-            metadata = parse_metadata(copies[-1])
+            try:
+                metadata = parse_metadata(copies[-1])
+            except BringupError as error:
+                # Of a file that was never closed, this too may have come to the disk in part.
+                if all(file.is_finished for file in self._files):
+                    raise BagError(f'its copy of {FILE_NAME} cannot be used: {error}') from error
         return metadata
 
     def _data_files(self, metadata: BagMetadata) -> list[Path]:

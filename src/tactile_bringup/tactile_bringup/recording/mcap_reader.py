@@ -23,6 +23,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 import io
 from pathlib import Path
 from typing import BinaryIO
@@ -99,6 +100,7 @@ class McapFile:
         self.metadata = ''
         self._last: Segment | None = None  # the newest, which is not in the table yet
         self._last_counts: Counter[int] | None = None
+        self._is_cut = False
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._definition_bytes = 0
         self._file: BinaryIO = path.open('rb')
@@ -214,13 +216,12 @@ class McapFile:
             return
         if is_cut:
             size = stored_bytes = offset + length - start
-            checksum = 0
         _check_size('a chunk', size, MAX_CHUNK_BYTES)
         if start + stored_bytes != offset + length:
             raise BagError('the length of a chunk is not that of its record')
         self._keep_last()
         self._last = Segment(first_ns, last_ns, start, stored_bytes, size, compression, checksum)
-        self._last_counts = None
+        self._last_counts, self._is_cut = None, is_cut
 
     def _keep_last(self) -> None:
         if self._last is not None:
@@ -286,27 +287,29 @@ class McapFile:
         last = self._last
         if last is None:
             return
-        if last.compression or last.checksum:
+        if not self._is_cut:
             try:
                 for _ in self._records(last):
                     pass
+                return
             except BagError:
                 self._last = None
+        if last.compression:
             return
         self._file.seek(last.offset)
         data = self._file.read(last.stored_bytes)
-        ends = [0]
-        try:
-            for opcode, _, end in records_within(data):
-                if opcode == 0:  # zeros: the record before may end in them as well
-                    ends.pop()
+        # A file system gives zeros where data did not come to the disk; a record that ends in
+        # them may lack its own end. Damage of another kind can lie anywhere.
+        there = len(data.rstrip(b'\0'))
+        last.size = 0
+        with suppress(BagError):
+            for _, _, end in records_within(data):
+                if end > there:
                     break
-                ends.append(end)
-        except BagError:
-            pass
-        last.size = last.stored_bytes = ends[-1] if ends else 0
-        if not last.size:
-            self._last = None
+                last.size = end
+        last.stored_bytes, last.checksum = last.size, 0
+        is_known = last.size and (self._is_cut or there < len(data))
+        self._last = last if is_known else None
 
     # -- messages -----------------------------------------------------------------------
 

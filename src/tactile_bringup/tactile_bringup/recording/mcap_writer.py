@@ -199,25 +199,21 @@ class McapWriter:
             return
         records = bytes(new.records)
         if self._chunk is None:
-            self._append(_chunk_head(new, 0) + records)
-            self._chunk_start = self._position - len(records) - CHUNK_HEAD_BYTES
-            self._chunk, self._checksum = new, zlib.crc32(records)
+            start, self._checksum = self._position, zlib.crc32(records)
+            self._append(_chunk_head(new, self._checksum) + records)
+            self._chunk, self._chunk_start = new, start
         else:
             self._append(records)
             self._chunk.extend(new)
             self._checksum = zlib.crc32(records, self._checksum)
             # Only now that its records are there does the head count them.
-            self._write_chunk_head(0)
+            head = _chunk_head(self._chunk, self._checksum)
+            os.pwrite(self._file.fileno(), head, self._chunk_start)
         new.records.clear()
         for channel, entries in new.index.items():
             self.counts[channel] += len(entries) // INDEX_ENTRY.size
         self.first_ns = min(self.first_ns, new.first_ns)
         self.last_ns = max(self.last_ns, new.last_ns)
-
-    def _write_chunk_head(self, checksum: int) -> None:
-        assert self._chunk is not None
-        head = _chunk_head(self._chunk, checksum)
-        os.pwrite(self._file.fileno(), head, self._chunk_start)
 
     def cut(self) -> None:
         """End the chunk, with what was written since `flush`."""
@@ -229,7 +225,6 @@ class McapWriter:
     def _end_chunk(self) -> None:
         if self._chunk is None:
             return
-        self._write_chunk_head(self._checksum)
         chunk, self._chunk = self._chunk, None
         offsets, indexes = b'', b''
         for channel, entries in chunk.index.items():
