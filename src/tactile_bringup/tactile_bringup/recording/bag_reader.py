@@ -354,6 +354,12 @@ class TactileBag:
         finally:
             self._open_bytes -= segment.size
 
+    @property
+    def end_ns(self) -> int:
+        """When the last message arrived [ns]; 0: there is none."""
+        since_ns = max((file.newest_ns for file in self._files), default=0)
+        return max((m.received_at_ns for m in self.messages(since_ns=since_ns)), default=0)
+
     def sha256(self) -> str:
         """Return the hash of the bag's data files, as hex digits."""
         digest = hashlib.sha256()

@@ -116,6 +116,11 @@ class McapFile:
         """Close the file. Harmless when called twice."""
         self._file.close()
 
+    @property
+    def newest_ns(self) -> int:
+        """No later than the arrival of the last message [ns]."""
+        return self.segments.newest_ns
+
     # -- one pass over the file ------------------------------------------------------
 
     def _scan(self) -> None:

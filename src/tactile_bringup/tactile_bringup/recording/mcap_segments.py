@@ -158,6 +158,11 @@ class SegmentTable:
         for i in numbers[np.argsort(first_ns[numbers], kind='stable')].tolist():
             yield int(first_ns[i]), i
 
+    @property
+    def newest_ns(self) -> int:
+        """When the last of the segments began [ns]; 0: there is none."""
+        return int(self._column('first_ns').max(initial=0))
+
     def _within(self, topics: Collection[int]) -> list[int]:
         return [number for names, number in self._groups.items() if names <= set(topics)]
 

@@ -21,12 +21,9 @@ through real nodes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from tactile_bringup.errors import BagError
 from tactile_bringup.recording.bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
@@ -49,10 +46,20 @@ from tactile_features.spec import spec_for
 
 @dataclass
 class TactileResults:
-    """What one pass over a recording yields, in the order of the windows' ends."""
+    """What one pass over a recording yields, in the order of the windows' ends.
+
+    Attributes
+    ----------
+    windows : list of FeatureWindow
+    classifications : list of ClassificationResult
+    made_at_ns : dict of int to int
+        By the `id` of each: when it arrived in the recording, or when the message did that
+        completed it. Empty where this is not known.
+    """
 
     windows: list[FeatureWindow] = field(default_factory=list)
     classifications: list[ClassificationResult] = field(default_factory=list)
+    made_at_ns: dict[int, int] = field(default_factory=dict)
 
     def sort(self) -> TactileResults:
         """Bring the results into the order of time, whatever order they arrived in."""
@@ -78,9 +85,13 @@ def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
     """Return the features and classifications that were published while recording."""
     results = TactileResults()
     for message in bag.messages(FEATURES, namespace=namespace):
-        results.windows.append(feature_window_from_msg(message.decode()))
+        window = feature_window_from_msg(message.decode())
+        results.windows.append(window)
+        results.made_at_ns[id(window)] = message.received_at_ns
     for message in bag.messages(CLASSIFICATION, namespace=namespace):
-        results.classifications.append(classification_from_msg(message.decode()))
+        answer = classification_from_msg(message.decode())
+        results.classifications.append(answer)
+        results.made_at_ns[id(answer)] = message.received_at_ns
     return results.sort()
 
 
@@ -159,13 +170,17 @@ def replay_through_core(
     """
     for model in models.values():
         model.check_fits(spec_for(model.task, config))
-    results = TactileResults(windows=replay_windows(bag, config, namespace))
-    for window in results.windows:
+    replayed = replay_phases(bag, config, namespace)
+    results = TactileResults(replayed.windows)
+    for window, at_ns in zip(replayed.windows, replayed.completed_at_ns, strict=True):
+        results.made_at_ns[id(window)] = at_ns
         for name, model in models.items():
             task, contact = parse_classifier_name(name)
             takes_contact = ClassifierConfig(task=task, contact=contact).takes_contact
             if model.accepts(window) and takes_contact(window.contact):
-                results.classifications.append(model.classify(window))
+                answer = model.classify(window)
+                results.classifications.append(answer)
+                results.made_at_ns[id(answer)] = at_ns
     return results.sort()
 
 
@@ -187,69 +202,3 @@ def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:
                 'give the file the name of what it is for'
             )
     return models
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Whether two passes over a recording agree, bit for bit.
-
-    Attributes
-    ----------
-    first_difference : str
-        Empty when equal; otherwise one sentence.
-    window_count, classification_count : int
-        How many were compared.
-    """
-
-    first_difference: str
-    window_count: int
-    classification_count: int
-
-    @property
-    def is_equal(self) -> bool:
-        return not self.first_difference
-
-
-def compare(one: TactileResults, other: TactileResults, names: tuple[str, str]) -> Comparison:
-    """Compare two passes: every feature, label, score and stamp.
-
-    Parameters
-    ----------
-    one, other : TactileResults
-    names : tuple of str
-        What to call them in the sentence about a difference.
-    """
-    difference = _first_difference('feature windows', one.windows, other.windows, names)
-    difference = difference or _first_difference(
-        'classifications', one.classifications, other.classifications, names
-    )
-    return Comparison(difference, len(one.windows), len(one.classifications))
-
-
-def _first_difference(
-    what: str, one: Sequence[Any], other: Sequence[Any], names: tuple[str, str]
-) -> str:
-    for left, right in zip(one, other, strict=False):
-        for item in fields(left):
-            a, b = getattr(left, item.name), getattr(right, item.name)
-            if not _same(a, b):
-                return (
-                    f'{what} of trial {left.trial_id or "(none)"}: {item.name} is '
-                    f'{_short(a)} in {names[0]} and {_short(b)} in {names[1]}'
-                )
-    if len(one) != len(other):
-        return f'{len(one)} {what} in {names[0]}, {len(other)} in {names[1]}'
-    return ''
-
-
-def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-        return bool(a.shape == b.shape and a.tobytes() == b.tobytes())
-    # The texts tell -0.0 from 0.0, and no other two numbers that are equal.
-    return bool(a == b) and repr(a) == repr(b)
-
-
-def _short(value: Any) -> str:
-    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
-    return text if len(text) <= 60 else text[:57] + '...'

@@ -84,6 +84,12 @@ class SqliteFile:
             if number in self.topics:
                 self.counts[number] = count
 
+    @property
+    def newest_ns(self) -> int:
+        """When the last message arrived [ns]."""
+        (newest_ns,) = self._database.execute('SELECT MAX(timestamp) FROM messages').fetchone()
+        return int(newest_ns or 0)
+
     def messages(self, channels: Collection[int]) -> Iterator[Message]:
         """Yield the messages on these channels, by time of arrival."""
         query = (
