@@ -51,6 +51,7 @@ TOPICS = {
     'messages': ('message_path', 'run_messages'),
     'hand': ('hand', 'run_hand'),
     'endurance': ('hand', 'run_endurance'),
+    'long_recording': ('long_recording', 'run_long_recording'),
     'pitch': ('measures', 'run_pitch'),
     'press': ('measures', 'run_press'),
     'slip': ('slip', 'run_slip'),
@@ -67,8 +68,8 @@ TOPICS = {
 }
 
 LONG = (
-    *('hand', 'endurance', 'peers', 'speeds', 'simulated-speeds', 'rest', 'signals'),
-    *('twin', 'twin-speed'),
+    *('hand', 'endurance', 'long_recording', 'peers', 'speeds', 'simulated-speeds'),
+    *('rest', 'signals', 'twin', 'twin-speed'),
 )
 """Topics of many minutes, or with peers to install, which are run when they are named."""
 
@@ -85,7 +86,8 @@ Error is measured against a reference of higher precision, or as a count of
 answers that differ. Where a bound is stated, exceeding it is a failure.
 """
 
-EPILOG = """topics (hand, endurance, peers, speeds, rest, signals and twins only when named):
+EPILOG = """topics (hand, endurance, long_recording, peers, both speeds, rest, signals and both twins
+only when named):
   spectrum     91 amplitudes of a texture window
   sliding      91 amplitudes of the window that ends at every sample
   regression   slope, intercept, correlation of a stiffness window
@@ -108,6 +110,7 @@ EPILOG = """topics (hand, endurance, peers, speeds, rest, signals and twins only
   messages     latency from publish to the features node
   hand         five fingers, from a block to a classification, three executors
   endurance    ten minutes of five times 7 kHz in blocks: is anything lost
+  long_recording  a week without waiting: memory, opening, repair (15 GB of disk)
   pitch        pitch of simulated grooves: error, and coverage of its uncertainty
   press        stiffness and relaxation of simulated objects: the same
   slip         slip detector on simulated grips: misses, latency, false alarms

@@ -78,6 +78,7 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         'mypy --strict': ['mypy', *cores],
         'import contracts': ['lint-imports', '--no-cache'],
         'copyright': ['python', 'tools/headers.py'],
+        'declarations': ['python', 'tools/declarations.py'],
     }
     outcomes = []
     for name, command in rules.items():

@@ -29,7 +29,7 @@ from scipy.optimize import minimize
 from sklearn.model_selection import StratifiedKFold
 
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.errors import DatasetError
+from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators import (
     build_estimator,
     compute_raw_scores,
@@ -83,7 +83,7 @@ def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
 
     Raises
     ------
-    DatasetError
+    TooFewTrialsError
         When a label has one trial only.
     """
     group = np.zeros(len(table), dtype=np.intp)
@@ -102,7 +102,7 @@ def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
         words = f'one {name} held out' if groups == parts else f'{name} held out in {parts} parts'
         return Deal(words, fold, groups)
     if counts.min() < 2:
-        raise DatasetError(f'label "{labels[counts.argmin()]}" has one trial only')
+        raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
     parts = min(MAX_FOLDS, int(counts.min()))
     folds = StratifiedKFold(parts, shuffle=True, random_state=RANDOM_STATE)
     fold = np.zeros(len(table), dtype=np.intp)
@@ -179,8 +179,8 @@ def fit_novelty(
 
     Raises
     ------
-    ValueError
-        When there are too few trials for the rate.
+    TooFewTrialsError
+        When there are too few for the rate.
     """
     metric = choose_metric(table.values, table.labels, fold)
     novelty = hold_out_novelty(table, fold, metric)
@@ -305,8 +305,8 @@ def calibrate_part(
 
     Raises
     ------
-    ValueError
-        When there are too few trials for the rate.
+    TooFewTrialsError
+        When there are too few for the rate, or for the classifier.
     """
     scores, true = hold_out_scores(table, classifier, scaling, fold)
     measure, novelty, threshold = fit_novelty(table, fold, false_alarm_rate)

@@ -23,6 +23,13 @@ class DatasetError(ClassifierError):
     """The trials cannot be used as they are."""
 
 
+class TooFewTrialsError(DatasetError, ValueError):
+    """There are too few trials for what was asked; more recordings are the remedy.
+
+    A `ValueError` too, which is what scikit-learn's callers expect of an estimator.
+    """
+
+
 class EvaluationError(ClassifierError):
     """The trials do not allow the split that was asked for."""
 

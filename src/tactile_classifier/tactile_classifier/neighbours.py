@@ -32,6 +32,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_array
 
+from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.splits import Fold
 
 __all__ = ['NEIGHBOURS', 'NearestNeighbours', 'halve', 'predict_neighbours']
@@ -61,8 +62,10 @@ class NearestNeighbours(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
         Raises
         ------
+        TooFewTrialsError
+            When there are fewer than three.
         ValueError
-            When there are fewer than three trials, or a value is not finite.
+            When a value is not finite.
         """
         self.values_ = check_array(values, dtype=np.float64, copy=True)
         self.classes_, self.codes_ = np.unique(labels, return_inverse=True)
@@ -99,7 +102,7 @@ def predict_neighbours(
 
     Raises
     ------
-    ValueError
+    TooFewTrialsError
         When a fold leaves fewer than three training trials.
     """
     classes, codes = np.unique(labels, return_inverse=True)
@@ -172,6 +175,6 @@ def _count(codes: npt.NDArray[np.intp], labels: int) -> npt.NDArray[np.intp]:
 
 def _check_trials(count: int) -> None:
     if count < NEIGHBOURS:
-        raise ValueError(
+        raise TooFewTrialsError(
             f'{NEIGHBOURS} neighbours are asked of {count} training trials: record more'
         )

@@ -24,6 +24,8 @@ import numpy.typing as npt
 from sklearn.covariance import ledoit_wolf
 from sklearn.metrics import roc_auc_score
 
+from tactile_classifier.errors import TooFewTrialsError
+
 Matrix = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
@@ -195,11 +197,11 @@ def compute_threshold(novelty: Matrix, false_alarm_rate: float) -> float:
 
     Raises
     ------
-    ValueError
-        When there are fewer trials than `trials_needed`.
+    TooFewTrialsError
+        When there are fewer than `trials_needed`.
     """
     if len(novelty) < trials_needed(false_alarm_rate):
-        raise ValueError(
+        raise TooFewTrialsError(
             f'{len(novelty)} trials cannot bound false alarms at {false_alarm_rate:g}; '
             f'{trials_needed(false_alarm_rate)} are needed'
         )

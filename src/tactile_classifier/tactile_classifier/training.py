@@ -30,7 +30,7 @@ from sklearn.pipeline import Pipeline
 
 from tactile_classifier.calibration import calibrate_part, CalibratedPart, Calibration, deal
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.errors import DatasetError
+from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators import build_estimator, DEFAULT_SCALING, SCORE_KINDS
 from tactile_classifier.evaluation import Score
 from tactile_classifier.manifest import Manifest, Part, WHOLE
@@ -197,7 +197,7 @@ def _calibrate(
             calibrate_part(table, classifier, scaling, dealt.fold, false_alarm_rate)
             for table in tables
         ]
-    except (DatasetError, ValueError) as error:
+    except TooFewTrialsError as error:
         return [], {'reason': str(error)}
     return parts, {'split': dealt.split, 'groups': dealt.groups, 'trials': len(tables[0])}
 

@@ -54,7 +54,7 @@ from tactile_features.windows import SAMPLE, Samples
 _REDUCED_HZ = 60.0  # faster streams are averaged down to about this rate
 _REST_LEARN = 9  # samples of rest before anything can begin
 _REST_MEMORY = 60  # samples that say what rest is
-_REST_RENEW = 15  # samples after which they are asked anew
+_REST_RENEW = 15  # they are asked anew where the number of a sample can be divided by this
 _CONFIRM = 3  # samples in a row that begin a rise, or a fall
 _RISE_SIGMAS = 6.0  # how far a rise stands out from the noise
 _ONSET_SIGMAS = 3.0  # and where it began
@@ -94,6 +94,10 @@ class SignalPhases:
     quarters of the tension are gone. A trial whose glide leaves no trace in the tension
     ends as aborted.
 
+    Nor does the answer depend on when one joins a stream. Who joins late finds no trial
+    before the state is that of those who were there: after `_REST_MEMORY` samples of rest, or
+    when a trial has ended. A stream with sequence number 0 is there from its beginning.
+
     Parameters
     ----------
     config : FeatureConfig
@@ -121,6 +125,7 @@ class SignalPhases:
             _State.FALL: self._fall,
         }
         self.reset()
+        self._is_settled = False
 
     def abort(self, message: str) -> list[TrialEvent]:
         """Forget everything; return the end of the trial that was under way, if any."""
@@ -133,6 +138,7 @@ class SignalPhases:
         """Forget everything: the next samples have nothing to do with the last ones."""
         self._pending: list[tuple[int, float]] = []
         self._pending_group = -1
+        self._is_settled = True  # whoever is there sees the stream begin anew
         self._start_learning()
 
     def add(self, samples: Samples) -> list[TrialEvent]:
@@ -140,6 +146,8 @@ class SignalPhases:
         events: list[TrialEvent] = []
         groups = samples['sequence'] // np.uint64(self._group_size)
         usable = np.isfinite(samples['tension_n'])
+        if self._pending_group < 0 and len(samples):
+            self._is_settled |= bool(samples['sequence'][0] == 0)
         columns = (samples['stamp_ns'], samples['tension_n'], groups, usable)
         for stamp_ns, tension_n, group, is_usable in zip(
             *(column.tolist() for column in columns), strict=True
@@ -167,7 +175,9 @@ class SignalPhases:
         self._tension_n.append(tension_n)
         if len(self._stamp_ns) > 2 * _MEMORY:
             del self._stamp_ns[:_MEMORY], self._tension_n[:_MEMORY]
-        return self._steps[self._state]()
+        was_settled = self._is_settled
+        events = self._steps[self._state]()
+        return events if was_settled else []
 
     def _start_learning(self) -> None:
         self._state = _State.LEARN
@@ -200,13 +210,15 @@ class SignalPhases:
             same_way = off_n * self._off_count >= 0
             self._off_count = (self._off_count if same_way else 0) + (1 if off_n > 0 else -1)
         if self._off_count == -_CONFIRM:
+            self._is_settled = False
             self._start_learning()
         elif self._off_count == _CONFIRM:
             return self._begin_trial()
         else:
             self._rest_count += 1
-            if self._rest_count % _REST_RENEW == 0:
+            if self._pending_group % _REST_RENEW == 0:
                 self._measure_rest()
+                self._is_settled |= self._rest_count >= _REST_MEMORY
         return []
 
     def _begin_trial(self) -> list[TrialEvent]:
@@ -215,6 +227,7 @@ class SignalPhases:
         while at > 0 and self._tension_n[at] > self._rest_n + small_n:
             at -= 1
         self._trial_id = f'detected-{self._stamp_ns[at]}'
+        self._rise_from_ns = self._stamp_ns[max(0, at - _SLOPE_STEPS)]
         self._start_rise()
         return [self._event(PHASE_CONTACT, self._stamp_ns[at])]
 
@@ -230,7 +243,8 @@ class SignalPhases:
         self._flat_count = self._flat_count + 1 if is_flat else 0
         if self._flat_count < _FLAT_SAMPLES:
             return []
-        _, slopes = self._slopes()
+        stamp_ns, slopes = self._slopes()
+        slopes[stamp_ns < self._rise_from_ns] = 0.0
         steepest = int(np.argmax(slopes))
         steep = np.flatnonzero(slopes[steepest:] > _BEND_SHARE * slopes[steepest])
         last_steep = steepest + (int(steep[-1]) if len(steep) else 0)
@@ -316,6 +330,7 @@ class SignalPhases:
             return []
         done_ns = self._stamp_ns[-_SLOPE_STEPS]
         is_aborted = self._config.phases == PROTOCOL_TEXTURE and not self._has_glide
+        self._is_settled = True
         self._start_learning()
         return [] if is_aborted else [self._event(PHASE_DONE, done_ns)]
 

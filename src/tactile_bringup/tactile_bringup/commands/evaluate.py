@@ -275,7 +275,7 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
     Raises
     ------
     BringupError
-        When there is no such feature.
+        When there is no such feature, or several whose names end so.
     """
     if names is None:
         return table
@@ -285,6 +285,11 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
         if name in table.spec.names:
             chosen.append(table.spec.names.index(name))
         elif name in short:
+            fitting = [full for full in table.spec.names if full.rpartition('__')[2] == name]
+            if len(fitting) > 1:
+                raise BringupError(
+                    f'"{name}" is the end of several names; write one of {", ".join(fitting)}'
+                )
             chosen.append(short.index(name))
         else:
             raise BringupError(

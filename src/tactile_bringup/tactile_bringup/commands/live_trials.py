@@ -30,13 +30,12 @@ from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.recording.audit import Audit
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import (
-    classifier_name,
     feature_parameters_of,
     Ports,
     recorder_node,
     rig_graph,
 )
-from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.wiring.model_folder import find_models, models_for
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_sim.rig_process import SimulatedRig
 
@@ -151,7 +150,7 @@ def run_live_trials(
                 check_recording(recorder)
                 done = run_with_second_try(operator, request, output)
                 check_recording(recorder)
-                listens = classifier_name(request.protocol, request.contact) in models
+                listens = models_for(models, request.protocol, request.contact)
                 answer = operator.wait_for_answer(done.trial_id) if listens else None
                 live.append(LiveTrial(done, answer))
                 output.say(describe_trial(live[-1]))

@@ -29,9 +29,8 @@ from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_bringup.recording.audit import Audit, audit_open_bag, summarise_audits
 from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.comparison import compare, compare_with_recorded, Comparison
 from tactile_bringup.recording.replay import (
-    compare,
-    Comparison,
     load_models,
     recorded_config,
     recorded_results,
@@ -100,6 +99,8 @@ def print_report(report: ReplayReport, output: Output) -> None:
             f'{finger}{name}: {verdict} ({comparison.window_count} feature windows, '
             f'{comparison.classification_count} classifications)'
         )
+        if comparison.tail:
+            output.say(f'{finger}{name}, interrupted: {comparison.tail}')
     print_audits(report.audits, output)
 
 
@@ -137,8 +138,9 @@ def replay_and_compare(
             while count < times and all(c.is_equal for c in comparisons.values()):
                 count += 1
                 core = replay_through_core(bag, models, config, namespace)
-                names = ('the recording', 'the core')
-                comparisons['recorded and plain core'] = compare(recorded, core, names)
+                comparisons['recorded and plain core'] = compare_with_recorded(
+                    recorded, core, bag.end_ns
+                )
                 if through_nodes:
                     nodes = _replay_in_own_domain(bag, paths, config, core, namespace)
                     names = ('the core', 'the nodes')

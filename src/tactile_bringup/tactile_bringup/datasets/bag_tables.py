@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.errors import BagError
-from tactile_bringup.recording.bag_records import read_records
-from tactile_bringup.recording.bags import EVENT, TactileBag
-from tactile_bringup.recording.replay import recorded_config, replay_windows
+from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.replay import recorded_config, replay_phases
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.records import TASKS
 from tactile_features.config import FeatureConfig
@@ -137,17 +136,18 @@ def _collect(
     found: dict[tuple[str, str], LabelledWindows],
     left_out: list[str],
 ) -> None:
+    # A table has features of whole windows alone: measures would be made in vain.
+    config = replace(config, measures=False, running_samples=())
+    replayed = replay_phases(bag, config, namespace, finish=True)
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
-    for _, event in read_records(bag.messages(EVENT, namespace=namespace)):
+    for event in replayed.events:
         events[event.trial_id].append(event)
     left_out.extend(
         f'{trial_id}: a slip trial, and there are no slip features yet'
         for trial_id, (event, *_) in events.items()
         if event.protocol == PROTOCOL_SLIP
     )
-    # A table has features of whole windows alone: measures would be made in vain.
-    config = replace(config, measures=False, running_samples=())
-    for window in replay_windows(bag, config, namespace, finish=True):
+    for window in replayed.windows:
         event = _event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
         if window.outcome != Outcome.OK:

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 import json
@@ -29,7 +30,7 @@ from rclpy.serialization import serialize_message
 
 from tactile_bringup.conversions import audit_to_msg
 from tactile_bringup.errors import BagError
-from tactile_bringup.recording.audit import Audit, FingerAuditor, nominal_rate_hz, summarise_audits
+from tactile_bringup.recording.audit import Audit, AuditSummary, FingerAuditor, nominal_rate_hz
 from tactile_bringup.recording.bags import (
     AUDIT,
     BagWriter,
@@ -51,6 +52,9 @@ SAVE_PERIOD_S = 0.5
 """How often what came is brought into the file, and from there to the disk: at most so much
 is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
 
+MAX_AUDITS = 10_000
+"""Audits of trials that are kept for who runs the node; the summary in the bag counts all."""
+
 
 class BagRecorderNode(TactileNode):
     """Records while active; the bag is complete once the node is cleaned up.
@@ -65,8 +69,8 @@ class BagRecorderNode(TactileNode):
     ----------
     message_count : int
         Messages written.
-    audits : list of Audit
-        Of the trials that have ended.
+    audits : deque of Audit
+        Of the trials that have ended, the last `MAX_AUDITS` of them.
     failure : str
         Why the recording ended before its time, and what is saved; empty when it did not.
     """
@@ -85,7 +89,8 @@ class BagRecorderNode(TactileNode):
         self._started_ns = 0
         self._has_said_missing = False
         self.message_count = 0
-        self.audits: list[Audit] = []
+        self.audits: deque[Audit] = deque(maxlen=MAX_AUDITS)
+        self._summary = AuditSummary()
         self.failure = ''
 
     # -- lifecycle -----------------------------------------------------------------------
@@ -95,6 +100,8 @@ class BagRecorderNode(TactileNode):
             raise ValueError('parameter bag is empty; name the folder of the bag to write')
         self.failure = ''
         self.is_finished = self.has_failed = False
+        self.audits.clear()
+        self._summary = AuditSummary()
         facts = json.loads(config.facts)
         if not isinstance(facts, dict):
             raise ValueError('parameter facts is no JSON object; write {"name": value}')
@@ -179,7 +186,7 @@ class BagRecorderNode(TactileNode):
         if self._audit_publisher is not None:
             for audit in [a for auditor in self._auditors.values() for a in auditor.finish()]:
                 self._publish(audit, writer)
-            writer.add_facts({'audit': summarise_audits(self.audits)})
+            writer.add_facts({'audit': self._summary.to_dict()})
         writer.close()
 
     # -- failure -------------------------------------------------------------------------
@@ -234,6 +241,7 @@ class BagRecorderNode(TactileNode):
 
     def _publish(self, audit: Audit, writer: BagWriter) -> None:
         self.audits.append(audit)
+        self._summary.add(audit)
         message = audit_to_msg(audit, str(writer.path))
         writer.write_raw(
             self._audit_topic, self.get_clock().now().nanoseconds, serialize_message(message)
@@ -264,16 +272,16 @@ class BagRecorderNode(TactileNode):
         return int(count)
 
     def _health(self) -> Health:
-        values = {'messages': self.message_count, 'trials_audited': len(self.audits)}
+        values = {'messages': self.message_count, 'trials_audited': self._summary.trials}
         if self.failure:
             return Health(ERROR, self.failure, values)
         if not self._recording:
             return Health(WARN, 'not recording: activate the node', values)
         missing = self.unmatched_topics()
         if not missing:
-            failed = [audit for audit in self.audits if not audit.passed]
-            if failed:
-                return Health(WARN, failed[-1].describe(), values)
+            failed = self._summary.last_failed
+            if failed is not None:
+                return Health(WARN, failed.describe(), values)
             return Health(OK, 'recording', values)
         names = ', '.join(missing)
         if (time.monotonic_ns() - self._started_ns) * 1e-9 < self.config.match_timeout_s:

@@ -21,7 +21,8 @@ anywhere between the sensor and the file, however samples are grouped into messa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -40,9 +41,14 @@ from tactile_features.records import (
 LONGEST_STEP_S = 0.1
 """Longest time between two samples that is not worth a word [s]; at least three periods."""
 
-MAX_BLOCKS = 2_000_000
-"""Blocks that are remembered for the audit of a trial."""
+EVENT_DELAY_S = 10.0
+"""How much later than its samples an event may come and its trial still be audited [s]."""
 
+MAX_BLOCKS = 100_000
+"""Most blocks that are kept for events that come late: fewer seconds of very small blocks."""
+
+MAX_TRIALS = 1000
+"""Most trials that wait for their samples; the oldest is then audited without them."""
 
 MOST_NOTED = 100
 """Failed trials that the facts of a bag describe."""
@@ -108,12 +114,11 @@ def _make_audit(
     counts: StreamCounts,
     finger: str,
     nominal_rate_hz: float,
-    trial: tuple[str, int, int] | None = None,
+    trial: _Trial | None = None,
 ) -> Audit:
-    """Return the result; ``trial``: its name, its first and its last time."""
     return Audit(
         finger=finger,
-        trial_id=trial[0] if trial else '',
+        trial_id=trial.trial_id if trial else '',
         findings=tuple(_findings(counts, nominal_rate_hz, trial)),
         start_ns=counts.start_ns,
         end_ns=counts.end_ns,
@@ -128,9 +133,13 @@ def _make_audit(
     )
 
 
-def _findings(
-    counts: StreamCounts, nominal_hz: float, trial: tuple[str, int, int] | None
-) -> Iterable[str]:
+def _findings(counts: StreamCounts, nominal_hz: float, trial: _Trial | None) -> Iterable[str]:
+    if trial is not None and trial.is_too_late:
+        yield (
+            f'its events came more than {EVENT_DELAY_S:g} s after its samples; '
+            'what is missing is not known'
+        )
+        return
     if not counts.samples:
         yield 'no samples of the tension came'
         return
@@ -158,25 +167,53 @@ def _findings(
     if counts.largest_step_ns * 1e-9 > longest_s and not counts.lost:
         yield f'{counts.largest_step_ns * 1e-9:.3f} s lie between two samples'
     if trial is not None:
-        late_s = (counts.start_ns - trial[1]) * 1e-9
-        early_s = (trial[2] - counts.end_ns) * 1e-9
+        late_s = (counts.start_ns - trial.start_ns) * 1e-9
+        early_s = (trial.end_ns - counts.end_ns) * 1e-9
         if late_s > longest_s:
             yield f'the samples begin {late_s:.3f} s after the trial'
         if early_s > longest_s:
             yield f'the samples end {early_s:.3f} s before the trial'
 
 
-@dataclass
 class _Trial:
-    trial_id: str
-    start_ns: int
-    end_ns: int
+    """A trial under way, or one that waits for its samples; counts those that it is given."""
+
+    def __init__(self, trial_id: str, stamp_ns: int) -> None:
+        self.trial_id = trial_id
+        self.start_ns = self.end_ns = stamp_ns
+        self.is_over = self.is_too_late = False
+        self.counts = StreamCounts()
+        self._before: SampleRun | None = None
+        self._has_begun = self._has_ended = False
+
+    def add(self, run: SampleRun) -> None:
+        """Take in the next run of the stream, wherever it lies."""
+        begin = run.up_to(self.start_ns - 1)
+        end = run.up_to(self.end_ns) if self.is_over else run.size
+        if begin and not self._has_begun:
+            self._before = run.part(begin - 1, begin)
+        if begin < end:
+            if not self._has_begun and self._before is not None:
+                self.counts.follow(self._before)
+            self._has_begun = True
+            self.counts.add(run.part(begin, end))
+        if end < run.size and not self._has_ended:
+            self._has_ended = True
+            self._after = run.part(end, end + 1)
+
+    def finish(self) -> StreamCounts:
+        """Return what was counted; no more runs come."""
+        if self._has_ended:
+            self.counts.stop_before(self._after)
+        return self.counts
 
 
 class FingerAuditor:
     """Blocks and trial events of one finger in, an audit of each trial out.
 
-    The events of a trial may come before or after its samples.
+    The events of a trial may come before its samples, or up to `EVENT_DELAY_S` after them. So
+    long are samples kept, without their values, and no longer: memory does not grow with the
+    length of a recording, nor with the number of its trials.
 
     Parameters
     ----------
@@ -190,10 +227,10 @@ class FingerAuditor:
         self.finger = finger
         self.nominal_rate_hz = nominal_rate_hz
         self._whole = StreamCounts()
-        self._runs: list[SampleRun] = []
+        self._recent: deque[SampleRun] = deque()
         self._latest_ns: int | None = None
-        self._open: _Trial | None = None
-        self._ended: list[_Trial] = []
+        self._gone_ns: int | None = None
+        self._trials: deque[_Trial] = deque()  # only the last one can be under way
 
     def add_block(self, block: StrainBlock) -> list[Audit]:
         """Take in samples; return the audits of the trials that are now over."""
@@ -208,71 +245,62 @@ class FingerAuditor:
             block.status,
         )
         self._whole.add(run)
-        self._runs.append(run)
+        self._recent.append(run)
         last_ns = run.stamp_of(run.size - 1)
         self._latest_ns = last_ns if self._latest_ns is None else max(self._latest_ns, last_ns)
-        if len(self._runs) > MAX_BLOCKS:
-            del self._runs[: MAX_BLOCKS // 2]
+        self._let_go(self._latest_ns - round(EVENT_DELAY_S * 1e9))
         return self._take_complete()
+
+    def _let_go(self, before_ns: int) -> None:
+        """Give up runs for which no event can come any more; a trial under way counts them."""
+        while self._recent:
+            run = self._recent[0]
+            last_ns = run.stamp_of(run.size - 1)
+            if last_ns >= before_ns and len(self._recent) <= MAX_BLOCKS:
+                return
+            self._recent.popleft()
+            self._gone_ns = last_ns if self._gone_ns is None else max(self._gone_ns, last_ns)
+            for trial in self._trials:
+                trial.add(run)
 
     def add_event(self, event: TrialEvent) -> list[Audit]:
         """Take in the start of a phase; return the audits of the trials that are now over."""
-        if self._open is None or self._open.trial_id != event.trial_id:
-            self._close_trial()
-            self._open = _Trial(event.trial_id, event.stamp_ns, event.stamp_ns)
-        self._open.start_ns = min(self._open.start_ns, event.stamp_ns)
-        self._open.end_ns = max(self._open.end_ns, event.stamp_ns)
-        if event.phase in (PHASE_DONE, PHASE_ABORTED):
-            self._close_trial()
+        trial = self._trials[-1] if self._trials else None
+        is_new = trial is None or trial.is_over or trial.trial_id != event.trial_id
+        if trial is None or is_new:
+            if trial is not None:
+                trial.is_over = True
+            trial = _Trial(event.trial_id, event.stamp_ns)
+            self._trials.append(trial)
+        trial.start_ns = min(trial.start_ns, event.stamp_ns)
+        trial.end_ns = max(trial.end_ns, event.stamp_ns)
+        trial.is_over = event.phase in (PHASE_DONE, PHASE_ABORTED)
+        if self._gone_ns is not None and event.stamp_ns <= self._gone_ns:
+            trial.is_too_late |= is_new or trial.is_over
         return self._take_complete()
 
     def finish(self) -> list[Audit]:
         """Return the audits of trials that still wait for samples, then of the whole."""
-        self._close_trial()
-        ended, self._ended = self._ended, []
-        return [
-            *(self._audit(trial) for trial in ended),
-            _make_audit(self._whole, self.finger, self.nominal_rate_hz),
-        ]
-
-    def _close_trial(self) -> None:
-        if self._open is not None:
-            self._ended.append(self._open)
-            self._open = None
+        audits = []
+        while self._trials:
+            self._trials[0].is_over = True
+            audits.append(self._audit(self._trials.popleft()))
+        return [*audits, _make_audit(self._whole, self.finger, self.nominal_rate_hz)]
 
     def _take_complete(self) -> list[Audit]:
         audits = []
         # Only with a sample beyond its end is it known that a trial's last ones have come.
-        while (
-            self._ended and self._latest_ns is not None and self._latest_ns > self._ended[0].end_ns
-        ):
-            audits.append(self._audit(self._ended.pop(0)))
+        while self._trials and self._trials[0].is_over:
+            is_complete = self._latest_ns is not None and self._latest_ns > self._trials[0].end_ns
+            if not is_complete and len(self._trials) <= MAX_TRIALS:
+                break
+            audits.append(self._audit(self._trials.popleft()))
         return audits
 
     def _audit(self, trial: _Trial) -> Audit:
-        counts = StreamCounts()
-        before: SampleRun | None = None
-        after: SampleRun | None = None
-        has_begun = False
-        for run in self._runs:
-            begin, end = run.up_to(trial.start_ns - 1), run.up_to(trial.end_ns)
-            if begin and not has_begun:
-                before = run.part(begin - 1, begin)
-            if end < run.size and after is None:
-                after = run.part(end, end + 1)
-            if begin < end:
-                if not has_begun and before is not None:
-                    counts.follow(before)
-                has_begun = True
-                counts.add(run.part(begin, end))
-        if after is not None:
-            counts.stop_before(after)
-        if not self._ended and (self._open is None or self._open.start_ns > trial.end_ns):
-            # The next trial's events may come late, but not by more than this one lasted.
-            keep_from_ns = trial.end_ns
-            self._runs = [r for r in self._runs if r.stamp_of(r.size - 1) >= keep_from_ns]
-        span = (trial.trial_id, trial.start_ns, trial.end_ns)
-        return _make_audit(counts, self.finger, self.nominal_rate_hz, span)
+        for run in self._recent:
+            trial.add(run)
+        return _make_audit(trial.finish(), self.finger, self.nominal_rate_hz, trial)
 
 
 def nominal_rate_hz(facts: dict[str, Any]) -> float:
@@ -282,16 +310,49 @@ def nominal_rate_hz(facts: dict[str, Any]) -> float:
     return float(value) if isinstance(value, int | float) and 0.0 < value < 1e9 else 0.0
 
 
-def summarise_audits(audits: Sequence[Audit]) -> dict[str, Any]:
-    """Return what a bag notes of its audits: how many there were, and those that failed."""
-    trials = [audit for audit in audits if audit.trial_id]
-    failed = [audit for audit in trials if not audit.passed]
-    return {
-        'trials': len(trials),
-        'failed_trials': len(failed),
-        'failed': [audit.to_dict() for audit in failed[:MOST_NOTED]],
-        'whole': [audit.to_dict() for audit in audits if not audit.trial_id],
-    }
+class AuditSummary:
+    """What a bag notes of its audits: how many there were, and those that failed.
+
+    Attributes
+    ----------
+    trials : int
+    last_failed : Audit or None
+        The last trial that failed.
+    """
+
+    def __init__(self) -> None:
+        self.trials = self._failed_trials = 0
+        self.last_failed: Audit | None = None
+        self._failed: list[Audit] = []
+        self._whole: list[Audit] = []
+
+    def add(self, audit: Audit) -> None:
+        if not audit.trial_id:
+            self._whole.append(audit)
+            return
+        self.trials += 1
+        if not audit.passed:
+            self._failed_trials += 1
+            self.last_failed = audit
+            if len(self._failed) < MOST_NOTED:
+                self._failed.append(audit)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {
+            'trials': self.trials,
+            'failed_trials': self._failed_trials,
+            'failed': [audit.to_dict() for audit in self._failed],
+            'whole': [audit.to_dict() for audit in self._whole],
+        }
+
+
+def summarise_audits(audits: Iterable[Audit]) -> dict[str, Any]:
+    """Return what `AuditSummary` notes of these."""
+    summary = AuditSummary()
+    for audit in audits:
+        summary.add(audit)
+    return summary.to_dict()
 
 
 def audit_bag(path: Path) -> list[Audit]:

@@ -32,7 +32,7 @@ from typing import Any
 from rosbags.typesys.store import Typestore
 import zstandard
 
-from tactile_bringup.errors import BagDamageError, BagError
+from tactile_bringup.errors import BagDamageError, BagError, BringupError
 from tactile_bringup.recording.bag_metadata import (
     BagMetadata,
     FILE_NAME,
@@ -41,7 +41,7 @@ from tactile_bringup.recording.bag_metadata import (
 )
 from tactile_bringup.recording.bag_writer import FACTS_KEY
 from tactile_bringup.recording.mcap_format import MAX_CHUNK_BYTES, MAX_OPEN_BYTES, StoredTopic
-from tactile_bringup.recording.mcap_reader import McapFile, Message, Segment, unpack_zstd
+from tactile_bringup.recording.mcap_reader import McapFile, Message, unpack_zstd
 from tactile_bringup.recording.recorded_topics import (
     EVENT,
     join_topic,
@@ -53,6 +53,9 @@ from tactile_bringup.recording.sqlite_reader import SqliteFile
 
 MAX_UNPACKED_BYTES = 4 * 2**30
 """Largest data file that is unpacked from a bag of compressed files [byte], onto the disk."""
+
+_Place = tuple[int, int]
+"""Number of a file, and of a part in it."""
 
 _EMPTY = BagMetadata('mcap', (), '', {}, {}, {})
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
@@ -157,7 +160,12 @@ class TactileBag:
             self._stack.callback(self._files[-1].close)
         copies = [file.metadata for file in self._files if file.metadata]
         if copies and not self._has_metadata:
-            metadata = parse_metadata(copies[-1])
+            try:
+                metadata = parse_metadata(copies[-1])
+            except BringupError as error:
+                # Of a file that was never closed, this too may have come to the disk in part.
+                if all(file.is_finished for file in self._files):
+                    raise BagError(f'its copy of {FILE_NAME} cannot be used: {error}') from error
         return metadata
 
     def _data_files(self, metadata: BagMetadata) -> list[Path]:
@@ -263,17 +271,14 @@ class TactileBag:
         names = {name for name in self.topics if name.endswith(suffix)}
         return tuple(sorted(name[: -len(suffix)].strip('/') for name in names))
 
-    @property
-    def last_arrival_ns(self) -> int:
-        """When the last message of any kind arrived [ns]; 0 without messages."""
-        return max((file.last_ns for file in self._files), default=0)
-
     def _finger_of(self, topic: str, namespaces: tuple[str, ...]) -> str | None:
         """Return the innermost finger's namespace that a topic lies in."""
         around = [name for name in namespaces if topic.startswith(join_topic(name, ''))]
         return max(around, key=len, default=None)
 
-    def messages(self, *type_names: str, namespace: str | None = None) -> Iterator[BagMessage]:
+    def messages(
+        self, *type_names: str, namespace: str | None = None, since_ns: int = 0
+    ) -> Iterator[BagMessage]:
         """Yield messages in the order of their arrival.
 
         Parameters
@@ -282,6 +287,8 @@ class TactileBag:
             Only messages of these types; all of them when left out.
         namespace : str, optional
             Only topics of the finger with this namespace; not of one within it.
+        since_ns : int
+            Only what arrived then or later [ns]; what comes before it is not read.
 
         Raises
         ------
@@ -307,32 +314,50 @@ class TactileBag:
             and (finger is None or self._finger_of(topic.name, namespaces) == finger)
         }
         try:
-            for received_at_ns, topic, data in self._merged(chosen):
+            for received_at_ns, topic, data in self._merged(chosen, since_ns):
+                if received_at_ns < since_ns:
+                    continue
                 if self._packing == 'message':
                     data = _unpack_message(data)
                 yield BagMessage(topic.name, topic.type_name, received_at_ns, data, self._store)
         except (BagError, OSError) as error:
             raise BagDamageError(f'{self.path} is damaged: {error}') from error
 
-    def _merged(self, names: Collection[str]) -> Iterator[tuple[int, StoredTopic, bytes]]:
+    def _merged(
+        self, names: Collection[str], since_ns: int
+    ) -> Iterator[tuple[int, StoredTopic, bytes]]:
         """Yield the chosen messages of all files, by time of arrival."""
-        sources = []
-        for number, file in enumerate(self._files):
-            channels = {n for n, topic in file.topics.items() if topic.name in names}
-            if isinstance(file, SqliteFile):
-                sources.append(_tagged(file.messages(channels), 0, (number, 0)))
-                continue
-            for i, segment in enumerate(file.segments):
-                if segment.counts and channels & segment.counts.keys():
-                    messages = self._open_segment(file, segment, channels)
-                    sources.append(_tagged(messages, segment.first_ns, (number, i)))
-        for (received_at_ns, (number, _)), message in heapq.merge(*sources, key=lambda x: x[0]):
-            if message is not None:
-                yield received_at_ns, self._files[number].topics[message[1]], message[2]
+        sources = (self._sources(n, file, names, since_ns) for n, file in enumerate(self._files))
+        # Of a source, the number is unique: what comes behind it is never compared.
+        waiting = heapq.merge(*sources, key=lambda source: source[:2])
+        due = next(waiting, None)
+        opened: list[tuple[int, _Place, Message, Iterator[Message]]] = []
+        while due is not None or opened:
+            if due is not None and (not opened or due[:2] <= opened[0][:2]):
+                _, place, messages = due
+                due = next(waiting, None)
+            else:
+                received_at_ns, place, message, messages = heapq.heappop(opened)
+                yield received_at_ns, self._files[place[0]].topics[message[1]], message[2]
+            following = next(messages, None)
+            if following is not None:
+                heapq.heappush(opened, (following[0], place, following, messages))
+
+    def _sources(
+        self, number: int, file: McapFile | SqliteFile, names: Collection[str], since_ns: int
+    ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
+        """Yield what of a file is to be read, by its start: start, place, messages."""
+        channels = {n for n, topic in file.topics.items() if topic.name in names}
+        if isinstance(file, SqliteFile):
+            yield 0, (number, 0), file.messages(channels)
+            return
+        for first_ns, i in file.segments.in_time(channels, since_ns):
+            yield first_ns, (number, i), self._open_segment(file, i, channels)
 
     def _open_segment(
-        self, file: McapFile, segment: Segment, channels: Collection[int]
+        self, file: McapFile, number: int, channels: Collection[int]
     ) -> Iterator[Message]:
+        segment = file.segments[number]
         self._open_bytes += segment.size
         try:
             if self._open_bytes > MAX_OPEN_BYTES:
@@ -344,6 +369,12 @@ class TactileBag:
         finally:
             self._open_bytes -= segment.size
 
+    @property
+    def end_ns(self) -> int:
+        """When the last message arrived [ns]; 0: there is none."""
+        since_ns = max((file.newest_ns for file in self._files), default=0)
+        return max((m.received_at_ns for m in self.messages(since_ns=since_ns)), default=0)
+
     def sha256(self) -> str:
         """Return the hash of the bag's data files, as hex digits."""
         digest = hashlib.sha256()
@@ -352,18 +383,6 @@ class TactileBag:
                 while part := data.read(2**20):
                     digest.update(part)
         return digest.hexdigest()
-
-
-_Tagged = tuple[tuple[int, tuple[int, int]], 'Message | None']
-
-
-def _tagged(
-    messages: Iterator[Message], first_ns: int, order: tuple[int, int]
-) -> Iterator[_Tagged]:
-    """Put a mark before the messages of a source, so that it is opened when it is due."""
-    yield (first_ns, order), None
-    for message in messages:
-        yield (message[0], order), message
 
 
 def _unpack_message(data: bytes) -> bytes:

@@ -162,7 +162,7 @@ class BagWriter:
             if writer is None:
                 return
             try:
-                writer.cut()
+                writer.flush()
                 text = self._metadata_text()
                 if not self._has_early_metadata:
                     # For `ros2 bag reindex`, which goes by the data file alone.

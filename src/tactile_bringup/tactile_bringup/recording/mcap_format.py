@@ -46,8 +46,9 @@ MAX_CHUNK_BYTES = 64 * 2**20
 MAX_OPEN_BYTES = 256 * 2**20
 """Most that chunks which overlap in time may hold together [byte]."""
 
-MAX_CHUNKS = 250_000
-"""Most chunks in a file: at two a second, more than a day."""
+MAX_INDEX_BYTES = 256 * 2**20
+"""Most memory for where the chunks of a file lie [byte]: six million chunks, which are six
+terabytes of ours (1 MiB each), or 35 days of two chunks a second."""
 
 MAX_SCHEMA_BYTES = 2**20
 """Longest message definition, and longest description of a channel [byte]."""

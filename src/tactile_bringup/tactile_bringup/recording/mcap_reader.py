@@ -23,7 +23,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from contextlib import suppress
 import io
 from pathlib import Path
 from typing import BinaryIO
@@ -43,7 +43,6 @@ from tactile_bringup.recording.mcap_format import (
     HEADER,
     MAGIC,
     MAX_CHUNK_BYTES,
-    MAX_CHUNKS,
     MAX_DEFINITION_BYTES,
     MAX_METADATA_BYTES,
     MAX_SCHEMA_BYTES,
@@ -59,38 +58,10 @@ from tactile_bringup.recording.mcap_format import (
     SCHEMA,
     StoredTopic,
 )
+from tactile_bringup.recording.mcap_segments import PACKINGS, Segment, SegmentTable
 
 RUN_BYTES = 2**20
 """Messages outside of chunks are read in runs of about this size [byte]."""
-
-
-@dataclass
-class Segment:
-    """A part of the file whose messages are read at once: a chunk, or a run without one.
-
-    Attributes
-    ----------
-    first_ns, last_ns : int
-        Times of arrival, as its writer states them for a chunk.
-    offset, stored_bytes : int
-        Where its contents lie in the file, packed as they are.
-    size : int
-        Bytes when unpacked.
-    compression : str
-    checksum : int
-        CRC-32 of the unpacked contents; 0: none given.
-    counts : Counter of int or None
-        Messages by channel; None when its writer left no index.
-    """
-
-    first_ns: int
-    last_ns: int
-    offset: int
-    stored_bytes: int
-    size: int
-    compression: str = ''
-    checksum: int = 0
-    counts: Counter[int] | None = None
 
 
 Message = tuple[int, int, bytes]
@@ -109,7 +80,7 @@ class McapFile:
     is_finished : bool
         Whether its writer came to the end. Otherwise the file is read up to its last
         whole record.
-    segments : list of Segment
+    segments : SegmentTable
         In the order of the file.
     metadata : str
         The copy of ``metadata.yaml`` in it; empty when there is none.
@@ -125,8 +96,11 @@ class McapFile:
         self.topics: dict[int, StoredTopic] = {}
         self.counts: Counter[int] = Counter()
         self.is_finished = False
-        self.segments: list[Segment] = []
+        self.segments = SegmentTable()
         self.metadata = ''
+        self._last: Segment | None = None  # the newest, which is not in the table yet
+        self._last_counts: Counter[int] | None = None
+        self._is_cut = False
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._definition_bytes = 0
         self._file: BinaryIO = path.open('rb')
@@ -142,6 +116,11 @@ class McapFile:
         """Close the file. Harmless when called twice."""
         self._file.close()
 
+    @property
+    def newest_ns(self) -> int:
+        """No later than the arrival of the last message [ns]."""
+        return self.segments.newest_ns
+
     # -- one pass over the file ------------------------------------------------------
 
     def _scan(self) -> None:
@@ -156,6 +135,8 @@ class McapFile:
             opcode, length = RECORD_START.unpack(self._file.read(RECORD_START.size))
             contents = position + RECORD_START.size
             if contents + length > self._size:
+                if opcode == CHUNK and not claims_end:
+                    self._take_chunk(contents, self._size - contents, is_cut=True)
                 break
             if position == len(MAGIC):
                 self._check_header(opcode, length)
@@ -167,10 +148,13 @@ class McapFile:
             has_data_end |= opcode == DATA_END
             self._take(opcode, contents, length)
             position = contents + length
-        if not self.segments and position == len(MAGIC):
+        if self._last is None and position == len(MAGIC):
             raise BagError('it ends before its header does')
         if claims_end and not self.is_finished:
             raise BagError(f'the record at byte {position} cannot be read')
+        if not self.is_finished:
+            self._drop_damaged_end()
+        self._keep_last()
 
     def _check_header(self, opcode: int, length: int) -> None:
         if opcode != HEADER or length > MAX_SCHEMA_BYTES:
@@ -198,47 +182,63 @@ class McapFile:
             raise BagError('a message is shorter than its own header')
         channel, _, received_at_ns, _ = MESSAGE_START.unpack(self._file.read(MESSAGE_START.size))
         start, whole = offset - RECORD_START.size, length + RECORD_START.size
-        last = self.segments[-1] if self.segments else None
+        last = self._last
         if (
             last is None
-            or last.counts is None  # a chunk without an index
+            or self._last_counts is None  # a chunk without an index
             or last.offset + last.stored_bytes != start
             or last.size + whole > RUN_BYTES
         ):
-            last = Segment(received_at_ns, received_at_ns, start, 0, 0, counts=Counter())
-            self._add(last)
+            self._keep_last()
+            last = self._last = Segment(received_at_ns, received_at_ns, start, 0, 0)
+            self._last_counts = Counter()
         last.first_ns = min(last.first_ns, received_at_ns)
         last.last_ns = max(last.last_ns, received_at_ns)
         last.stored_bytes += whole
         last.size += whole
-        if last.counts is not None:
-            last.counts[channel] += 1
+        assert self._last_counts is not None
+        self._last_counts[channel] += 1
 
-    def _take_chunk(self, offset: int, length: int) -> None:
+    def _take_chunk(self, offset: int, length: int, *, is_cut: bool = False) -> None:
+        """Take a chunk; of one whose end is not there, what is there."""
         _check_size('a packed chunk', length, 2 * MAX_CHUNK_BYTES)
         head = self._file.read(min(length, CHUNK_START.size + 4 + 32 + 8))
         fields = RecordFields(head)
-        first_ns, last_ns, size = fields.number(8), fields.number(8), fields.number(8)
-        checksum, compression = fields.number(4), fields.text()
-        stored_bytes = fields.number(8)
-        _check_size('a chunk', size, MAX_CHUNK_BYTES)
+        try:
+            first_ns, last_ns, size = fields.number(8), fields.number(8), fields.number(8)
+            checksum, compression = fields.number(4), fields.text()
+            stored_bytes = fields.number(8)
+        except BagError:
+            if is_cut:
+                return  # within its head
+            raise
+        if compression not in PACKINGS:
+            raise BagError(
+                f'a chunk is packed as "{compression[:16]}"; known are zstd, lz4 and none'
+            )
         start = offset + CHUNK_START.size + 4 + len(compression.encode()) + 8
+        if is_cut and compression:
+            return
+        if is_cut:
+            size = stored_bytes = offset + length - start
+        _check_size('a chunk', size, MAX_CHUNK_BYTES)
         if start + stored_bytes != offset + length:
             raise BagError('the length of a chunk is not that of its record')
-        self._add(Segment(first_ns, last_ns, start, stored_bytes, size, compression, checksum))
+        self._keep_last()
+        self._last = Segment(first_ns, last_ns, start, stored_bytes, size, compression, checksum)
+        self._last_counts, self._is_cut = None, is_cut
 
-    def _add(self, segment: Segment) -> None:
-        if len(self.segments) == MAX_CHUNKS:
-            raise BagError(f'it has more than {MAX_CHUNKS} chunks')
-        self.segments.append(segment)
+    def _keep_last(self) -> None:
+        if self._last is not None:
+            self.segments.add(self._last, self._last_counts)
+        self._last = None
 
     def _take_index(self) -> None:
         head = RecordFields(self._file.read(6))
         channel, array_bytes = head.number(2), head.number(4)
-        if self.segments and array_bytes:
-            segment = self.segments[-1]
-            segment.counts = Counter() if segment.counts is None else segment.counts
-            segment.counts[channel] += array_bytes // 16
+        if self._last is not None and array_bytes:
+            self._last_counts = self._last_counts or Counter()
+            self._last_counts[channel] += array_bytes // 16
 
     def _take_metadata(self, length: int) -> None:
         if length > MAX_METADATA_BYTES:
@@ -273,34 +273,48 @@ class McapFile:
 
     def _look_into_chunks(self) -> None:
         """Unpack those chunks whose channels or counts are not known without."""
-        if self.segments and not self.is_finished:
-            self._drop_damaged_end()
-        for segment in self.segments:
-            if segment.counts is None or not segment.counts.keys() <= self.topics.keys():
-                segment.counts = Counter()
-                for opcode, data, start, end in self._records(segment):
-                    if opcode in (SCHEMA, CHANNEL):
-                        self._learn(opcode, data[start:end])
-                    elif opcode == MESSAGE:
-                        segment.counts[_message_start(data, start, end)[0]] += 1
-                unknown = sorted(segment.counts.keys() - self.topics.keys())
-                if unknown:
-                    raise BagError(f'messages are on channel {unknown[0]}, which nobody announced')
-            self.counts += segment.counts
+        for i, has_counts in self.segments.unknown(self.topics.keys()):
+            counts: Counter[int] = Counter()
+            for opcode, data, start, end in self._records(self.segments[i]):
+                if opcode in (SCHEMA, CHANNEL):
+                    self._learn(opcode, data[start:end])
+                elif opcode == MESSAGE and not has_counts:
+                    counts[_message_start(data, start, end)[0]] += 1
+            if not has_counts:
+                self.segments.set_counts(i, counts)
+        self.counts = self.segments.counts
+        unknown = sorted(self.counts.keys() - self.topics.keys())
+        if unknown:
+            raise BagError(f'messages are on channel {unknown[0]}, which nobody announced')
 
     def _drop_damaged_end(self) -> None:
-        """Forget the last chunk where only its length came to the disk."""
-        try:
-            for _ in self._records(self.segments[-1]):
-                pass
-        except BagError:
-            del self.segments[-1]
-
-    @property
-    def last_ns(self) -> int:
-        """Latest time of arrival [ns]; 0 without messages."""
-        numbers = range(len(self.segments))
-        return max((self.segments[i].last_ns for i in numbers), default=0)
+        """Of the last chunk, keep what came to the disk."""
+        last = self._last
+        if last is None:
+            return
+        if not self._is_cut:
+            try:
+                for _ in self._records(last):
+                    pass
+                return
+            except BagError:
+                self._last = None
+        if last.compression:
+            return
+        self._file.seek(last.offset)
+        data = self._file.read(last.stored_bytes)
+        # A file system gives zeros where data did not come to the disk; a record that ends in
+        # them may lack its own end. Damage of another kind can lie anywhere.
+        there = len(data.rstrip(b'\0'))
+        last.size = 0
+        with suppress(BagError):
+            for _, _, end in records_within(data):
+                if end > there:
+                    break
+                last.size = end
+        last.stored_bytes, last.checksum = last.size, 0
+        is_known = last.size and (self._is_cut or there < len(data))
+        self._last = last if is_known else None
 
     # -- messages -----------------------------------------------------------------------
 
@@ -353,11 +367,8 @@ def unpack_chunk(packed: bytes, compression: str, size: int) -> bytes:
     BagError
         When they are more or less, or cannot be unpacked.
     """
-    unpack = _UNPACK.get(compression)
-    if unpack is None:
-        raise BagError(f'a chunk is packed as "{compression[:16]}"; known are zstd, lz4 and none')
     try:
-        data = unpack(packed, size + 1)
+        data = _UNPACK[compression](packed, size + 1)
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise BagError(f'a chunk cannot be unpacked: {error}') from error
     if len(data) != size:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+import struct
 import zlib
 
 from tactile_bringup.recording.mcap_format import (
@@ -51,12 +52,61 @@ from tactile_bringup.recording.mcap_format import (
 CHUNK_BYTES = 2**20
 """A chunk is cut when it holds this much [byte]."""
 
+INDEX_ENTRY = struct.Struct('<QQ')
+"""Time of arrival of a message, and where it begins in its chunk."""
+
+CHUNK_HEAD_BYTES = RECORD_START.size + CHUNK_START.size + 4 + 8
+"""Length of what stands before the records of a chunk that is not compressed [byte]."""
+
+
+class _Part:
+    """Records of a chunk, or the newest of them, with their index by channel."""
+
+    def __init__(self) -> None:
+        self.records = bytearray()
+        self.size = 0
+        self.index: dict[int, bytearray] = {}
+        self.first_ns, self.last_ns = 2**63 - 1, 0
+
+    def add(self, channel: int, received_at_ns: int, offset: int, data: bytes) -> None:
+        entry = INDEX_ENTRY.pack(received_at_ns, offset + self.size)
+        self.index.setdefault(channel, bytearray()).extend(entry)
+        self.records += RECORD_START.pack(MESSAGE, MESSAGE_START.size + len(data))
+        self.records += MESSAGE_START.pack(channel, 0, received_at_ns, received_at_ns)
+        self.records += data
+        self.size = len(self.records)
+        self.first_ns = min(self.first_ns, received_at_ns)
+        self.last_ns = max(self.last_ns, received_at_ns)
+
+    def extend(self, other: _Part) -> None:
+        """Take in the index of a later part, whose records follow in the file."""
+        for channel, entries in other.index.items():
+            self.index.setdefault(channel, bytearray()).extend(entries)
+        self.size += other.size
+        self.first_ns = min(self.first_ns, other.first_ns)
+        self.last_ns = max(self.last_ns, other.last_ns)
+
+
+def _chunk_head(chunk: _Part, checksum: int) -> bytes:
+    """Return what stands before the records of a chunk.
+
+    They are not compressed: a sample's noise hardly is, and time matters.
+    """
+    return (
+        RECORD_START.pack(CHUNK, CHUNK_HEAD_BYTES - RECORD_START.size + chunk.size)
+        + CHUNK_START.pack(chunk.first_ns, chunk.last_ns, chunk.size, checksum)
+        + pack_text('')
+        + pack_number(chunk.size, 8)
+    )
+
 
 class McapWriter:
     """Writes messages into chunks, and their index behind them. Not thread-safe.
 
     Definitions and channels lie outside of chunks and go to the file at once: what a
-    recorder leaves behind that is killed needs no index to be read.
+    recorder leaves behind that is killed needs no index to be read. The last chunk grows in
+    the file: its head states what `flush` has brought there. So the number of chunks, and
+    the memory for their index, goes by the bytes that are recorded and not by time.
 
     Parameters
     ----------
@@ -66,7 +116,7 @@ class McapWriter:
     Attributes
     ----------
     counts : dict of int to int
-        Messages by channel in the chunks that were cut.
+        Messages by channel that are in the file.
     first_ns, last_ns : int
         Earliest and latest time of arrival; ``first_ns > last_ns`` before the first message.
 
@@ -81,17 +131,15 @@ class McapWriter:
         self._position = 0
         self._schemas: dict[str, tuple[int, bytes]] = {}
         self._channels: list[bytes] = []
-        self._chunk_indexes: list[bytes] = []
+        self._chunk_indexes = bytearray()
+        self._chunk_count = 0
         self._metadata_indexes: list[bytes] = []
         self.counts: dict[int, int] = {}
         self.first_ns, self.last_ns = 2**63 - 1, 0
-        self._begin_chunk()
+        self._chunk: _Part | None = None
+        self._chunk_start = self._checksum = 0
+        self._new = _Part()
         self._append(MAGIC + pack_record(HEADER, pack_text('ros2'), pack_text('tactile_bringup')))
-
-    def _begin_chunk(self) -> None:
-        self._chunk = bytearray()
-        self._index: dict[int, list[bytes]] = {}
-        self._chunk_first_ns, self._chunk_last_ns = 2**63 - 1, 0
 
     def _append(self, data: bytes) -> None:
         view = memoryview(data)
@@ -108,6 +156,7 @@ class McapWriter:
 
     def add_channel(self, topic: StoredTopic) -> int:
         """Announce a topic; return the number of its channel."""
+        self.cut()
         if topic.type_name not in self._schemas:
             number = len(self._schemas) + 1
             schema = pack_record(
@@ -135,64 +184,74 @@ class McapWriter:
 
     def write(self, channel: int, received_at_ns: int, data: bytes) -> None:
         """Write one serialised message."""
-        entry = pack_number(received_at_ns, 8) + pack_number(len(self._chunk), 8)
-        self._index.setdefault(channel, []).append(entry)
-        self._chunk += RECORD_START.pack(MESSAGE, MESSAGE_START.size + len(data))
-        self._chunk += MESSAGE_START.pack(channel, 0, received_at_ns, received_at_ns)
-        self._chunk += data
-        self._chunk_first_ns = min(self._chunk_first_ns, received_at_ns)
-        self._chunk_last_ns = max(self._chunk_last_ns, received_at_ns)
-        if len(self._chunk) >= CHUNK_BYTES:
+        new, size = self._new, self._chunk.size if self._chunk else 0
+        new.add(channel, received_at_ns, size, data)
+        if size + new.size >= CHUNK_BYTES:
             self.cut()
 
-    def cut(self) -> None:
-        """End the chunk: all that was written is with the operating system then.
+    def flush(self) -> None:
+        """Bring all that was written into the file: it is with the operating system then.
 
-        A chunk that cannot be written is dropped, and is not in the index nor in the counts.
+        What cannot be written is dropped, and is not in the index nor in the counts.
         """
-        if not self._chunk:
+        new, self._new = self._new, _Part()
+        if not new.size:
             return
-        records, index = bytes(self._chunk), self._index
-        first_ns, last_ns = self._chunk_first_ns, self._chunk_last_ns
-        self._begin_chunk()
-        size = pack_number(len(records), 8)
-        times = pack_number(first_ns, 8) + pack_number(last_ns, 8)
-        chunk = pack_record(
-            CHUNK,
-            CHUNK_START.pack(first_ns, last_ns, len(records), zlib.crc32(records)),
-            pack_text(''),  # not compressed: a sample's noise hardly is, and time matters
-            size,
-            records,
-        )
+        records = bytes(new.records)
+        if self._chunk is None:
+            start, self._checksum = self._position, zlib.crc32(records)
+            self._append(_chunk_head(new, self._checksum) + records)
+            self._chunk, self._chunk_start = new, start
+        else:
+            self._append(records)
+            self._chunk.extend(new)
+            self._checksum = zlib.crc32(records, self._checksum)
+            # Only now that its records are there does the head count them.
+            head = _chunk_head(self._chunk, self._checksum)
+            os.pwrite(self._file.fileno(), head, self._chunk_start)
+        new.records.clear()
+        for channel, entries in new.index.items():
+            self.counts[channel] += len(entries) // INDEX_ENTRY.size
+        self.first_ns = min(self.first_ns, new.first_ns)
+        self.last_ns = max(self.last_ns, new.last_ns)
+
+    def cut(self) -> None:
+        """End the chunk, with what was written since `flush`."""
+        try:
+            self.flush()
+        finally:
+            self._end_chunk()
+
+    def _end_chunk(self) -> None:
+        if self._chunk is None:
+            return
+        chunk, self._chunk = self._chunk, None
         offsets, indexes = b'', b''
-        position = self._position
-        for channel, entries in index.items():
-            offset = position + len(chunk) + len(indexes)
+        for channel, entries in chunk.index.items():
+            offset = self._position + len(indexes)
             offsets += pack_number(channel, 2) + pack_number(offset, 8)
             indexes += pack_record(
-                MESSAGE_INDEX, pack_number(channel, 2), pack_bytes(b''.join(entries))
+                MESSAGE_INDEX, pack_number(channel, 2), pack_bytes(bytes(entries))
             )
-        self._append(chunk + indexes)
-        self._chunk_indexes.append(
-            pack_record(
-                CHUNK_INDEX,
-                times,
-                pack_number(position, 8),
-                pack_number(len(chunk), 8),
-                pack_bytes(offsets),
-                pack_number(len(indexes), 8),
-                pack_text(''),
-                size,
-                size,
-            )
+        chunk_bytes = self._position - self._chunk_start
+        self._append(indexes)
+        self._chunk_count += 1
+        self._chunk_indexes += pack_record(
+            CHUNK_INDEX,
+            pack_number(chunk.first_ns, 8),
+            pack_number(chunk.last_ns, 8),
+            pack_number(self._chunk_start, 8),
+            pack_number(chunk_bytes, 8),
+            pack_bytes(offsets),
+            pack_number(len(indexes), 8),
+            pack_text(''),
+            pack_number(chunk.size, 8),
+            pack_number(chunk.size, 8),
         )
-        for channel, entries in index.items():
-            self.counts[channel] += len(entries)
-        self.first_ns = min(self.first_ns, first_ns)
-        self.last_ns = max(self.last_ns, last_ns)
 
     def write_metadata(self, text: str) -> None:
         """Write a copy of ``metadata.yaml``; the last one counts."""
+        self.cut()
         record = pack_record(METADATA, pack_text(METADATA_NAME), pack_texts({METADATA_KEY: text}))
         position = self._position
         self._append(record)
@@ -224,7 +283,7 @@ class McapWriter:
         groups = {
             SCHEMA: [record for _, record in self._schemas.values()],
             CHANNEL: self._channels,
-            CHUNK_INDEX: self._chunk_indexes,
+            CHUNK_INDEX: [bytes(self._chunk_indexes)],
             METADATA_INDEX: self._metadata_indexes,
             STATISTICS: [self._statistics()],
         }
@@ -258,7 +317,7 @@ class McapWriter:
             pack_number(len(self._channels), 4),
             pack_number(0, 4),  # attachments
             pack_number(len(self._metadata_indexes), 4),
-            pack_number(len(self._chunk_indexes), 4),
+            pack_number(self._chunk_count, 4),
             pack_number(times[0], 8),
             pack_number(times[1], 8),
             pack_bytes(counts),

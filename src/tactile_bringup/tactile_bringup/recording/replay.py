@@ -21,12 +21,9 @@ through real nodes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from tactile_bringup.errors import BagError
 from tactile_bringup.recording.bag_records import read_records
@@ -38,16 +35,26 @@ from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import TrialFeatureExtractor
-from tactile_features.records import FeatureWindow
+from tactile_features.records import FeatureWindow, PHASES_STATED, TrialEvent
 from tactile_features.spec import spec_for
 
 
 @dataclass
 class TactileResults:
-    """What one pass over a recording yields, in the order of the windows' ends."""
+    """What one pass over a recording yields, in the order of the windows' ends.
+
+    Attributes
+    ----------
+    windows : list of FeatureWindow
+    classifications : list of ClassificationResult
+    made_at_ns : dict of int to int
+        By the `id` of each: when it arrived in the recording, or when the message did that
+        completed it. Empty where this is not known.
+    """
 
     windows: list[FeatureWindow] = field(default_factory=list)
     classifications: list[ClassificationResult] = field(default_factory=list)
+    made_at_ns: dict[int, int] = field(default_factory=dict)
 
     def sort(self) -> TactileResults:
         """Bring the results into the order of time, whatever order they arrived in."""
@@ -72,33 +79,72 @@ def recorded_config(bag: TactileBag) -> FeatureConfig:
 def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
     """Return the features and classifications that were published while recording."""
     results = TactileResults()
-    for _, window in read_records(bag.messages(FEATURES, namespace=namespace)):
+    for message, window in read_records(bag.messages(FEATURES, namespace=namespace)):
         results.windows.append(window)
-    for _, classification in read_records(bag.messages(CLASSIFICATION, namespace=namespace)):
-        results.classifications.append(classification)
+        results.made_at_ns[id(window)] = message.received_at_ns
+    for message, answer in read_records(bag.messages(CLASSIFICATION, namespace=namespace)):
+        results.classifications.append(answer)
+        results.made_at_ns[id(answer)] = message.received_at_ns
     return results.sort()
 
 
-def replay_windows(
+@dataclass
+class ReplayedPhases:
+    """What the plain core makes of a recording's samples and events.
+
+    Attributes
+    ----------
+    windows : list of FeatureWindow
+        In the order in which they became complete.
+    completed_at_ns : list of int
+        For each, when the message arrived that completed it [ns].
+    events : list of TrialEvent
+        The phases that the windows go by: those of the recording, or those found in the signal.
+    """
+
+    windows: list[FeatureWindow] = field(default_factory=list)
+    completed_at_ns: list[int] = field(default_factory=list)
+    events: list[TrialEvent] = field(default_factory=list)
+
+
+def replay_phases(
     bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
-) -> list[FeatureWindow]:
-    """Return the feature windows of a recording, computed anew by the plain core.
+) -> ReplayedPhases:
+    """Return windows and phases of a recording, computed anew by the plain core.
 
     With ``finish``, phases that were still undecided when the recording ended yield
     a window without features too. Samples that had not come in time when it ended, a node
     had given up as well: see `TrialFeatureExtractor`.
     """
     extractor = TrialFeatureExtractor(config)
-    windows: list[FeatureWindow] = []
+    replayed = ReplayedPhases()
+    arrived_ns = 0
+
+    def take(windows: list[FeatureWindow]) -> None:
+        replayed.windows += windows
+        replayed.completed_at_ns += [arrived_ns] * len(windows)
+
     for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=namespace)):
+        arrived_ns = message.received_at_ns
         if message.type_name == STRAIN:
-            windows += extractor.add_block(record)
+            take(extractor.add_block(record))
+            replayed.events += extractor.take_detected_events()
         else:
-            windows += extractor.add_event(record)
-    windows += extractor.pass_time(bag.last_arrival_ns)
+            take(extractor.add_event(record))
+            if config.phases == PHASES_STATED:
+                replayed.events.append(record)
+    arrived_ns = bag.end_ns
+    take(extractor.pass_time(arrived_ns))
     if finish:
-        windows += extractor.finish()
-    return windows
+        take(extractor.finish())
+    return replayed
+
+
+def replay_windows(
+    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
+) -> list[FeatureWindow]:
+    """Return the windows of `replay_phases`."""
+    return replay_phases(bag, config, namespace, finish=finish).windows
 
 
 def replay_through_core(
@@ -120,13 +166,17 @@ def replay_through_core(
     """
     for model in models.values():
         model.expect(spec_for(model.task, config))
-    results = TactileResults(windows=replay_windows(bag, config, namespace))
-    for window in results.windows:
+    replayed = replay_phases(bag, config, namespace)
+    results = TactileResults(replayed.windows)
+    for window, at_ns in zip(replayed.windows, replayed.completed_at_ns, strict=True):
+        results.made_at_ns[id(window)] = at_ns
         for name, model in models.items():
             task, contact = parse_classifier_name(name)
             takes_contact = ClassifierConfig(task=task, contact=contact).takes_contact
             if model.accepts(window) and takes_contact(window.contact):
-                results.classifications.append(model.classify(window))
+                answer = model.classify(window)
+                results.classifications.append(answer)
+                results.made_at_ns[id(answer)] = at_ns
     return results.sort()
 
 
@@ -148,69 +198,3 @@ def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:
                 'give the file the name of what it is for'
             )
     return models
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Whether two passes over a recording agree, bit for bit.
-
-    Attributes
-    ----------
-    first_difference : str
-        Empty when equal; otherwise one sentence.
-    window_count, classification_count : int
-        How many were compared.
-    """
-
-    first_difference: str
-    window_count: int
-    classification_count: int
-
-    @property
-    def is_equal(self) -> bool:
-        return not self.first_difference
-
-
-def compare(one: TactileResults, other: TactileResults, names: tuple[str, str]) -> Comparison:
-    """Compare two passes: every feature, label, score and stamp.
-
-    Parameters
-    ----------
-    one, other : TactileResults
-    names : tuple of str
-        What to call them in the sentence about a difference.
-    """
-    difference = _first_difference('feature windows', one.windows, other.windows, names)
-    difference = difference or _first_difference(
-        'classifications', one.classifications, other.classifications, names
-    )
-    return Comparison(difference, len(one.windows), len(one.classifications))
-
-
-def _first_difference(
-    what: str, one: Sequence[Any], other: Sequence[Any], names: tuple[str, str]
-) -> str:
-    for left, right in zip(one, other, strict=False):
-        for item in fields(left):
-            a, b = getattr(left, item.name), getattr(right, item.name)
-            if not _same(a, b):
-                return (
-                    f'{what} of trial {left.trial_id or "(none)"}: {item.name} is '
-                    f'{_short(a)} in {names[0]} and {_short(b)} in {names[1]}'
-                )
-    if len(one) != len(other):
-        return f'{len(one)} {what} in {names[0]}, {len(other)} in {names[1]}'
-    return ''
-
-
-def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-        return bool(a.shape == b.shape and a.tobytes() == b.tobytes())
-    # The texts tell -0.0 from 0.0, and no other two numbers that are equal.
-    return bool(a == b) and repr(a) == repr(b)
-
-
-def _short(value: Any) -> str:
-    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
-    return text if len(text) <= 60 else text[:57] + '...'

@@ -85,10 +85,10 @@ class SqliteFile:
                 self.counts[number] = count
 
     @property
-    def last_ns(self) -> int:
-        """Latest time of arrival [ns]; 0 without messages."""
-        ((latest_ns,),) = self._database.execute('SELECT MAX(timestamp) FROM messages')
-        return latest_ns if isinstance(latest_ns, int) else 0
+    def newest_ns(self) -> int:
+        """When the last message arrived [ns]."""
+        (newest_ns,) = self._database.execute('SELECT MAX(timestamp) FROM messages').fetchone()
+        return int(newest_ns or 0)
 
     def messages(self, channels: Collection[int]) -> Iterator[Message]:
         """Yield the messages on these channels, by time of arrival."""

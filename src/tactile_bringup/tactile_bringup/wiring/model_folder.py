@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from tactile_bringup.errors import BringupError
@@ -73,12 +74,21 @@ def choose_models(path: Path, task: str, contact: str) -> dict[str, str]:
     ModelFileError
         When the single file is no model.
     """
-    wanted = (classifier_name(task, contact), classifier_name(task, ''))
     models = find_models(path)
-    chosen = {name: file for name, file in models.items() if name in wanted}
+    chosen = models_for(models, task, contact)
     if not chosen:
-        raise BringupError(f'{path} has no model for the {wanted[0]}, only {", ".join(models)}')
+        name = classifier_name(task, contact)
+        raise BringupError(f'{path} has no model for the {name}, only {", ".join(models)}')
     return chosen
+
+
+def models_for(models: Mapping[str, str], task: str, contact: str) -> dict[str, str]:
+    """Return those of some models that take the windows of a task and a contact.
+
+    A model without a contact takes the windows of any.
+    """
+    wanted = (classifier_name(task, contact), classifier_name(task, ''))
+    return {name: file for name, file in models.items() if name in wanted}
 
 
 def _classifier_of(path: Path) -> str:

@@ -21,7 +21,8 @@ from rclpy.serialization import serialize_message
 from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_bringup.recording.bags import BagWriter, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, TactileBag
-from tactile_bringup.recording.replay import compare, recorded_config, replay_through_core
+from tactile_bringup.recording.comparison import compare
+from tactile_bringup.recording.replay import recorded_config, replay_through_core
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extractor import TrialFeatureExtractor
 

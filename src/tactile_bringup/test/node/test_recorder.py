@@ -212,7 +212,7 @@ def full_disk(*_):
     raise OSError(errno.ENOSPC, 'No space left on device')
 
 
-@pytest.mark.parametrize('failing', ['cut', 'write', 'sync'])
+@pytest.mark.parametrize('failing', ['flush', 'write', 'sync'])
 def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monkeypatch, failing):
     source = Node('source', context=context)
     strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
@@ -287,8 +287,8 @@ def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, 
         'from tactile_bringup.nodes.bag_recorder_node import main\n'
         'from tactile_bringup.recording.mcap_writer import McapWriter\n'
         'def full(writer):\n'
-        '    if writer._chunk: raise OSError(28, "No space left on device")\n'
-        'McapWriter.cut = full\n'
+        '    if writer._new.size: raise OSError(28, "No space left on device")\n'
+        'McapWriter.flush = full\n'
         'sys.exit(main())'
     )
     arguments = ['--ros-args', '-p', f'bag:={tmp_path / "bag"}']

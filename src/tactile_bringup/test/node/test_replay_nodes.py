@@ -19,8 +19,8 @@ import pytest
 from tactile_bringup.errors import BringupError
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.comparison import compare
 from tactile_bringup.recording.replay import (
-    compare,
     load_models,
     recorded_config,
     replay_through_core,

@@ -15,8 +15,10 @@
 """Answers while the finger glides: recorded live from a model file alone, replayed equal."""
 
 from collections import Counter
+import dataclasses
 
 from domain_coordinator import domain_id
+import numpy as np
 import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
@@ -41,13 +43,18 @@ from tactile_sim.rig_process import SimulatedRig
 
 
 @pytest.fixture(scope='module')
-def model(tmp_path_factory):
-    """Return a file of any name: it says itself what it is for, and what it wants."""
+def table(tmp_path_factory):
     plan = SimulationPlan('texture', 'flexion', 3, seed=5)
     folder = tmp_path_factory.mktemp('bags')
     bag = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
     (table,) = read_tables([bag]).tables.values()
-    path = folder / 'running.onnx'
+    return table
+
+
+@pytest.fixture
+def model(table, tmp_path):
+    """Return a file of any name: it says itself what it is for, and what it wants."""
+    path = tmp_path / 'running.onnx'
     write_model(path, train(table, 'knn', running=read_running_tables(table, [0.5, 1.5])))
     return path
 
@@ -72,3 +79,17 @@ def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
     model.rename(model.with_name('elsewhere.onnx'))
     with pytest.raises(BringupError, match=r'running\.onnx; name them: --models'):
         replay_and_compare(bag, None, through_nodes=False)
+
+
+def test_a_model_for_any_contact_answers_a_live_trial(table, tmp_path):
+    contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
+    mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
+    model = write_model(tmp_path / 'texture.onnx', train(mixed, 'knn'))
+    with domain_id() as domain, SimulatedRig(seed=3) as rig:
+        setup = LiveSetup(
+            Ports(*rig.ports), tmp_path / 'bag', tmp_path, simulated=True, domain_id=int(domain)
+        )
+        request = TrialRequest('texture', 'flexion', 'R1', 'glide')
+        (trial,) = run_live_trials(setup, [request], Output(as_json=True), hand=rig)
+    assert trial.answer is not None
+    assert trial.answer.model_id == model.model_id

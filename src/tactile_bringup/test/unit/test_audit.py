@@ -13,6 +13,7 @@
 # limitations under the License.
 
 import random
+import tracemalloc
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -161,6 +162,71 @@ def test_a_trial_that_the_samples_do_not_cover_is_found():
     assert 'the samples end 5.010 s before the trial' in audit.findings
     (audit,) = trial_audits(blocks_of([900], start=500), events)
     assert 'the samples begin 4.000 s after the trial' in audit.findings
+
+
+@pytest.mark.parametrize('lost', [150, 2_000, 4_400])
+def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
+    """From 1 s to 45 s: what was lost long ago, and what just now."""
+    blocks = [b for i, b in enumerate(blocks_of([1] * 4_600)) if i != lost]
+    auditor = FingerAuditor('', 100.0)
+    audits = auditor.add_event(event('contact', 1.0))
+    for i, block in enumerate(blocks):
+        audits += auditor.add_block(block)
+        if i == 4_480:  # its end is told before its last samples come
+            audits += auditor.add_event(event('done', 45.0))
+    (audit,) = audits
+    assert audit.sample_count == 4_400
+    assert audit.findings[0].startswith('1 samples lost in 1 gaps')
+
+
+def test_events_that_come_too_late_for_their_samples_are_a_finding():
+    blocks = blocks_of([10] * 1000)
+    (audit,) = trial_audits(
+        blocks, [event('contact', 10.0), event('done', 12.0)], events_first=False
+    )
+    assert audit.findings == (
+        'its events came more than 10 s after its samples; what is missing is not known',
+    )
+    (audit,) = trial_audits(
+        blocks, [event('contact', 95.0), event('done', 97.0)], events_first=False
+    )
+    assert audit.passed
+
+
+def test_trials_without_any_samples_do_not_pile_up():
+    auditor = FingerAuditor('', 100.0)
+    audits = []
+    for i in range(1500):
+        for phase in ('contact', 'done'):
+            audits += auditor.add_event(event(phase, i, f't{i}'))
+    assert len(audits) >= 499
+    assert {audit.findings for audit in audits} == {('no samples of the tension came',)}
+
+
+@pytest.mark.parametrize('with_trials', [False, True])
+def test_memory_does_not_grow_with_the_length_of_a_recording(with_trials):
+    """Where trials are found in the signal there are no stated events at all."""
+    auditor = FingerAuditor('', 100.0)
+    tension_n = np.zeros(1)
+
+    def record(first, last):
+        for i in range(first, last):
+            second = i // 100
+            auditor.add_block(StrainBlock(START_NS + i * PERIOD_NS, i, PERIOD_NS, tension_n))
+            if with_trials and i % 500 == 0:
+                auditor.add_event(event('contact', second, f't{second}'))
+                auditor.add_event(event('done', second + 3, f't{second}'))
+
+    tracemalloc.start()
+    try:
+        record(0, 3_000)
+        early = tracemalloc.get_traced_memory()[0]
+        record(3_000, 30_000)
+        assert tracemalloc.get_traced_memory()[0] < early + 100_000
+        assert early < 1_000_000
+    finally:
+        tracemalloc.stop()
+    assert auditor.finish()[-1].sample_count == 30_000
 
 
 def test_a_simulated_recording_passes(stiffness_bag):

@@ -17,7 +17,14 @@ import pytest
 
 from tactile_bringup.datasets.bag_tables import number_blocks, read_tables
 from tactile_bringup.errors import BagError
-from tactile_bringup.recording.bags import BagWriter, EVENT, RecordedTopic, STRAIN, TactileBag
+from tactile_bringup.recording.bags import (
+    BagWriter,
+    EVENT,
+    RecordedTopic,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
 from tactile_bringup.simulation.simulated_trials import SAMPLES_PER_BLOCK
 
 
@@ -127,3 +134,21 @@ def test_table_says_where_each_window_stands(stiffness_bag):
     assert set(table.column('bag')) == {str(stiffness_bag)}
     assert (table.column('window_end_ns') - table.column('window_start_ns') > 3e9).all()
     assert (np.diff(np.sort(table.column('window_start_ns'))) > 4e9).all()
+
+
+def test_detected_trials_are_those_of_the_replay_whatever_was_recorded(stiffness_bag, tmp_path):
+    """The recorder may have missed events, or joined later than the feature node."""
+    config = {'phases': 'stiffness', 'detected_object_label': 'pla', 'detected_session_id': 's1'}
+    path = tmp_path / 'detected'
+    with TactileBag(stiffness_bag) as bag:
+        facts = {**bag.facts, 'feature_config': {**bag.facts['feature_config'], **config}}
+        with BagWriter(path, facts) as writer:
+            strain = writer.add_topic(STRAIN_TOPIC)
+            for message in bag.messages(STRAIN):
+                writer.write_raw(strain, message.received_at_ns, message.data)
+    found = read_tables([path])
+    (table,) = found.tables.values()
+    assert found.left_out == ()
+    assert len(set(table.column('trial_id'))) == len(table) == 15
+    assert set(table.labels) == {'pla'}
+    assert set(table.column('session_id')) == {'s1'}

@@ -41,6 +41,7 @@ from tactile_bringup.recording.mcap_format import (
     HEADER,
     MAGIC,
     MESSAGE,
+    MESSAGE_INDEX,
     MESSAGE_START,
     pack_number,
     pack_record,
@@ -174,10 +175,21 @@ def test_chunks_that_all_overlap_are_not_all_read_at_once(read_file, monkeypatch
         read_file(DEFINED + 5 * chunk(records) + END)
 
 
-def test_the_number_of_chunks_is_limited(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bringup.recording.mcap_reader.MAX_CHUNKS', 3)
-    with pytest.raises(BagError, match='more than 3 chunks'):
-        read_file(DEFINED + 4 * chunk(message()) + END)
+def test_the_memory_for_the_index_of_the_chunks_is_limited(read_file, monkeypatch):
+    monkeypatch.setattr('tactile_bringup.recording.mcap_segments.MAX_INDEX_BYTES', 200)
+    with pytest.raises(BagError, match='so many chunks'):
+        read_file(DEFINED + 6 * chunk(message()) + END)
+
+
+def index_of(channel):
+    return pack_record(MESSAGE_INDEX, pack_number(channel, 2), pack_number(16, 4), bytes(16))
+
+
+def test_chunks_that_claim_ever_other_channels_are_limited(read_file, monkeypatch):
+    monkeypatch.setattr('tactile_bringup.recording.mcap_segments.MAX_INDEX_BYTES', 10_000)
+    chunks = [chunk(message()) + index_of(channel) for channel in range(1, 12)]
+    with pytest.raises(BagError, match='so many chunks'):
+        read_file(DEFINED + b''.join(chunks) + END)
 
 
 def test_definitions_are_limited_together(read_file, monkeypatch):

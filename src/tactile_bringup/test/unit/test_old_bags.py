@@ -114,7 +114,7 @@ def test_old_bags_are_trained_on(old_bag):
 
 def test_old_features_are_refused_with_what_is_left(old_bag):
     with TactileBag(old_bag) as bag:
-        assert bag.last_arrival_ns == 128 * S
+        assert bag.end_ns == 128 * S
         assert len(list(bag.messages(STRAIN, EVENT))) == 6
         with pytest.raises(BagError, match=r'another definition.*TactileFeatures.*training'):
             recorded_results(bag)

@@ -19,8 +19,8 @@ import pytest
 
 from tactile_bringup.errors import BagError
 from tactile_bringup.recording.bags import TactileBag
+from tactile_bringup.recording.comparison import compare, compare_with_recorded
 from tactile_bringup.recording.replay import (
-    compare,
     load_models,
     recorded_config,
     replay_through_core,
@@ -110,3 +110,56 @@ def test_unusable_feature_parameters_are_refused(stiffness_bag):
             bag.facts['feature_config'] = values
             with pytest.raises(BagError, match='feature parameters'):
                 recorded_config(bag)
+
+
+def timed(results, end_ns, **made_at_ns):
+    """Return results, all made long before the end but for those whose place is given."""
+    results = TactileResults(list(results.windows), list(results.classifications))
+    for items in (results.windows, results.classifications):
+        for i, item in enumerate(items):
+            results.made_at_ns[id(item)] = made_at_ns.get(f'_{i}', end_ns - (20 - i) * 10**10)
+    return results
+
+
+def without(results, *places):
+    left = [
+        [x for i, x in enumerate(items) if i not in places]
+        for items in (results.windows, results.classifications)
+    ]
+    return TactileResults(*left, results.made_at_ns)
+
+
+def test_what_became_complete_at_the_end_need_not_be_recorded(results):
+    end_ns = 10**18
+    core = timed(results, end_ns, _13=end_ns - 2 * 10**8, _14=end_ns - 10**8)
+    for places in ([14], [13, 14]):
+        comparison = compare_with_recorded(without(core, *places), core, end_ns)
+        assert comparison.is_equal, comparison
+        assert comparison.window_count == 15 - len(places)
+        assert f'{len(places)} feature windows and {len(places)} class' in comparison.tail
+        assert results.windows[14].trial_id in comparison.tail
+        assert 'could not be recorded any more' in comparison.tail
+        # The other way round: its samples are not in the recording.
+        comparison = compare_with_recorded(core, without(core, *places), end_ns)
+        assert comparison.is_equal
+        assert 'last samples' in comparison.tail
+
+
+def test_what_lacks_before_the_end_is_a_difference(results):
+    end_ns = 10**18
+    early = timed(results, end_ns)
+    late = timed(results, end_ns, _13=end_ns - 2 * 10**8, _14=end_ns - 10**8)
+    for core, place in ((early, 14), (early, 3), (late, 13), (late, 3)):
+        comparison = compare_with_recorded(without(core, place), core, end_ns)
+        assert not comparison.is_equal
+        assert comparison.tail == ''
+    assert compare_with_recorded(late, late, end_ns).tail == ''
+    broken = late.windows[3] = dataclasses.replace(late.windows[3], frame_id='elsewhere')
+    late.made_at_ns[id(broken)] = end_ns - 10**11
+    comparison = compare_with_recorded(without(early, 14), late, end_ns)
+    assert not comparison.is_equal
+
+
+def test_a_bag_knows_when_its_last_message_came(stiffness_bag):
+    with TactileBag(stiffness_bag) as bag:
+        assert bag.end_ns == max(message.received_at_ns for message in bag.messages())

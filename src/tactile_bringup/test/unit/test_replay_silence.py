@@ -117,7 +117,7 @@ NEXT = [event(15.0, 'hold', 't2'), *BACK, event(20.0, 'done', 't2')]
 def test_a_replay_gives_up_what_the_node_gave_up(tmp_path, inputs, end_s, count):
     write_bag(tmp_path / 'bag', inputs, GIVEN_UP_S, end_s)
     with TactileBag(tmp_path / 'bag') as bag:
-        assert bag.last_arrival_ns == START_NS + round(end_s * S)
+        assert bag.end_ns == START_NS + round(end_s * S)
         recorded = recorded_results(bag)
         core = replay_through_core(bag, {}, CONFIG)
     assert len(recorded.windows) == count

@@ -14,6 +14,7 @@
 
 """What the report says of answers besides a label follows from the trials."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -22,7 +23,7 @@ import pytest
 from tactile_bringup.commands.evaluate import select_features
 from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.datasets.measure_tables import read_measures
-from tactile_bringup.errors import BagError
+from tactile_bringup.errors import BagError, BringupError
 from tactile_bringup.recording.bags import TactileBag
 from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
@@ -169,6 +170,17 @@ def test_running_answers_of_chosen_features_are_not_compared_with_the_whole(text
         'running answers: only the whole spectrum over time has running answers',
     )
     assert len(answers.measures) == 8
+
+
+def test_a_short_name_of_several_features_is_refused_with_all_of_them(texture_bag):
+    (table,) = read_tables([texture_bag]).tables.values()
+    names = ('one__size', 'other__size', *table.spec.names[2:])
+    table = FeatureTable(
+        table.values, table.labels, dataclasses.replace(table.spec, names=names), table.columns
+    )
+    assert select_features(table, 'other__size').spec.names == ('other__size',)
+    with pytest.raises(BringupError, match=r'write one of one__size, other__size$'):
+        select_features(table, 'size')
 
 
 def test_sections_stand_in_page_and_json_with_split_and_mark(answered):

@@ -1,0 +1,184 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Check that each package declares what it imports, and imports what it declares.
+
+``package.xml`` names ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. An
+import counts wherever it stands, within a function too. So does the name of a message type
+in a string, such as ``std_msgs/msg/Header``: its class is imported by that name.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@dataclass(frozen=True)
+class Library:
+    """How a library from PyPI is declared.
+
+    Attributes
+    ----------
+    key : str
+        In ``package.xml``; empty: rosdep has none, and installing it is left to the user.
+    distribution : str
+        In ``setup.py``.
+    """
+
+    key: str
+    distribution: str
+
+
+LIBRARIES = {
+    'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
+    'hypothesis': Library('python3-hypothesis', 'hypothesis'),
+    'joblib': Library('python3-joblib', 'joblib'),
+    'lz4': Library('python3-rosbags-pip', 'lz4'),  # no key of its own; rosbags requires it
+    'matplotlib': Library('python3-matplotlib', 'matplotlib'),
+    'numba': Library('python3-numba', 'numba'),
+    'numpy': Library('python3-numpy', 'numpy'),
+    'onnx': Library('', 'onnx'),
+    'onnxruntime': Library('python3-onnxruntime-pip', 'onnxruntime'),
+    'pynetft': Library('', 'pynetft'),
+    'pytest': Library('python3-pytest', 'pytest'),
+    'rich': Library('python3-rich', 'rich'),
+    'rosbags': Library('python3-rosbags-pip', 'rosbags'),
+    'scipy': Library('python3-scipy', 'scipy'),
+    'serial': Library('python3-serial', 'pyserial'),
+    'skl2onnx': Library('', 'skl2onnx'),
+    'sklearn': Library('python3-sklearn', 'scikit-learn'),
+    'threadpoolctl': Library('python3-sklearn', 'threadpoolctl'),  # scikit-learn requires it
+    'typer': Library('python3-typer', 'typer'),
+    'yaml': Library('python3-yaml', 'PyYAML'),
+    'zstandard': Library('python3-rosbags-pip', 'zstandard'),  # as lz4
+}
+"""By the name that is imported. What is not in it is a ROS package of that name."""
+
+OPTIONAL = {
+    'tactile_classifier': {'onnx', 'skl2onnx', 'vision_msgs'},
+    'tactile_features': {'numba'},
+    'tendon_sensor_driver': {'pynetft'},
+}
+"""By package: what it runs without. In ``setup.py`` these are extras, not requirements."""
+
+NOT_IMPORTED = {
+    'tactile_bringup': {'ros2launch'},  # `ros2 launch`, which starts the launch files
+}
+"""By package: what is declared and used, but never imported."""
+
+TYPE_NAME = re.compile(r'(\w+)/(?:msg|srv|action)/\w+')
+
+
+def imports_of(files: Iterable[Path], own: set[str]) -> set[str]:
+    """Return the top-level packages that Python files import, without Python's own.
+
+    Parameters
+    ----------
+    files : iterable of Path
+    own : set of str
+        Names that do not count: the package itself, and the helpers of its tests.
+    """
+    found = set()
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found.add(node.module)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found |= {match[1] for match in [TYPE_NAME.fullmatch(node.value)] if match}
+    return {name.partition('.')[0] for name in found} - own - set(sys.stdlib_module_names)
+
+
+def keys_of(package_xml: Path, *tags: str) -> set[str]:
+    """Return what stands in these elements of a ``package.xml``."""
+    root = ElementTree.parse(package_xml).getroot()
+    return {(element.text or '').strip() for tag in tags for element in root.iter(tag)}
+
+
+def requirements_of(setup_py: Path) -> tuple[set[str], set[str]]:
+    """Return ``install_requires`` and all of ``extras_require`` but for the tests."""
+    for node in ast.walk(ast.parse(setup_py.read_text('utf-8'))):
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'setup':
+            stated = {k.arg: k.value for k in node.keywords}
+            required = ast.literal_eval(stated['install_requires'])
+            extras = ast.literal_eval(stated['extras_require'])
+            optional = {x for name, group in extras.items() if name != 'test' for x in group}
+            return set(required), optional
+    raise SystemExit(f'{setup_py} calls no setup()')
+
+
+def check_package(folder: Path) -> list[str]:
+    """Return one sentence for each import that is not declared, and for the reverse."""
+    name = folder.name
+    optional = OPTIONAL.get(name, set())
+    files = list((folder / 'test').rglob('*.py'))
+    code = imports_of([*(folder / name).rglob('*.py'), *folder.glob('launch/*.py')], {name})
+    tests = imports_of(files, {name} | {path.stem for path in files})
+    keys = _keys(code - optional)
+    stated = keys_of(folder / 'package.xml', 'depend', 'exec_depend')
+    for_tests = keys_of(folder / 'package.xml', 'test_depend')
+    required, extras = requirements_of(folder / 'setup.py')
+    lists = {
+        # Where it is declared: what must stand there, what stands there, what may.
+        'exec_depend of package.xml': (keys, stated, NOT_IMPORTED.get(name, set())),
+        'test_depend of package.xml': (
+            _keys(tests - optional) - keys,
+            for_tests,
+            _keys(optional | (tests - code)),
+        ),
+        'install_requires of setup.py': (_pypi(code - optional), required, {'setuptools'}),
+        'extras_require of setup.py': (_pypi(code & optional), extras, set()),
+    }
+    faults = []
+    for place, (needed, found, allowed) in lists.items():
+        faults += [f'{place} lacks {key}' for key in sorted(needed - found)]
+        faults += [
+            f'{place} names {key}, which is not imported: take it out'
+            for key in sorted(found - needed - allowed)
+        ]
+    faults += [
+        f'{module} is imported nowhere: take it out of OPTIONAL in tools/declarations.py'
+        for module in sorted(optional - code)
+    ]
+    return [f'src/{name}: {fault}' for fault in faults]
+
+
+def _keys(modules: set[str]) -> set[str]:
+    keys = {LIBRARIES[m].key if m in LIBRARIES else m for m in modules}
+    return keys - {''}
+
+
+def _pypi(modules: set[str]) -> set[str]:
+    return {LIBRARIES[m].distribution for m in modules if m in LIBRARIES}
+
+
+def main() -> int:
+    folders = sorted(p.parent for p in (ROOT / 'src').glob('*/setup.py'))
+    faults = [fault for folder in folders for fault in check_package(folder)]
+    for fault in faults:
+        print(fault)
+    return 1 if faults else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
