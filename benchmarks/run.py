@@ -86,8 +86,8 @@ Error is measured against a reference of higher precision, or as a count of
 answers that differ. Where a bound is stated, exceeding it is a failure.
 """
 
-EPILOG = """topics (hand, endurance, long_recording, peers, both speeds, rest, signals and both twins
-only when named):
+EPILOG = """topics (hand, endurance, long_recording, peers, speeds, rest, signals and twins only
+when named):
   spectrum     91 amplitudes of a texture window
   sliding      91 amplitudes of the window that ends at every sample
   regression   slope, intercept, correlation of a stiffness window

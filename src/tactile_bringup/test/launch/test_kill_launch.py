@@ -11,10 +11,10 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Each node of the launched rig killed in contact: all rests, the tendon goes slack, and on it goes.
+"""Each node of the launched rig killed in contact: all rests, and the tendon goes slack.
 
-Prints what it measured; with TACTILE_KILLS=FILE it appends that to the file, a line of JSON a
-kill. docs/motion.md has the table.
+With TACTILE_KILLS=FILE it appends what it measured, a line of JSON a kill; docs/motion.md has
+the table.
 """
 
 import json
@@ -23,6 +23,7 @@ from pathlib import Path
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
 
@@ -46,13 +47,16 @@ SLACK_M = 0.0006
 STEP_M = 1e-6
 
 VICTIMS = ('tendon_sensor_node', 'linear_guide_node', 'tendon_actuator_node', 'trial_runner_node')
-SCENES = {'texture': ('R1', TrialEvent.PHASE_GLIDE), 'stiffness': ('rubber_shell', TrialEvent.PHASE_HOLD)}
+SCENES = {
+    'texture': ('R1', TrialEvent.PHASE_GLIDE),
+    'stiffness': ('rubber_shell', TrialEvent.PHASE_HOLD),
+}
 
 
 def wait_for(condition, what):
     deadline_s = time.monotonic() + DEADLINE_S
     while not (value := condition()):
-        assert time.monotonic() < deadline_s, what
+        assert time.monotonic() < deadline_s, what()
         time.sleep(0.01)
     return value
 
@@ -109,14 +113,18 @@ class LaunchedRig:
 
     def insist(self, ask):
         """Ask until it is granted: a node that starts again takes a moment."""
-        deadline_s = time.monotonic() + DEADLINE_S
-        while True:
+        problem = ''
+
+        def is_granted():
+            nonlocal problem
             try:
-                return ask()
+                ask()
             except BringupError as error:
-                if time.monotonic() > deadline_s:
-                    raise AssertionError(str(error)) from error
-                time.sleep(0.2)
+                problem = str(error)
+                return False
+            return True
+
+        wait_for(is_granted, lambda: problem)
 
     def close(self):
         self._group.close()
@@ -165,7 +173,7 @@ def test_a_killed_node_leaves_a_slack_tendon_and_the_next_trial_runs(tmp_path, p
             target=lambda: pytest.raises(BringupError, operator.run_trial, request), daemon=True
         )
         trial.start()
-        wait_for(lambda: phase in launched.phases, f'no {phase}: {log.read_text()[-2000:]}')
+        wait_for(lambda: phase in launched.phases, lambda: f'no {phase}')
         time.sleep(0.5)
         assert rig.truth()['tendon_displacement_m'] > 0.002
         os.kill(find_process(launched.process.pid, victim), signal.SIGKILL)
@@ -177,14 +185,13 @@ def test_a_killed_node_leaves_a_slack_tendon_and_the_next_trial_runs(tmp_path, p
         code = launched.close()
         rest['slack_at_the_end'] = rig.truth()['tendon_displacement_m'] < SLACK_M
     except BaseException:
-        print(log.read_text()[-6000:])
         launched.close()
+        sys.stdout.write(log.read_text()[-6000:])
         raise
     finally:
         rig.close()
-    line = json.dumps({'victim': victim, 'phase': phase, **rest, 'exit': code})
-    print(line)
     if path := os.environ.get('TACTILE_KILLS'):
         with open(path, 'a') as file:
-            file.write(line + '\n')
+            row = {'victim': victim, 'phase': phase, **rest, 'exit': code}
+            file.write(json.dumps(row) + '\n')
     assert (code, rest['slack_at_the_end']) == (0, True)
