@@ -14,7 +14,7 @@
 
 """The program behind ``tactile``."""
 
-from tactile_ros.signals import hold_signals
+from tactile_ros.signals import hold_signals, ignore_signals
 
 
 def main() -> int:
@@ -22,4 +22,7 @@ def main() -> int:
     hold_signals()  # before the imports, so that a signal that comes early is not lost
     from tactile_bringup import cli
 
-    return cli.main()
+    try:
+        return cli.main()
+    finally:
+        ignore_signals()

@@ -162,6 +162,11 @@ def hold_signals() -> Signals:
     return _signals
 
 
+def held_signals() -> Signals | None:
+    """Return what `hold_signals` has returned in this process; None before."""
+    return _signals
+
+
 def ignore_signals() -> None:
     """Let no further signal spoil the exit code of a process that is ending.
 
