@@ -129,8 +129,8 @@ class SignalPhases:
 
     def abort(self, message: str) -> list[TrialEvent]:
         """Forget everything; return the end of the trial that was under way, if any."""
-        is_idle = self._state in (_State.LEARN, _State.REST)
-        events = [] if is_idle else [self._event(PHASE_ABORTED, self._stamp_ns[-1], message)]
+        is_silent = self._state in (_State.LEARN, _State.REST) or not self._is_settled
+        events = [] if is_silent else [self._event(PHASE_ABORTED, self._stamp_ns[-1], message)]
         self.reset()
         return events
 
