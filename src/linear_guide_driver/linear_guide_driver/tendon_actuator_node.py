@@ -35,6 +35,7 @@ from linear_guide_driver.throttle import Throttle
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
+from tactile_ros.errors import MessageError
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
@@ -236,6 +237,8 @@ class TendonActuatorNode(TactileNode):
         client = self._client
         if client is None or block.status & NO_MEASUREMENT:
             return
+        if not block.tension_n:
+            raise MessageError('tension_n is empty; a block holds one sample or more')
         is_saturated = bool(block.status & StrainBlock.STATUS_SATURATED)
         if client.safety.add_samples(block.tension_n, is_saturated, time.monotonic_ns()):
             client.supervise()
