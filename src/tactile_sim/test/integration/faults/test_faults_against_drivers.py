@@ -189,7 +189,7 @@ def test_late_answers_do_not_end_a_move(rig, guide):
 @pytest.fixture
 def tendon(rig):
     rig.fault('tendon', 'restart')
-    config = TendonActuatorConfig(port=rig.ports.tendon, watchdog_s=0.5)
+    config = TendonActuatorConfig(port=rig.ports.tendon, watchdog_s=0.5, unguarded=True)
     client = TendonActuatorClient(config)
 
     def connect():
