@@ -250,11 +250,10 @@ class ServoGoals:
 
     def hold(self, number: int) -> None:
         """Hold the tendon where it is, unless a later command has come."""
-        servo = self._servo
-        if servo is not None:
-            with servo.bus.lock:
-                if number == self._number:
-                    self._write(servo, servo.write_hold)
+        servo, _ = self._require_connection()
+        with servo.bus.lock:
+            if number == self._number:
+                self._write(servo, servo.write_hold)
 
     def hold_here(self) -> None:
         """Hold the tendon where it is; above the limit it is let out instead.
@@ -276,11 +275,10 @@ class ServoGoals:
 
     def supervise(self) -> None:
         """Carry out what safety orders now; the next poll tries again what fails."""
-        servo, monitor = self._servo, self._monitor
-        if servo is None or monitor is None or monitor.needs_connect:
-            return
-        with suppress(LinearGuideDriverError), servo.bus.lock:
-            self._carry_out(servo)
+        with suppress(LinearGuideDriverError):
+            servo, _ = self._require_sound()
+            with servo.bus.lock:
+                self._carry_out(servo)
 
     def shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in, in the servo itself [m].
@@ -312,11 +310,10 @@ class ServoGoals:
             return  # nothing would tell where to end
         try:
             self.request_release('The driver is closed: the tendon is let out.')
-            while (state := monitor.wait_poll(POLL_WAIT_S)) is not None:
-                if self._safety.is_slack(state.displacement_m, time.monotonic_ns()):
+            while time.monotonic() < deadline_s:
+                state = monitor.wait_poll(POLL_WAIT_S)
+                if state and self._safety.is_slack(state.displacement_m, time.monotonic_ns()):
                     return
-                if time.monotonic() > deadline_s:
-                    break
         except LinearGuideDriverError as error:
             _logger.error('the tendon may still be taut: %s', error)
         else:

@@ -51,10 +51,6 @@ SLACK_S = 1.0
 """Added to the computed duration of a pull before it counts as stuck."""
 
 
-def _never() -> bool:
-    return False
-
-
 class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
@@ -115,7 +111,7 @@ class TendonActuatorClient:
 
     @property
     def temperature_limit_c(self) -> float:
-        """Temperature at which the servo shuts down [degree Celsius]."""
+        """At which the servo shuts down [degree Celsius]."""
         return self._goals.temperature_limit_c
 
     def connect(self) -> None:
@@ -140,7 +136,7 @@ class TendonActuatorClient:
         displacement_m: float,
         speed_m_s: float = 0.0,
         on_state: Callable[[TendonState], None] = lambda _: None,
-        should_stop: Callable[[], bool] = _never,
+        should_stop: Callable[[], bool] = lambda: False,
         *,
         contact: str = 'flexion',
         stop_tension_n: float = 0.0,
@@ -186,7 +182,7 @@ class TendonActuatorClient:
         max_displacement_m: float,
         speed_m_s: float = 0.0,
         on_state: Callable[[TendonState], None] = lambda _: None,
-        should_stop: Callable[[], bool] = _never,
+        should_stop: Callable[[], bool] = lambda: False,
         *,
         contact: str = 'flexion',
     ) -> TendonState:
@@ -247,7 +243,7 @@ class TendonActuatorClient:
         self,
         taut_tension_n: float,
         on_state: Callable[[TendonState], None] = lambda _: None,
-        should_stop: Callable[[], bool] = _never,
+        should_stop: Callable[[], bool] = lambda: False,
     ) -> float:
         """Wind in slowly until the tendon is just taut; displacements count from there.
 

@@ -135,7 +135,7 @@ class TendonSafety:
 
     @property
     def state(self) -> State:
-        """The present state."""
+        """See the table of this module."""
         return self._state
 
     @property
@@ -194,8 +194,7 @@ class TendonSafety:
 
     def live_tension_n(self, now_ns: int) -> float | None:
         """Return the latest tension [N]; None when valid samples do not arrive."""
-        with self._lock:
-            return self._level.latest_n if self._level.is_live(now_ns) else None
+        return self._level.latest_n if self._level.is_live(now_ns) else None
 
     def is_slack(self, displacement_m: float, now_ns: int) -> bool:
         """Return whether the tendon counts as slack at this displacement [m]."""
@@ -208,12 +207,9 @@ class TendonSafety:
     def find_obstacle(self, displacement_m: float, now_ns: int) -> str:
         """Return why no pull may wind in now, with the remedy; empty when one may."""
         with self._lock:
-            return (
-                self._find_zero_obstacle(displacement_m)
-                or find_silence(self._watchdogs, now_ns)
-                or self._find_sample_obstacle(not self._config.unguarded, now_ns)
-                or self._find_limit_obstacle(self._limit_n, now_ns)
-            )
+            obstacle = self._find_zero_obstacle(displacement_m)
+            needs_samples = not self._config.unguarded
+            return obstacle or self._find_obstacle(needs_samples, self._limit_n, now_ns)
 
     # -- what is heard ---------------------------------------------------------------------
 
@@ -270,11 +266,9 @@ class TendonSafety:
                 or pull.displacement_m > max(0.0, start_m)
             )
             if winds_in:
-                obstacle = (
-                    ('' if pull.is_homing else self._find_zero_obstacle(start_m))
-                    or find_silence(self._watchdogs, now_ns)
-                    or self._find_sample_obstacle(self._needs_samples(pull), now_ns)
-                    or self._find_limit_obstacle(limit_n, now_ns)
+                obstacle = '' if pull.is_homing else self._find_zero_obstacle(start_m)
+                obstacle = obstacle or self._find_obstacle(
+                    self._needs_samples(pull), limit_n, now_ns
                 )
                 if obstacle:
                     raise MotionRefusedError(obstacle)
@@ -386,18 +380,17 @@ class TendonSafety:
             return 'The tendon was taut when the driver started; let it out first.'
         return ''
 
-    def _find_sample_obstacle(self, is_needed: bool, now_ns: int) -> str:
-        if not is_needed or self._level.is_live(now_ns):
-            return ''
-        return (
-            'Winding in needs the tendon sensor and no valid strain sample arrives; start the '
-            'sensor, or set the parameter unguarded to true for plain pulls.'
-        )
-
-    def _find_limit_obstacle(self, limit_n: float, now_ns: int) -> str:
-        if not self._level.is_above(limit_n, now_ns):
-            return ''
-        return f'{self._level.describe_above(limit_n)}; let the tendon out first.'
+    def _find_obstacle(self, needs_samples: bool, limit_n: float, now_ns: int) -> str:
+        if silence := find_silence(self._watchdogs, now_ns):
+            return silence
+        if needs_samples and not self._level.is_live(now_ns):
+            return (
+                'Winding in needs the tendon sensor and no valid strain sample arrives; start '
+                'the sensor, or set the parameter unguarded to true for plain pulls.'
+            )
+        if self._level.is_above(limit_n, now_ns):
+            return f'{self._level.describe_above(limit_n)}; let the tendon out first.'
+        return ''
 
     def _needs_samples(self, pull: Pull) -> bool:
         asks = pull.is_homing or pull.stop_tension_n or pull.target_tension_n

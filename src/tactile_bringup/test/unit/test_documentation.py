@@ -71,6 +71,24 @@ def test_the_page_on_interfaces_is_that_of_the_definitions(monkeypatch):
     )
 
 
+def test_the_promises_of_motion_name_tests_that_exist():
+    docs = README.with_name('docs')
+    if not docs.is_dir():
+        pytest.skip('the packages are not in their own repository: no docs beside them')
+    table = (docs / 'motion.md').read_text().split('## Promises and their tests')[1]
+    table = table.split('\n## ')[0]
+    root, driver = README.parent, README.with_name('src') / 'linear_guide_driver' / 'test'
+    path = None
+    for name in re.findall(r'`([^`]+)`', table):
+        file, _, test = name.partition('::')
+        if file.endswith('.py'):
+            bases = (driver, root) if path is None else (driver, root, path.parent)
+            path = next((base / file for base in bases if (base / file).is_file()), None)
+            assert path is not None, f'{file} is not there'
+        if test:
+            assert f'def {test}(' in path.read_text(), f'{path} has no {test}'
+
+
 def interface_fields():
     share = Path(get_package_share_directory('tactile_msgs'))
     for path in sorted([*share.glob('msg/*.msg'), *share.glob('action/*.action')]):
