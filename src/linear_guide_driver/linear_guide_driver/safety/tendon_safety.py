@@ -52,6 +52,10 @@ SLACK_M = 0.0005
 SLACK_SHARE = 0.5
 """Share of the taut tension below which a tendon without a zero counts as slack."""
 
+SETTLED_NS = 500_000_000
+"""Only a tension that the sensor reads for so long after the tendon has come to rest at its zero
+refutes the zero: samples come later than positions."""
+
 NO_SAMPLES = 'No valid strain sample arrives; look after the tendon sensor.'
 
 
@@ -130,6 +134,7 @@ class TendonSafety:
         self._ending: Ending | None = None
         self._zero = Zero.UNKNOWN
         self._zero_reason = 'the driver is not connected'
+        self._at_zero_since_ns: int | None = None
 
     # -- what is known -------------------------------------------------------------------
 
@@ -238,6 +243,7 @@ class TendonSafety:
         """Note what is known of the zero, and why nothing is. Later samples confirm it."""
         with self._lock:
             self._zero, self._zero_reason = zero, reason
+            self._at_zero_since_ns = None
             if zero is Zero.UNCONFIRMED:
                 self._level.forget()
 
@@ -307,7 +313,6 @@ class TendonSafety:
     def decide(self, displacement_m: float, now_ns: int) -> Order:
         """Return the order that holds now, at this displacement [m]."""
         with self._lock:
-            self._confirm_zero(displacement_m, now_ns)
             is_slack = self.is_slack(displacement_m, now_ns)
             if self._level.is_above(self._limit_n, now_ns):
                 self._enter(
@@ -323,6 +328,7 @@ class TendonSafety:
                 if self._release_at_ns is not None and now_ns >= self._release_at_ns:
                     self._release_at_ns = None
                     self._enter(State.RELEASING, f'{self._reason} It is let out now.', Ending.LOST)
+            self._confirm_zero(displacement_m, now_ns)
             if self._state is State.RELEASING:
                 return Order.RELEASE
             is_held = self._state is State.HOLDING or self._ending is Ending.REACHED
@@ -358,16 +364,15 @@ class TendonSafety:
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
         """Believe a zero that was taken at rest if the sensor reads a slack tendon there."""
-        if (
-            self._zero is not Zero.UNCONFIRMED
-            or displacement_m > SLACK_M
-            or self._pull is not None
-            or not self._level.is_live(now_ns)
-        ):
+        if self._zero is not Zero.UNCONFIRMED or not self._level.is_live(now_ns):
             return
-        if self._level.worst_n < self._config.taut_tension_n:
+        if displacement_m > SLACK_M or self._state is not State.FREE:
+            self._at_zero_since_ns = None
+        elif self._level.is_below(self._config.taut_tension_n, now_ns):
             self._zero = Zero.KNOWN
-        else:
+        elif self._at_zero_since_ns is None:
+            self._at_zero_since_ns = now_ns
+        elif now_ns - self._at_zero_since_ns >= SETTLED_NS:
             self._zero = Zero.UNKNOWN
             self._zero_reason = (
                 f'the sensor read {self._level.latest_n:.2f} N where the tendon should be slack'
@@ -378,6 +383,8 @@ class TendonSafety:
             return f'The zero is unknown: {self._zero_reason}; home the tendon.'
         if self._zero is Zero.UNCONFIRMED and displacement_m > SLACK_M:
             return 'The tendon was taut when the driver started; let it out first.'
+        if self._zero is Zero.UNCONFIRMED and self._at_zero_since_ns is not None:
+            return 'The sensor reads tension at the zero of the tendon; wait until it is slack.'
         return ''
 
     def _find_obstacle(self, needs_samples: bool, limit_n: float, now_ns: int) -> str:

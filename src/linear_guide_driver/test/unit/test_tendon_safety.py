@@ -252,10 +252,26 @@ def test_a_zero_is_confirmed_by_a_slack_reading_and_refuted_by_tension():
     assert safety.zero is Zero.UNCONFIRMED  # samples from before tell nothing
     safety.add_samples([2.0], False, 0)
     safety.decide(0.0, 0)
+    with pytest.raises(MotionRefusedError, match='wait until it is slack'):
+        safety.admit(Pull(TAUT_M), 0.0, 0)
+    safety.add_samples([2.0], False, 500 * MS)
+    safety.decide(0.0, 500 * MS)
     assert safety.zero is Zero.UNKNOWN
     with pytest.raises(MotionRefusedError, match=r'read 2\.00 N where .* home the tendon'):
-        safety.admit(Pull(TAUT_M), 0.0, 0)
-    safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 0)
+        safety.admit(Pull(TAUT_M), 0.0, 500 * MS)
+    safety.admit(Pull(0.02, 'abduction', is_homing=True), 0.0, 500 * MS)
+
+
+def test_a_sample_from_before_the_tendon_was_let_out_does_not_refute_the_zero():
+    safety = TendonSafety(CONFIG)
+    safety.set_zero(Zero.UNCONFIRMED)
+    safety.release('The driver was restarted.')
+    safety.add_samples([10.9], False, 0)
+    for now_ms in (0, 100, 200):  # the tendon is out already, the samples lag behind
+        safety.decide(0.0, now_ms * MS)
+    safety.add_samples([0.1], False, 300 * MS)
+    safety.decide(0.0, 300 * MS)
+    assert safety.zero is Zero.KNOWN
 
 
 def test_without_a_zero_letting_out_ends_where_the_sensor_reads_slack():

@@ -28,7 +28,8 @@ from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_bringup.recording.audit import audit_bag
 from tactile_bringup.recording.bags import STRAIN, TactileBag
-from tactile_bringup.recording.replay import compare, recorded_config, replay_through_core
+from tactile_bringup.recording.comparison import compare
+from tactile_bringup.recording.replay import recorded_config, replay_through_core
 from tactile_bringup.wiring.graph import recorder_node, sensing_graph, slip_node
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent

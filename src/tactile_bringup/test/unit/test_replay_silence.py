@@ -27,8 +27,9 @@ from tactile_bringup.recording.bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
+from tactile_bringup.recording.comparison import compare
 from tactile_bringup.recording.recorded_topics import JOINT_STATE, RecordedTopic
-from tactile_bringup.recording.replay import compare, recorded_results, replay_through_core
+from tactile_bringup.recording.replay import recorded_results, replay_through_core
 from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
 from tactile_features.conversions import (
     event_to_msg,
