@@ -63,7 +63,7 @@ class TendonActuatorNode(TactileNode):
         self._client: TendonActuatorClient | None = None
         self._runners: list[GoalRunner] = []
         self._parts: list[Any] = []  # that have a `close`
-        self._services: list[Any] = []
+        self._triggers: list[Any] = []
         self._joint_states: Any = None
         self._strain: Any = None
         self._diagnostics: Diagnostics | None = None
@@ -96,7 +96,7 @@ class TendonActuatorNode(TactileNode):
             ),
             GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self._accepting),
         ]
-        self._services = [
+        self._triggers = [
             self.create_service(Trigger, '~/stop', self._on_stop),
             self.create_service(Trigger, '~/release', self._on_release),
         ]
@@ -121,9 +121,9 @@ class TendonActuatorNode(TactileNode):
         for part in self._parts:
             part.close()
         self._parts = []
-        for service in self._services:
+        for service in self._triggers:
             self.destroy_service(service)
-        self._services = []
+        self._triggers = []
         if self._strain is not None:
             self.destroy_subscription(self._strain)
             self._strain = None
