@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import json
-import math
 import os
 import subprocess
 import sys
@@ -196,12 +195,12 @@ def _wait_for_motion(rig: SimulatedRig) -> None:
 def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
     """Return when the guide last moved, the tendon last wound in, and was slack [s].
 
-    ``slack`` is infinite when the tendon stays taut.
+    ``slack`` is -1 when the tendon stays taut.
     """
     guide_m, tendon_m = _positions(rig)
     cause()
     began_s = time.monotonic()
-    times = {'guide': 0.0, 'tendon': 0.0, 'slack': math.inf}
+    times = {'guide': 0.0, 'tendon': 0.0, 'slack': -1.0}
     while (passed_s := time.monotonic() - began_s) < WATCHED_S:
         guide_now_m, tendon_now_m = _positions(rig)
         # Compared with where it last was seen to have moved: slow motion counts, too.
@@ -212,7 +211,7 @@ def _watch(rig: SimulatedRig, cause: Callable[[], None]) -> dict[str, float]:
         if abs(tendon_now_m - tendon_m) >= TENDON_STEP_M:
             tendon_m = tendon_now_m
         if tendon_now_m < SLACK_M:
-            times['slack'] = min(times['slack'], passed_s)
+            times['slack'] = passed_s if times['slack'] < 0.0 else times['slack']
         time.sleep(SAMPLE_S)
     return {name: round(value, 3) for name, value in times.items()}
 
