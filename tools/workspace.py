@@ -38,6 +38,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DISTROS = ('jazzy', 'kilted')
 """Those that PyPI has wheels of, each with a requirements file."""
 
+LOOPBACK = ROOT / 'src' / 'tactile_ros' / 'tactile_ros' / 'loopback.xml'
 COMMON_REQUIREMENTS = ROOT / 'requirements' / 'common.txt'
 """What the requirements of every distribution include."""
 
@@ -268,7 +269,10 @@ class Workspace:
             ROS_VERSION='2',
             RMW_IMPLEMENTATION='rmw_fastrtps_cpp',
         )
-        env.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        # On this computer alone, and with transports that do not stall when a node joins.
+        if 'ROS_AUTOMATIC_DISCOVERY_RANGE' not in env:
+            fast = 'FASTRTPS' if self.distro == 'jazzy' else 'FASTDDS'
+            env.setdefault(f'{fast}_DEFAULT_PROFILES_FILE', str(LOOPBACK))
         # These two would go into the home folder.
         env.setdefault('ROS_LOG_DIR', str(self.base / 'ros_log'))
         env.setdefault('MPLCONFIGDIR', str(self.base / 'matplotlib'))

@@ -29,6 +29,7 @@ from tactile_bringup.cli_bags import repair, replay
 from tactile_bringup.cli_data import evaluate, robustness, simulate, train
 from tactile_bringup.cli_rig import check, demo, devices, hand, rig, sense, trials
 from tactile_ros.signals import held_signals
+from tactile_ros.transports import choose_transports
 
 app = typer.Typer(
     name='tactile',
@@ -82,7 +83,7 @@ for command in (
 def main() -> int:
     """Run the command that the arguments name."""
     # Nobody else on the network moves our rig, nor hears it, unless the environment says so.
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    os.environ.update(choose_transports(os.environ, 'LOCALHOST'))
     try:
         app()
     except BrokenPipeError:

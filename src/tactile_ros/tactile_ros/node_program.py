@@ -21,11 +21,13 @@ as the executable of each.
 from __future__ import annotations
 
 from importlib.metadata import entry_points
+import os
 from pathlib import Path
 import sys
 from typing import Any
 
 from tactile_ros.signals import hold_signals, ignore_signals
+from tactile_ros.transports import choose_transports
 
 GROUP = 'tactile.nodes'
 
@@ -51,6 +53,7 @@ def find_node_class(executable: str) -> Any:
 def main() -> int:
     """Run the node that this program's name stands for; return the exit code."""
     signals = hold_signals()  # before the imports, which take a second
+    os.environ.update(choose_transports(os.environ, 'SUBNET'))
     from tactile_ros.node_group import run_node
 
     node_class = find_node_class(Path(sys.argv[0]).name)

@@ -46,7 +46,10 @@ def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future
     answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
 
     def pass_on(future: Future) -> None:
-        answer.set_result(future.result())
+        try:
+            answer.set_result(future.result())
+        except Exception as error:
+            answer.set_exception(error)
 
     def start() -> None:
         try:

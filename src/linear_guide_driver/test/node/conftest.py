@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+import concurrent.futures
 import threading
 
 from action_msgs.msg import GoalStatus
@@ -42,7 +43,16 @@ class Bench:
         self.executor.add_node(self.peer)
         self.node = None
         self.feedback = []
-        self._thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self._clients = {}
+        self._error = None
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+
+    def _spin(self):
+        try:
+            self.executor.spin()
+        except Exception as error:
+            self._error = error
+            raise
 
     def start(self, node_class, **parameters):
         self.node = self.make(node_class, **parameters)
@@ -55,10 +65,16 @@ class Bench:
         return node_class(context=self.context, parameter_overrides=overrides)
 
     def ask(self, request):
-        return send(self.peer, request).result(DEADLINE_S)
+        try:
+            return send(self.peer, request).result(DEADLINE_S)
+        except concurrent.futures.TimeoutError:
+            state = 'spins' if self._thread.is_alive() else f'has ended: {self._error!r}'
+            raise AssertionError(f'no answer in {DEADLINE_S} s; the executor {state}') from None
 
     def send(self, action_type, name, **fields):
-        client = ActionClient(self.peer, action_type, name)
+        if name not in self._clients:
+            self._clients[name] = ActionClient(self.peer, action_type, name)
+        client = self._clients[name]
         assert client.wait_for_server(timeout_sec=DEADLINE_S)
         goal = action_type.Goal(**fields)
         return self.ask(

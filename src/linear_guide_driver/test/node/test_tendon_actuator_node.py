@@ -21,6 +21,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 
+from linear_guide_driver.safety.tendon_safety import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
@@ -67,6 +68,8 @@ class Sensor:
 def sensor(tendon, servo):
     # 1 N a millimetre of tendon: 651.9 counts are 10 mm.
     sensor = Sensor(tendon, lambda: (servo.position - 2048) / 65.19)
+    # Slack at the start confirms the zero; a test that then sets a tension must come later.
+    wait_until(lambda: tendon.node._client.safety.zero is Zero.KNOWN)
     yield sensor
     sensor.close()
 

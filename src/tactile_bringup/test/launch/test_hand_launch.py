@@ -76,6 +76,13 @@ class TestHold(unittest.TestCase):
             TrialEvent, f'left/{finger}/trial_runner/events', EVENTS
         )
         wait_for(lambda: strain, lambda: f'no samples of {finger}')
+        # The window must not begin before the feature node, too, hears the sensor.
+        topic = f'/left/{finger}/tendon_sensor/strain'
+        wait_for(
+            lambda: ear.node.count_subscribers(topic) >= 2, lambda: f'nobody else hears {topic}'
+        )
+        heard = len(strain)
+        wait_for(lambda: len(strain) > heard + 30, lambda: f'no samples of {finger}')
         start_ns = Time.from_msg(strain[-1].header.stamp).nanoseconds
         for phase, after_ns in (('hold', 0), ('release', HOLD_NS), ('done', HOLD_NS + 1)):
             event = TrialEvent(

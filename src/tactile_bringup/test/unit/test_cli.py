@@ -17,14 +17,17 @@ import os
 import pytest
 
 from tactile_bringup import cli
+from tactile_ros.transports import PROFILES, TRANSPORTS
 
 
 @pytest.mark.parametrize(('before', 'after'), [(None, 'LOCALHOST'), ('SUBNET', 'SUBNET')])
 def test_commands_stay_on_this_computer_unless_told_otherwise(monkeypatch, before, after):
     name = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-    monkeypatch.setenv(name, before or '')
-    if before is None:
-        monkeypatch.delenv(name)
+    for variable in ('RMW_IMPLEMENTATION', name, TRANSPORTS, *PROFILES):
+        monkeypatch.setenv(variable, '')  # so that it is restored
+        monkeypatch.delenv(variable)
+    if before is not None:
+        monkeypatch.setenv(name, before)
     monkeypatch.setattr('sys.argv', ['tactile', '--help'])
     with pytest.raises(SystemExit) as ended:
         cli.main()

@@ -1,0 +1,63 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+from pathlib import Path
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from tactile_ros.transports import choose_transports
+
+FAST = 'rmw_fastrtps_cpp'
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+
+
+@pytest.mark.parametrize(
+    ('distro', 'variable'),
+    [('jazzy', 'FASTRTPS_DEFAULT_PROFILES_FILE'), ('kilted', 'FASTDDS_DEFAULT_PROFILES_FILE')],
+)
+def test_on_this_computer_alone_a_profile_keeps_to_the_loopback_interface(distro, variable):
+    ros = {'ROS_DISTRO': distro, 'RMW_IMPLEMENTATION': FAST}
+    asked = {**ros, RANGE: 'LOCALHOST'}
+    for chosen in (choose_transports(asked, 'SUBNET'), choose_transports(ros, 'LOCALHOST')):
+        profile = chosen.pop(variable)
+        assert chosen == {RANGE: 'SUBNET'}  # LOCALHOST would add shared memory
+        elements = ElementTree.parse(profile).iter()
+        addresses = {e.text for e in elements if e.tag.endswith('address')}
+        assert addresses == {'127.0.0.1'}
+        assert Path(profile).is_absolute()
+
+
+@pytest.mark.parametrize('ros', [{}, {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}])
+def test_what_does_not_surely_read_the_profile_keeps_the_range(ros):
+    assert choose_transports(ros, 'LOCALHOST') == {RANGE: 'LOCALHOST'}
+
+
+def test_on_a_network_udp_is_chosen():
+    assert choose_transports({}, 'SUBNET') == {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+    assert choose_transports({RANGE: 'SUBNET'}, 'LOCALHOST') == {
+        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'
+    }
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'FASTDDS_BUILTIN_TRANSPORTS',
+        'FASTDDS_DEFAULT_PROFILES_FILE',
+        'FASTRTPS_DEFAULT_PROFILES_FILE',
+    ],
+)
+def test_what_the_user_has_chosen_stays(name):
+    assert choose_transports({name: 'x', RANGE: 'LOCALHOST'}, 'SUBNET') == {}
