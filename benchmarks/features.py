@@ -12,13 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Spectrum, sliding spectrum, regression, and the extractor around them."""
+"""Spectrum, regression, and the extractor around them."""
 
 from __future__ import annotations
 
 import decimal
 from fractions import Fraction
-from importlib.util import find_spec
 import time
 from typing import Any
 
@@ -29,12 +28,9 @@ import scipy.fft
 import scipy.stats
 
 from tactile_features import (
-    compile_spectrum,
     compute_regression,
     compute_spectrum,
     FeatureConfig,
-    sliding_spectrum,
-    SlidingSpectrum,
     StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
@@ -57,15 +53,9 @@ def run_spectrum(quick: bool) -> Report:
     waves = 0.05 * np.sin(2 * np.pi * np.outer(rng.uniform(1, 25, many), time_s))
     trials = 5.0 + waves + rng.normal(0.0, 0.004, (many, 180))
     rows = [
-        _time_spectra(trials[:count], rounds, f'{count} x 180, plain')
-        for count, rounds in ((1, 5 if quick else 15), (480, 5 if quick else 15))
+        _time_spectra(trials[:count], 5 if quick or count > 1000 else 15)
+        for count in (1, 480, many)
     ]
-    if find_spec('numba') is not None:
-        compile_spectrum(180)
-        rows += [
-            _time_spectra(trials[:count], 3 if count > 1000 else 15, f'{count} x 180, compiled')
-            for count in (1, 480, many)
-        ]
     rows.append(_spectrum_row('offset 1e6 N', trials[:50] + 1e6, None))
     return Report(
         'spectrum: compute_spectrum',
@@ -76,12 +66,12 @@ def run_spectrum(quick: bool) -> Report:
     )
 
 
-def _time_spectra(trials: Array, rounds: int, case: str) -> Row:
+def _time_spectra(trials: Array, rounds: int) -> Row:
     some = trials[0] if len(trials) == 1 else trials
     ratio = measure_ratio(
         lambda: compute_spectrum(some), lambda: np.abs(scipy.fft.rfft(some)), rounds
     )
-    return _spectrum_row(case, trials[:: max(1, len(trials) // 50)], ratio)
+    return _spectrum_row(f'{len(trials)} x 180', trials[:: max(1, len(trials) // 50)], ratio)
 
 
 def _spectrum_row(case: str, tension_n: Array, ratio: Any) -> Row:
@@ -93,7 +83,7 @@ def _spectrum_row(case: str, tension_n: Array, ratio: Any) -> Row:
         deviation = np.abs(amplitude - exact)[:, 1:].max(axis=1)
         return float((deviation / exact[:, 1:].max(axis=1)).max())
 
-    return Row(case, ratio, error(compute_spectrum(tension_n)), 1e-15, error(bare))
+    return Row(case, ratio, error(compute_spectrum(tension_n)), 2e-15, error(bare))
 
 
 def _exact_spectrum(tension_n: Array) -> NDArray[Any]:
@@ -108,49 +98,6 @@ def _exact_spectrum(tension_n: Array) -> NDArray[Any]:
     amplitude = np.hypot(x @ np.cos(angle), x @ np.sin(angle)) * 2 / n
     amplitude[:, -1] /= 2
     return np.asarray(amplitude)
-
-
-# -- a window at every sample -----------------------------------------------------------
-
-
-def run_sliding(quick: bool) -> Report:
-    """Slide a window of 180 samples, against a transform of each window."""
-    samples = 20_000 if quick else 200_000
-    far = 30_000 if quick else 10_000_000
-    rng = np.random.default_rng(5)
-    tension_n = 1e6 + rng.normal(size=samples)
-    windows = np.lib.stride_tricks.sliding_window_view(tension_n[:20_000], 180)
-    part = tension_n[:20_000]
-    rows = []
-    for name in ('plain', 'compiled') if find_spec('numba') else ('plain',):
-        if name == 'compiled':
-            sliding_spectrum(np.zeros(500_000), 180, [1])  # long enough to be compiled
-        ratio = measure_ratio(
-            lambda: sliding_spectrum(part, 180),
-            lambda: np.abs(scipy.fft.rfft(windows)),
-            rounds=3 if quick else 9,
-        )
-        error = _sliding_error(sliding_spectrum(tension_n, 180)[-2000::40], tension_n[-2179:])
-        case = f'{name}, after {samples} samples, offset 1e6 N'
-        rows.append(Row(case, ratio, error, 3e-14))
-    spectrum = SlidingSpectrum(180)
-    for _ in range(far // 10_000):
-        tension_n = 1e6 + rng.normal(size=10_000)
-        amplitudes = spectrum.add(tension_n)
-    error = _sliding_error(amplitudes[-2000::40], tension_n[-2179:])
-    rows.append(Row(f'after {far} samples, offset 1e6 N', None, error, 3e-14))
-    return Report(
-        'sliding: sliding_spectrum, a window of 180 at every sample',
-        'abs(scipy.fft.rfft(...)) of each window, which does not remove the mean',
-        'as of the spectra, of 50 windows at the end of the signal',
-        rows,
-    )
-
-
-def _sliding_error(amplitudes: Array, tension_n: Array) -> float:
-    exact = _exact_spectrum(np.lib.stride_tricks.sliding_window_view(tension_n, 180)[::40])
-    deviation = np.abs(amplitudes - exact)[:, 1:].max(axis=1)
-    return float((deviation / exact[:, 1:].max(axis=1)).max())
 
 
 # -- regression -------------------------------------------------------------------------

@@ -30,7 +30,6 @@ from rich.table import Table
 
 TOPICS = {
     'spectrum': ('features', 'run_spectrum'),
-    'sliding': ('features', 'run_sliding'),
     'regression': ('features', 'run_regression'),
     'significance': ('significance', 'run_significance'),
     'extractor': ('features', 'run_extractor'),
@@ -89,7 +88,6 @@ answers that differ. Where a bound is stated, exceeding it is a failure.
 EPILOG = """topics (hand, endurance, long_recording, peers, speeds, rest, signals and twins only
 when named):
   spectrum     91 amplitudes of a texture window
-  sliding      91 amplitudes of the window that ends at every sample
   regression   slope, intercept, correlation of a stiffness window
   significance rank-sum tests of all pairs of classes, all features
   extractor    sample blocks and events to windows

@@ -75,7 +75,6 @@ LIBRARIES = {
 
 OPTIONAL = {
     'tactile_classifier': {'onnx', 'skl2onnx', 'vision_msgs'},
-    'tactile_features': {'numba'},
     'tendon_sensor_driver': {'pynetft'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""

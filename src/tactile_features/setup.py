@@ -26,7 +26,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
     ],
     install_requires=['setuptools', 'numpy', 'scipy'],
-    extras_require={'compiled': ['numba'], 'test': ['pytest']},
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     maintainer_email='maintainers@tendon-tactile.example.org',

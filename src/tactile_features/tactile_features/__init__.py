@@ -20,10 +20,9 @@ from tactile_features.extractor import features_from_trials, TrialFeatureExtract
 from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
 from tactile_features.regression import compute_regression
 from tactile_features.signal_phases import find_phases
-from tactile_features.sliding import sliding_spectrum, SlidingSpectrum
 from tactile_features.spatial import compute_spatial, compute_spatial_trials, SpatialWindow
 from tactile_features.spec import FeatureSpec, spec_for
-from tactile_features.spectrum import compile_spectrum, compute_spectrum
+from tactile_features.spectrum import compute_spectrum
 
 __all__ = [
     'FeatureConfig',
@@ -31,19 +30,16 @@ __all__ = [
     'FeatureSpec',
     'FeatureWindow',
     'Outcome',
-    'SlidingSpectrum',
     'SpatialWindow',
     'StrainBlock',
     'TrialEvent',
     'TrialFeatureExtractor',
     'UndefinedFeatureError',
-    'compile_spectrum',
     'compute_regression',
     'compute_spatial',
     'compute_spatial_trials',
     'compute_spectrum',
     'features_from_trials',
     'find_phases',
-    'sliding_spectrum',
     'spec_for',
 ]

@@ -16,16 +16,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib.util import find_spec
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import rfft
 
 from tactile_features.errors import FeatureError
-from tactile_features.spectrum_transform import make_plan, Plan, transform
 
 FloatArray = NDArray[np.float64]
+
+_BLOCK_WINDOWS = 128
+"""Windows at a time, so that they stay in the cache."""
 
 
 def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
@@ -36,27 +36,14 @@ def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
     )
 
 
-# Windows at a time, so that their rows stay in the cache.
-_BLOCK_WINDOWS = 128
-# Energies between which no square has over- or underflowed.
-_LEAST, _MOST = 1e-200, 1e300
-
-# The compiled transforms of this process, by the length of their windows.
-_compiled: dict[int, Callable[[FloatArray], tuple[FloatArray, FloatArray]]] = {}
-
-
 def compute_spectrum(tension_n: ArrayLike) -> FloatArray:
     """Return the single-sided amplitudes of the Fourier components after the mean is removed.
 
     Component ``k`` of ``n`` samples is ``2 / n * |X_k|``, and ``1 / n * |X_k|`` at the Nyquist
     frequency, so that a sine of amplitude A in the middle of bin ``k`` gives A there.
-    The component at 0 Hz of a window without its mean is 0, and is stated as such:
-    its rounding noise would carry no information.
+    The component at 0 Hz is set to 0: without the mean it holds rounding errors only.
 
-    Each window takes the same path whether it comes alone or in a batch, so that
-    both give the same bits. Even lengths without a prime factor above 5, from 8 to 4096,
-    are transformed many at a time, and faster still after `compile_spectrum`; others go one
-    by one through NumPy's transform.
+    A window gives the same bits alone and in a batch.
 
     Parameters
     ----------
@@ -71,7 +58,8 @@ def compute_spectrum(tension_n: ArrayLike) -> FloatArray:
     Raises
     ------
     FeatureError
-        When there are fewer than two samples or a value is not finite.
+        When there are fewer than two samples, a value is not finite, or an amplitude is too
+        large to be represented.
     """
     tension = np.asarray(tension_n, dtype=np.float64)
     if tension.ndim == 0 or tension.shape[-1] < 2:
@@ -80,88 +68,20 @@ def compute_spectrum(tension_n: ArrayLike) -> FloatArray:
         )
     n = tension.shape[-1]
     rows = np.ascontiguousarray(tension).reshape(-1, n)
-    plan = make_plan(n)
-    out = _transform_each(rows) if plan is None else _transform_all(plan, rows)
-    return out.reshape(*tension.shape[:-1], n // 2 + 1)
-
-
-def compile_spectrum(sample_count: int) -> None:
-    """Let `compute_spectrum` take windows of this length through compiled loops from now on.
-
-    The bits stay the same. It is some ten times as fast on a batch and takes seconds to
-    compile the first time on a machine (numba keeps the result), so it pays for
-    hundreds of thousands of windows; a node or a data set does not need it.
-
-    Raises
-    ------
-    FeatureError
-        When numba is not installed, or the length is none that goes many at a time.
-    """
-    plan = make_plan(sample_count)
-    if plan is None:
-        raise FeatureError(f'windows of {sample_count} samples have no compiled spectrum')
-    if find_spec('numba') is None:
-        raise FeatureError('a compiled spectrum needs numba: pip install numba')
-    if sample_count not in _compiled:
-        from tactile_features.compiled_spectrum import compile_transform
-
-        _compiled[sample_count] = compile_transform(plan)
-
-
-def _transform_all(plan: Plan, rows: FloatArray) -> FloatArray:
-    out, energy = _run(plan, rows)
-    doubtful = np.flatnonzero(~((energy > _LEAST) & (energy < _MOST)))
-    if len(doubtful):
-        _check_finite(rows[doubtful])
-        # Divided by a power of two, which costs no digit; constants have no components.
-        peak = np.abs(rows[doubtful]).max(axis=1)
-        exponent = np.frexp(peak)[1][:, None]
-        scaled, _ = _run(plan, np.ldexp(rows[doubtful], -exponent))
-        with np.errstate(over='ignore', under='ignore'):
-            out[doubtful] = np.ldexp(scaled, exponent)
-        _check_represented(out[doubtful])
-    return out
-
-
-def _run(plan: Plan, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    if plan.sample_count in _compiled:
-        return _compiled[plan.sample_count](rows)
-    out, energy = np.empty((len(rows), plan.sample_count // 2 + 1)), np.empty(len(rows))
-    with np.errstate(all='ignore'):
+    amplitude = np.empty((len(rows), n // 2 + 1))
+    with np.errstate(over='ignore', invalid='ignore'):
         for at in range(0, len(rows), _BLOCK_WINDOWS):
             some = slice(at, at + _BLOCK_WINDOWS)
-            out[some], energy[some] = transform(plan, rows[some])
-    return out, energy
-
-
-def _transform_each(rows: FloatArray) -> FloatArray:
-    _check_finite(rows)
-    out = np.empty((len(rows), rows.shape[1] // 2 + 1))
-    for row, amplitude in zip(rows, out, strict=True):
-        amplitude[:] = _transform_one(row)
-    _check_represented(out)
-    return out
-
-
-def _transform_one(tension_n: FloatArray) -> FloatArray:
-    n = len(tension_n)
-    # The difference to the first sample is exact under a large offset; the mean of
-    # the differences then loses nothing to it.
-    with np.errstate(over='ignore', invalid='ignore'):
-        change = tension_n - tension_n[0]
-        change -= change.mean()
-        amplitude: FloatArray = np.abs(np.fft.rfft(change)) * (2.0 / n)
-    amplitude[0] = 0.0
+            # Under a large offset the difference to the first sample is exact.
+            change = rows[some] - rows[some, :1]
+            change -= change.mean(axis=1, keepdims=True)
+            np.abs(rfft(change), out=amplitude[some])
+        amplitude *= 2.0 / n
+    amplitude[:, 0] = 0.0
     if n % 2 == 0:
-        amplitude[-1] /= 2.0
-    return amplitude
-
-
-def _check_finite(rows: FloatArray) -> None:
-    if not np.isfinite(rows).all():
+        amplitude[:, -1] /= 2.0
+    if not np.isfinite(amplitude).all():
+        if np.isfinite(rows).all():
+            raise FeatureError('the tension is too large for its spectrum to be represented')
         raise FeatureError('the tension holds values that are not finite')
-
-
-def _check_represented(amplitudes: FloatArray) -> None:
-    if not np.isfinite(amplitudes).all():
-        raise FeatureError('the tension is too large for its spectrum to be represented')
+    return amplitude.reshape(*tension.shape[:-1], n // 2 + 1)

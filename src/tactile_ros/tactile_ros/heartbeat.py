@@ -39,7 +39,7 @@ class HeartbeatPublisher:
     def __init__(self, node: Node, is_well: Callable[[], bool]) -> None:
         self._node, self._is_well = node, is_well
         self._publisher = node.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
-        # The heart beats by the computer's time, however fast that of a recording passes.
+        # By the clock of the computer, however fast the time of a recording passes.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD_S, self._beat, clock=clock)
 

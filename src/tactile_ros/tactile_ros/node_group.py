@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import faulthandler
 import threading
 import time
 import traceback
@@ -35,6 +36,12 @@ from tactile_ros.signals import hold_signals, ignore_signals
 
 REST_TIMEOUT_S = 3.0
 """How long the end of a process waits for running goals to come to rest."""
+
+PEERS_END_S = 0.4
+"""How much longer than its node the DDS participant of a process stays; see `run_node`."""
+
+PARTICIPANT_ENDS_S = 5.0
+"""How long the end of the process may take then."""
 
 POLL_S = 0.2
 """How often a process asks whether its node has finished its work."""
@@ -182,6 +189,11 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
     activates itself; a node that cannot, or whose callback raises, exits with 1.
     Without, it waits for a lifecycle manager. After a signal the code is 0, whenever it came:
     also while the node was being configured, which is given up then.
+
+    Fast DDS can wait forever when a participant is destroyed while it hears another one end
+    (eProsima/Fast-DDS issue 6513; seen with the wheels of PyPI). The nodes of a launch end
+    together, so the participant stays a moment longer than its node. A process that hangs there
+    all the same is ended with exit code 1. Call this last: the process has 5 s to end after it.
     """
     signals = hold_signals()
     try:
@@ -197,10 +209,13 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
         if is_wanted and not signals.run(node.bring_up, node.ending.set):
             node.take_down()
             return 0 if signals.received else 1
-        with NodeGroup([node], on_end=signals.wake) as group:
-            while not (signals.wait(POLL_S) or group.ended.is_set() or node.is_finished):
-                pass
+        with node.handle:  # the participant lives for as long as the handle is in use
+            with NodeGroup([node], on_end=signals.wake) as group:
+                while not (signals.wait(POLL_S) or group.ended.is_set() or node.is_finished):
+                    pass
+            time.sleep(PEERS_END_S)
         return 1 if group.error or node.has_failed else 0
     finally:
+        faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True)
         rclpy.try_shutdown()
         ignore_signals()

@@ -23,6 +23,7 @@ pytest.importorskip(
 )
 pytest.importorskip('skl2onnx', reason='skl2onnx, which models are trained with, is not installed')
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import launch_testing
 import launch_testing.asserts
 import launch_testing.markers
@@ -56,7 +57,7 @@ def generate_test_description():
 
 class TestHold(unittest.TestCase):
     def test_each_finger_answers_for_itself(self):
-        topics = {}
+        topics = {'/diagnostics': DiagnosticArray}
         for finger in FINGERS:
             topics[f'left/{finger}/tendon_sensor/strain'] = StrainBlock
             topics[f'left/{finger}/{CLASSIFIER}/classification'] = Classification
@@ -76,13 +77,16 @@ class TestHold(unittest.TestCase):
             TrialEvent, f'left/{finger}/trial_runner/events', EVENTS
         )
         wait_for(lambda: strain, lambda: f'no samples of {finger}')
-        # The window must not begin before the feature node, too, hears the sensor.
-        topic = f'/left/{finger}/tendon_sensor/strain'
+        # A window that begins before the feature node hears the sensor is refused.
+        features = f'left/{finger}/tactile_features'
         wait_for(
-            lambda: ear.node.count_subscribers(topic) >= 2, lambda: f'nobody else hears {topic}'
+            lambda: any(
+                features in status.name and status.level == DiagnosticStatus.OK
+                for array in ear.heard['/diagnostics']
+                for status in array.status
+            ),
+            lambda: f'{features} hears no samples',
         )
-        heard = len(strain)
-        wait_for(lambda: len(strain) > heard + 30, lambda: f'no samples of {finger}')
         start_ns = Time.from_msg(strain[-1].header.stamp).nanoseconds
         for phase, after_ns in (('hold', 0), ('release', HOLD_NS), ('done', HOLD_NS + 1)):
             event = TrialEvent(

@@ -18,9 +18,8 @@ from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
 
-from tactile_features import compile_spectrum, compute_spectrum, FeatureError
+from tactile_features import compute_spectrum, FeatureError
 from tactile_features.spectrum import spectrum_names
-from tactile_features.spectrum_transform import make_plan, transform
 
 PI = np.longdouble('3.14159265358979323846264338327950288')
 
@@ -142,20 +141,11 @@ def test_names_give_the_frequency():
     assert names[-1] == 'tension__spectrum__hz_30.000'
 
 
-OURS = [8, 10, 12, 18, 20, 60, 128, 150, 180, 300, 960]
-
-
-@pytest.mark.parametrize('n', OURS)
+@pytest.mark.parametrize('n', [8, 10, 12, 18, 61, 127, 180, 300, 960, 1009])
 @pytest.mark.parametrize('offset', [0.0, 1e6])
-def test_error_is_within_1e_15_of_the_largest_component(n, offset):
-    assert make_plan(n) is not None
+def test_error_is_within_2e_15_of_the_largest_component(n, offset):
     rng = np.random.default_rng(n)
-    assert_close_to_reference(offset + rng.normal(size=n), 1e-15)
-
-
-@pytest.mark.parametrize('n', [6, 14, 179, 181, 182, 8192])
-def test_other_lengths_have_no_plan(n):
-    assert make_plan(n) is None
+    assert_close_to_reference(offset + rng.normal(size=n), 2e-15)
 
 
 @pytest.mark.parametrize('rows', [1, 15, 64, 65, 200])
@@ -164,17 +154,6 @@ def test_the_place_in_a_large_batch_changes_no_bit(rows):
     whole = compute_spectrum(x)
     for start, stop in ((0, 1), (rows - 1, rows), (rows // 3, rows)):
         assert compute_spectrum(x[start:stop]).tobytes() == whole[start:stop].tobytes()
-
-
-def test_compiled_and_plain_transform_give_the_same_bits():
-    pytest.importorskip('numba', reason='numba compiles the transform, and is not installed')
-    from tactile_features.compiled_spectrum import compile_transform
-
-    plan = make_plan(180)
-    compiled = compile_transform(plan)
-    x = 1e3 + np.random.default_rng(9).normal(size=(37, 180))
-    for some in (x[:1], x[:16], x):
-        assert compiled(some)[0].tobytes() == transform(plan, some)[0].tobytes()
 
 
 @pytest.mark.parametrize('scale', [1e-300, 1e-160, 1e150, 1e300])
@@ -190,18 +169,3 @@ def test_one_bad_window_of_a_batch_is_refused():
     x[70, 3] = np.inf
     with pytest.raises(FeatureError, match='not finite'):
         compute_spectrum(x)
-
-
-def test_after_compiling_the_same_bits_come_out():
-    pytest.importorskip('numba', reason='numba compiles the transform, and is not installed')
-    x = 5.0 + np.random.default_rng(11).normal(size=(40, 180))
-    x[3] = 4.0  # a constant and an extreme window take the careful path
-    x[4] *= 1e-300
-    before = compute_spectrum(x)
-    compile_spectrum(180)
-    assert compute_spectrum(x).tobytes() == before.tobytes()
-
-
-def test_only_lengths_with_a_plan_are_compiled():
-    with pytest.raises(FeatureError, match='181 samples'):
-        compile_spectrum(181)
