@@ -23,6 +23,7 @@ import time
 import pytest
 
 PROGRAM = """
+import ctypes
 import sys
 import time
 from dataclasses import dataclass, field
@@ -59,7 +60,10 @@ class Node(TactileNode):
     def tear_down(self):
         print('torn down', flush=True)
 
-sys.exit(run_node(Node))
+code = run_node(Node)
+if 'hanging' in sys.argv:
+    ctypes.PyDLL(None).sleep(60)  # with the interpreter's lock held, as Fast DDS does
+sys.exit(code)
 """
 
 
@@ -138,3 +142,13 @@ def test_a_second_signal_does_not_change_the_exit_code():
         time.sleep(0.001)
     _, errors = process.communicate(timeout=10)
     assert process.returncode == 0, errors
+
+
+def test_a_process_that_hangs_after_its_node_is_ended_with_one():
+    process = start('hanging')
+    assert process.stdout.readline().strip() == 'started'
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert output.strip() == 'torn down'
+    assert 'Timeout' in errors  # and a traceback of where it hangs
