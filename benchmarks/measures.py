@@ -29,8 +29,6 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures_pitch import find_ripple
 from tactile_features.measures_press import (
-    calibrate_presses,
-    find_object_stiffness,
     measure_press,
     measure_relaxation,
     Press,
@@ -44,14 +42,11 @@ SEED = 1000
 PRESS_SEED = 3000
 """Apart from seed 1000, too: on that one the search for the touch was corrected."""
 
-CALIBRATION_SEED = 2000
 SESSIONS = 3
 SPEED_UNCERTAINTY = 0.005
 WINDOW_M, CROP_M = 0.045, 0.009
 SLOW_PULL_M_S = 0.003
 PLATES = ('F', 'R1', 'R2', 'R3', 'T1', 'T2', 'C1', 'C2')
-SHORT_TIME_N_M = {'pla': math.inf, 'solid_rubber': 4500.0, 'rubber_shell': 1000.0, 'sponge': 300.0}
-"""All springs of an object together: a pull lasts a tenth of a second."""
 
 Pair = tuple[Value, float]
 
@@ -116,21 +111,16 @@ def run_press(quick: bool) -> Report:
     ):
         config = TrialConfig(simulated=True, pull_speed_m_s=speed_m_s)
         for contact in CONTACTS:
-            calibration = _calibrate(contact, config, count, rate_hz)
             for label in default_catalogue().labels('stiffness'):
                 rows += _run_object(
                     f'{name}: {label}, {contact}',
                     _simulate_presses(contact, config, label, count, PRESS_SEED, rate_hz),
-                    label,
                     config,
-                    calibration,
                 )
     return Report(
         'press: SIMULATED presses, 3 sessions',
         'none: the table is about answers',
-        'root mean square, against the same trial without noise (contact, relaxation) or the '
-        'springs of the object (object; calibrated on PLA and sponge of other seeds); '
-        'within: as above',
+        'root mean square, against the same trial without noise; within: as above',
         rows,
     )
 
@@ -165,27 +155,13 @@ def _press_one(grips: Grips, trial: int, speed_m_s: float) -> Press | None:
         return None
 
 
-def _calibrate(contact: str, config: TrialConfig, count: int, rate_hz: float) -> Any:
-    presses, springs = [], []
-    for label in ('pla', 'sponge'):
-        sessions = _simulate_presses(contact, config, label, count, CALIBRATION_SEED, rate_hz)
-        good = [p for p in _press_all(sessions, config.pull_speed_m_s) if p]
-        presses += good
-        springs += [SHORT_TIME_N_M[label]] * len(good)
-    return calibrate_presses(presses, springs) if len(set(springs)) > 1 else None
-
-
 def _run_object(
     case: str,
     sessions: list[tuple[Grips, Grips]],
-    label: str,
     config: TrialConfig,
-    calibration: Any,
 ) -> list[Row]:
     contact: list[Pair] = []
     relaxation: list[Pair] = []
-    objects: list[Pair] = []
-    too_stiff = 0
     presses = iter(_press_all(sessions, config.pull_speed_m_s))
     trials = 0
     for grips, truth in sessions:
@@ -194,29 +170,18 @@ def _run_object(
         for trial in range(len(grips.tension_n)):
             trials += 1
             press = next(presses)
-            factor = float(grips.variation.object_stiffness[trial])
             if press is not None:
                 true_n_m = _find_true_rise(truth, trial, config.pull_speed_m_s)
                 contact.append((press.contact, true_n_m))
-            if press is not None and calibration is not None:
-                try:
-                    value = find_object_stiffness(press, calibration)
-                    objects.append((value, factor * SHORT_TIME_N_M[label]))
-                except UndefinedFeatureError:
-                    too_stiff += 1
             try:
                 value = measure_relaxation(*grips.cut(trial, *held))
                 relaxation.append((value, _find_true_time(truth, trial, held)))
             except UndefinedFeatureError:
                 pass
-    rows = [
+    return [
         Row(f'{case}: contact N/m', more=_summarise(contact, trials, 0)),
         Row(f'{case}: relaxation s', more=_summarise(relaxation, trials, 3)),
     ]
-    if label in ('solid_rubber', 'rubber_shell', 'sponge'):
-        more = _summarise(objects, trials, 0) | {'too stiff': str(too_stiff)}
-        rows.append(Row(f'{case}: object N/m', more=more))
-    return rows
 
 
 def _find_true_rise(truth: Grips, trial: int, speed_m_s: float) -> float:

@@ -16,14 +16,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.errors import UndefinedFeatureError
 
 FloatArray = NDArray[np.float64]
 
@@ -62,24 +61,6 @@ class Press(NamedTuple):
 
     free: Value
     contact: Value
-
-
-class PressCalibration(NamedTuple):
-    """What a finger's geometry makes of an object's stiffness; see `find_object_stiffness`.
-
-    Attributes
-    ----------
-    blocked : float
-        Slope on a rigid object over the free slope [1].
-    fingertip : float
-        Stiffness that the fingertip has while the tendon is held, over the free slope [1].
-    scatter : float
-        Relative standard deviation of the rise from press to press: place, friction [1].
-    """
-
-    blocked: float
-    fingertip: float
-    scatter: float
 
 
 def measure_press(elapsed_s: FloatArray, tension_n: FloatArray, speed_m_s: float) -> Press:
@@ -169,65 +150,6 @@ def _find_touch(elapsed_s: FloatArray, tension_n: FloatArray, most_n: float) -> 
         if above[-1] > _KINK_SHARE * most_n and (above > _KINK_SIGMAS * spread).all():
             return here
     return n
-
-
-def find_object_stiffness(press: Press, calibration: PressCalibration) -> Value:
-    """Return the stiffness under the fingertip, the fingertip's own in series [N/m].
-
-    For any linear finger, tension T and tip force F follow from tendon displacement d and tip
-    travel z as T = A d - B z, F = B d - C z (reciprocity). Against a spring k the slope is
-    s = A - B^2 / (C + k), so
-
-        k = C (s - s_free) / (s_blocked - s).
-
-    C and s_blocked scale with the finger's stiffness, as s_free does, which the same
-    pull measures: their ratios are geometry.
-
-    Raises
-    ------
-    UndefinedFeatureError
-        When the slope cannot be told from that on a rigid object.
-    """
-    (free, free_u), (rise, rise_u) = press
-    share = rise / ((calibration.blocked - 1) * free)
-    share_u = share * math.hypot(rise_u / rise, free_u / free, calibration.scatter)
-    if share + 2 * share_u >= 1:
-        raise UndefinedFeatureError(
-            'the object is too stiff for this finger: its slope is that on a rigid one'
-        )
-    scale = calibration.fingertip * free
-    value = scale * share / (1 - share)
-    spread = scale * share_u / (1 - share) ** 2
-    return Value(value, math.hypot(spread, value * free_u / free))
-
-
-def calibrate_presses(
-    presses: Sequence[Press], stiffnesses_n_m: Sequence[float]
-) -> PressCalibration:
-    """Return the calibration from presses on springs of known stiffness [N/m].
-
-    Each press gives free / rise = (1 + fingertip free / k) / (blocked - 1): a straight line
-    in free / k, fitted by least squares. A rigid object has k = inf. Several presses on each
-    spring tell how far they scatter.
-
-    Raises
-    ------
-    FeatureError
-        When there are not two different stiffnesses, or they do not make a finger.
-    """
-    softness = np.array([p.free.value / k for p, k in zip(presses, stiffnesses_n_m, strict=True)])
-    answer = np.array([p.free.value / p.contact.value for p in presses])
-    spread = softness - softness.mean() if len(softness) else softness
-    if not np.any(np.abs(spread) > 1e-9):
-        raise FeatureError('a calibration needs presses on at least two different stiffnesses')
-    slope = float(np.sum(spread * answer) / np.sum(spread * spread))
-    level = float(answer.mean() - slope * softness.mean())
-    if not (slope > 0 and level > 0):
-        raise FeatureError('the slope does not rise with the stiffness of the springs')
-    line = level + slope * softness
-    squares = float(np.sum((answer / line - 1) ** 2))
-    scatter = math.sqrt(squares / max(len(answer) - 2, 1))
-    return PressCalibration(1 + 1 / level, slope / level, scatter)
 
 
 def measure_relaxation(elapsed_s: FloatArray, tension_n: FloatArray) -> Value:

@@ -21,16 +21,11 @@ import numpy as np
 import pytest
 
 from tactile_features import FeatureConfig, StrainBlock, TrialEvent, TrialFeatureExtractor
-from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures_pitch import find_ripple
 from tactile_features.measures_press import (
-    calibrate_presses,
-    find_object_stiffness,
     measure_press,
     measure_relaxation,
-    Press,
-    PressCalibration,
-    Value,
 )
 
 RATE_HZ = 60.0
@@ -121,43 +116,6 @@ def test_nothing_is_touched_in_a_free_pull():
 def test_a_touch_too_late_for_a_slope_is_said():
     with pytest.raises(UndefinedFeatureError, match='pull more slowly or sample faster'):
         measure_press(*pull(touch_s=1.25, rise_n_m=30_000.0))
-
-
-def make_press(stiffness_n_m, free_n_m=2000.0, blocked=3.0, fingertip=0.05):
-    """What a linear finger answers to a spring."""
-    share = 1.0 / (1.0 + fingertip * free_n_m / stiffness_n_m)
-    rise = (blocked - 1) * free_n_m * share
-    return Press(Value(free_n_m, 1.0), Value(rise, 10.0))
-
-
-def test_a_calibrated_finger_tells_a_third_spring():
-    calibration = calibrate_presses([make_press(100.0), make_press(np.inf)], [100.0, np.inf])
-    assert calibration == pytest.approx(PressCalibration(3.0, 0.05, 0.0))
-    # A stiffer finger, as on a cold day, measures the same object.
-    value = find_object_stiffness(make_press(250.0, free_n_m=2200.0), calibration)
-    assert value.value == pytest.approx(250.0)
-    assert value.standard_uncertainty > 0.0
-
-
-def test_presses_that_scatter_are_less_certain():
-    presses = [make_press(100.0, blocked=b) for b in (2.9, 3.1)] + [make_press(np.inf)] * 2
-    calibration = calibrate_presses(presses, [100.0, 100.0, np.inf, np.inf])
-    exact = calibration._replace(scatter=0.0)
-    press = make_press(250.0)
-    loose = find_object_stiffness(press, calibration).standard_uncertainty
-    assert 0.03 < calibration.scatter < 0.1
-    assert loose > 2 * find_object_stiffness(press, exact).standard_uncertainty
-
-
-def test_a_rigid_object_is_too_stiff_to_be_told():
-    calibration = PressCalibration(3.0, 0.05, 0.0)
-    with pytest.raises(UndefinedFeatureError, match='too stiff'):
-        find_object_stiffness(make_press(1e6), calibration)
-
-
-def test_a_calibration_needs_two_springs():
-    with pytest.raises(FeatureError, match='two different'):
-        calibrate_presses([make_press(100.0), make_press(100.0)], [100.0, 100.0])
 
 
 @pytest.mark.parametrize('time_s', [0.8, 2.0, 3.8])
