@@ -104,16 +104,6 @@ def describe_hardware_error(word: int) -> str:
     return ' and '.join(names)
 
 
-def to_signed(value: int, size: int) -> int:
-    """Return the two's complement value of an unsigned integer of ``size`` bytes."""
-    return int.from_bytes(value.to_bytes(size, 'little'), 'little', signed=True)
-
-
-def to_unsigned(value: int, size: int) -> int:
-    """Return the unsigned integer with the bits of a signed one of ``size`` bytes."""
-    return int.from_bytes(value.to_bytes(size, 'little', signed=True), 'little')
-
-
 def decode_register(register: Register, block: bytes, block_address: int) -> int:
     """Return one register's value from a block read at ``block_address``.
 

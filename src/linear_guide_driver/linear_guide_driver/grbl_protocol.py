@@ -27,9 +27,7 @@ from linear_guide_driver.grbl_codes import describe_alarm, describe_error, STATE
 
 STATUS_QUERY = b'?'
 FEED_HOLD = b'!'
-CYCLE_START = b'~'
 SOFT_RESET = b'\x18'
-JOG_CANCEL = b'\x85'
 FEED_OVERRIDE_RESET = b'\x90'
 """Real-time bytes: no newline, acted on at once, even in the middle of a line."""
 
@@ -145,11 +143,6 @@ def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
         Speed [mm/min].
     """
     return f'G53 G1 X{mpos_mm:.3f} F{feed_mm_min:.3f}\n'.encode()
-
-
-def encode_jog(mpos_mm: float, feed_mm_min: float) -> bytes:
-    """Return a jog of the X axis to a machine position [mm] at a feed [mm/min]."""
-    return f'$J=G53 G21 X{mpos_mm:.3f} F{feed_mm_min:.3f}\n'.encode()
 
 
 def encode_dwell(seconds: float = 0.01) -> bytes:

@@ -199,10 +199,6 @@ class TactileModel:
         answer, scores, *novelty = found
         return Answers(answer[:, 0], scores, novelty[0][:, 0] if novelty else np.empty(0))
 
-    def compute_scores(self, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Return the scores of many whole windows, shape (windows, labels); see `compute`."""
-        return self.compute(values).scores
-
     def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> list[str]:
         """Return the answers for many windows; arguments as in `compute`."""
         return [self.labels[i] for i in self.compute(values, sample_count).answer]

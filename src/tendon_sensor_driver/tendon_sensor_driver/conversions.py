@@ -54,20 +54,6 @@ def to_strain_msg(block: Block, frame_id: str) -> Any:
     return message
 
 
-def from_strain_msg(message: Any) -> Block:
-    """Return what `to_strain_msg` was given, from a message of rclpy or of rosbags."""
-    stamp = message.header.stamp
-    return Block(
-        stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
-        sequence=int(message.sequence),
-        period_ns=int(message.period_ns),
-        tension_n=np.array(message.tension_n, dtype=np.float64),
-        lost_before=int(message.lost_before),
-        stamp_error_s=float(message.stamp_error_s),
-        status=StrainStatus(message.status),
-    )
-
-
 def to_wrench_msg(block: Block, frame_id: str, axis: str = 'fx', scale: float = 1.0) -> Any:
     """Return the block's last sample as ``geometry_msgs/WrenchStamped``, the tension along +x.
 

@@ -355,7 +355,8 @@ class TendonSafety:
 
     def _find_loss(self, is_slack: bool, now_ns: int) -> str:
         """Return what a taut tendon, or a pull that winds in, lacks; empty when nothing."""
-        if not self._winds_in and (is_slack or self._pull is not None):
+        lets_out = self._pull is not None and self._ending is None
+        if not self._winds_in and (is_slack or lets_out):
             return ''  # a slack tendon needs nothing, and letting out goes on
         needs_samples = self._needs_samples(self._pull or Pull(0.0))
         return find_silence(self._watchdogs, now_ns) or (

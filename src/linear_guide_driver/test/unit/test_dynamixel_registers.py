@@ -23,14 +23,6 @@ from linear_guide_driver import dynamixel_registers as registers
 RADII = st.floats(0.001, 0.1)
 
 
-@given(st.sampled_from([1, 2, 4]), st.data())
-def test_signed_and_unsigned_are_inverse(size, data):
-    value = data.draw(st.integers(-(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1))
-    raw = registers.to_unsigned(value, size)
-    assert 0 <= raw < 2 ** (8 * size)
-    assert registers.to_signed(raw, size) == value
-
-
 @given(st.integers(-1_048_575, 1_048_575), RADII)
 def test_counts_survive_metres(counts, radius_m):
     assert registers.m_to_counts(registers.counts_to_m(counts, radius_m), radius_m) == counts

@@ -147,6 +147,16 @@ def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
     assert safety.decide(TAUT_M, 2251 * MS) is Order.RELEASE
 
 
+def test_letting_out_that_was_stopped_needs_samples_as_any_taut_tendon_does(safety):
+    hold_taut(safety)
+    safety.admit(Pull(0.0), TAUT_M, 0)
+    assert safety.decide(TAUT_M, 1000 * MS) is Order.FOLLOW
+    safety.stop()
+    assert safety.decide(TAUT_M, 1001 * MS) is Order.HOLD  # the goal itself has not ended yet
+    assert 'No valid strain sample' in safety.reason
+    assert safety.decide(TAUT_M, 3001 * MS) is Order.RELEASE
+
+
 def test_a_fresh_pull_within_the_holding_time_keeps_the_tendon(safety):
     hold_taut(safety)
     assert safety.decide(TAUT_M, 300 * MS) is Order.HOLD

@@ -35,15 +35,6 @@ def tell_interval(interval: Interval) -> str:
     return f'{100 * interval.low:.1f} to {100 * interval.high:.1f}'
 
 
-def tell_difference(interval: Interval) -> str:
-    """Return an interval of a difference in points."""
-    return (
-        'no spread'
-        if interval.reason
-        else f'{100 * interval.low:+.1f} to {100 * interval.high:+.1f}'
-    )
-
-
 def tell_score(score: Score) -> str:
     """Return a score in one line: classifier, scaling, accuracy."""
     return (

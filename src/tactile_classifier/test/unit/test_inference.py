@@ -125,6 +125,6 @@ def test_accepts_its_own_feature_set_and_contact(model, make_window):
 
 
 def test_one_window_alone_scores_as_in_a_batch(model, small_table):
-    batch = model.compute_scores(small_table.values)
-    alone = np.concatenate([model.compute_scores(row[np.newaxis]) for row in small_table.values])
+    batch = model.compute(small_table.values).scores
+    alone = np.concatenate([model.compute(row[np.newaxis]).scores for row in small_table.values])
     np.testing.assert_allclose(alone, batch, rtol=0, atol=1e-12)

@@ -61,7 +61,7 @@ def test_model_file_answers_as_scikit_learn_does(request, tmp_path, table, class
     rng = np.random.default_rng(5)
     size = table.values.std(axis=0)
     for values in (table.values, table.values + rng.normal(size=table.values.shape) * size / 3):
-        scores = model.compute_scores(values)
+        scores = model.compute(values).scores
         np.testing.assert_allclose(scores, expected_scores(trained, values), atol=1e-12, rtol=0)
         np.testing.assert_array_equal(model.predict(values), trained.estimator.predict(values))
 
@@ -71,7 +71,7 @@ def test_two_classes(small_table, tmp_path, classifier):
     table = small_table.take(small_table.labels != 'plate 2')
     trained = train(table, classifier)
     model = write_model(tmp_path / 'm.onnx', trained)
-    scores = model.compute_scores(table.values)
+    scores = model.compute(table.values).scores
     np.testing.assert_allclose(scores, expected_scores(trained, table.values), atol=1e-12, rtol=0)
     assert scores.shape == (24, 2)
 
@@ -90,7 +90,7 @@ def test_features_far_from_zero_keep_double_precision(
     np.testing.assert_array_equal(model.predict(between), trained.estimator.predict(between))
     # A linear kernel of 1e12 costs four digits in scikit-learn as well.
     expected = expected_scores(trained, between)
-    np.testing.assert_allclose(model.compute_scores(between), expected, atol=1e-2)
+    np.testing.assert_allclose(model.compute(between).scores, expected, atol=1e-2)
 
 
 def test_many_windows_of_many_trials_fit_into_the_memory_limit(small_table, tmp_path):
