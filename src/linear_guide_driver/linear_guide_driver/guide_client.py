@@ -93,7 +93,8 @@ class LinearGuideClient:
         self._gate = MotionGate('guide')
         self.last_move: MotionSummary | None = None
         self._direction = self.late_moves = 0
-        self._last: tuple[grbl.StatusReport, int] | None = None  # and when it came [ns]
+        # When it came, by the node's clock and by the monotonic one [ns].
+        self._last: tuple[grbl.StatusReport, int, int] | None = None
         self._trouble = NOT_HOMED
 
     # -- what is known -------------------------------------------------------------------
@@ -101,7 +102,7 @@ class LinearGuideClient:
     @property
     def state(self) -> GuideState | None:
         """The last state; None before the first report."""
-        return None if self._last is None else self._to_state(*self._last)
+        return None if self._last is None else self._to_state(*self._last[:2])
 
     @property
     def trouble(self) -> str:
@@ -345,13 +346,15 @@ class LinearGuideClient:
         return state.position_m
 
     def _watch(self, on_state: Callable[[GuideState], None], track: MotionTrack) -> None:
-        state = self.state
-        if state is None or self._gate.is_stopping:  # a stop begins with a hold of our own
+        last = self._last
+        if last is None or self._gate.is_stopping:  # a stop begins with a hold of our own
             return
+        report, received_at_ns, arrived_at_ns = last
+        state = self._to_state(report, received_at_ns)
         if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
             raise MotionFailedError(f'the controller went to {state.state} by itself')
         if state.position_m is not None:
-            track.add(state.received_at_ns, state.position_m)
+            track.add(arrived_at_ns, state.position_m)
         on_state(state)
 
     def _come_to_rest(self, connection: GrblConnection, target_m: float) -> NoReturn:
@@ -382,9 +385,9 @@ class LinearGuideClient:
     def _on_report(self, report: grbl.StatusReport) -> None:
         if report.state == 'Alarm':
             self._on_fault('the controller is locked in Alarm')
-        self._last = (report, self._clock_ns())
+        self._last = (report, self._clock_ns(), time.monotonic_ns())
         try:
-            self._on_state(self._to_state(*self._last))
+            self._on_state(self._to_state(*self._last[:2]))
         except Exception:  # the reader must outlive it: it sees alarms and answers
             _logger.exception('the consumer of the guide states failed')
 

@@ -35,7 +35,7 @@ from linear_guide_driver.errors import (
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.safety.pull import Pull
-from linear_guide_driver.safety.tendon_safety import Ending, Order, TendonSafety, Zero
+from linear_guide_driver.safety.tendon_safety import Ending, Order, State, TendonSafety, Zero
 from linear_guide_driver.servo_monitor import describe_watchdog, ServoMonitor
 from linear_guide_driver.tendon_servo import TendonServo
 from linear_guide_driver.tendon_setup import open_servo
@@ -144,7 +144,7 @@ class ServoGoals:
             )
         else:
             self._safety.set_zero(Zero.UNCONFIRMED)
-        if setup.was_held:
+        if setup.is_zero_kept:
             _logger.warning(RESTARTED)
             self._safety.release(RESTARTED)
         self._servo = TendonServo(bus, self._config)
@@ -164,8 +164,8 @@ class ServoGoals:
         bus = servo.bus
         with bus.lock:
             self._number += 1  # ends a running pull
-            self._servo = None
         monitor.close()
+        self._servo = None
         with suppress(LinearGuideDriverError):
             bus.write(registers.TORQUE_ENABLE, 0)
             bus.write(registers.BUS_WATCHDOG, 0)
@@ -203,8 +203,8 @@ class ServoGoals:
             if self._safety.decide(start_m, now_ns) is Order.FOLLOW:
                 goal_m = start_m if pull.target_tension_n else pull.displacement_m
                 velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
+                self._applied = Order.FOLLOW  # also if only the servo's answer is lost
                 self._write(servo, lambda: servo.write_goal(goal_m, velocity))
-                self._applied = Order.FOLLOW
             else:
                 self._carry_out(servo, start_m)
             return self._number, start_m
@@ -224,18 +224,25 @@ class ServoGoals:
         ending = self._safety.ending
         if ending is not None:
             self.supervise()  # before the pull is forgotten
-            if ending is Ending.REACHED:
+            if ending is Ending.REACHED and self._safety.state is not State.RELEASING:
                 return self.state
             error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
             raise error(f'{self.describe_end(target)} {self._safety.reason}')
         if should_stop():
-            self.hold_here()
-            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}')
+            self._stop_goal(number)
+            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
         if monitor.trouble:
             raise MotionFailedError(f'The pull failed: {monitor.trouble}.')
         if number != self._number:
-            raise MotionStoppedError(self.describe_end(target))
+            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
         return state
+
+    def _stop_goal(self, number: int) -> None:
+        """Hold the tendon where it is, unless a later command, as a release, is in force."""
+        servo, _ = self._require_sound()
+        with servo.bus.lock:
+            if number == self._number:
+                self.hold_here()
 
     def follow(self, number: int, displacement_m: float) -> bool:
         """Shift a goal that is still in force; return whether it is."""
@@ -245,7 +252,7 @@ class ServoGoals:
         with servo.bus.lock:
             if number != self._number:
                 return False
-            servo.write_goal(displacement_m)
+            self._write_unlocked(servo, lambda: servo.write_goal(displacement_m))
             return True
 
     def hold(self, number: int) -> None:
@@ -274,7 +281,13 @@ class ServoGoals:
         self._command(lambda: self._safety.release(reason), Order.RELEASE)
 
     def supervise(self) -> None:
-        """Carry out what safety orders now; the next poll tries again what fails."""
+        """Carry out what safety orders now; the next poll tries again what fails.
+
+        A silent servo is left alone: a question that it hears would feed its bus watchdog,
+        which is what stops it.
+        """
+        if self.trouble:
+            return
         with suppress(LinearGuideDriverError):
             servo, _ = self._require_sound()
             with servo.bus.lock:
@@ -312,6 +325,8 @@ class ServoGoals:
             self.request_release('The driver is closed: the tendon is let out.')
             while time.monotonic() < deadline_s:
                 state = monitor.wait_poll(POLL_WAIT_S)
+                if monitor.trouble:
+                    break
                 if state and self._safety.is_slack(state.displacement_m, time.monotonic_ns()):
                     return
         except LinearGuideDriverError as error:
@@ -343,7 +358,8 @@ class ServoGoals:
         servo, _ = self._require_connection()
         state = servo.to_state(polled, self._clock_ns())
         if polled.is_torque_on and not polled.hardware_error:
-            if polled.watchdog == registers.WATCHDOG_TRIPPED:
+            # Off: a command that sets it anew was cut off half way.
+            if polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF):
                 self._recover(servo)
             self._carry_out(servo, state.displacement_m)
         return state
@@ -365,7 +381,7 @@ class ServoGoals:
         if order is not self._applied:
             self._apply(servo, order)
             if order is not Order.FOLLOW and self._safety.is_alarm:
-                self._on_trouble(self._safety.reason)
+                self.monitor.tell_trouble(self._safety.reason)
         return order
 
     def _apply(self, servo: TendonServo, order: Order) -> None:
@@ -374,6 +390,8 @@ class ServoGoals:
         elif order is Order.RELEASE:
             slack_m, velocity = self._safety.slack_m, self._velocity_limit
             self._write(servo, lambda: servo.write_goal(slack_m, velocity))
+        elif self._applied is Order.RELEASE and self._safety.zero is Zero.UNKNOWN:
+            self._write(servo, servo.write_hold)  # slack by the sensor, before the goal
         self._applied = order
 
     def _recover(self, servo: TendonServo) -> None:
@@ -381,13 +399,19 @@ class ServoGoals:
         self.recoveries += 1
         if self._safety.is_pulling:
             self._safety.lose(f'{describe_watchdog(self._config)}.', time.monotonic_ns())
+            self._number += 1  # a tension that is kept goes on being kept
         servo.unlock()
-        self._number += 1
         self._applied = Order.FOLLOW  # so that the present order is written again
 
     def _write(self, servo: TendonServo, write: Callable[[], None]) -> None:
-        """Write a goal, also when the watchdog has acted since the last poll."""
+        """Write the goal of a new command."""
         self._number += 1
+        self._write_unlocked(servo, write)
+        if self.monitor.trouble:  # a fresh command was heard, so the silence is over
+            self.monitor.clear()
+
+    def _write_unlocked(self, servo: TendonServo, write: Callable[[], None]) -> None:
+        """Write a goal, also when the watchdog has acted since the last poll."""
         try:
             write()
         except DeviceRefusedError:
@@ -396,5 +420,3 @@ class ServoGoals:
             self.recoveries += 1
             servo.unlock()
             write()
-        if self.monitor.trouble:  # a fresh command was heard, so the silence is over
-            self.monitor.clear()

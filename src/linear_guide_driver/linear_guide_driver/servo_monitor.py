@@ -26,7 +26,7 @@ import time
 
 from linear_guide_driver import dynamixel_registers as registers
 from linear_guide_driver.dynamixel_bus import DynamixelBus, SilentServoError
-from linear_guide_driver.errors import LinearGuideDriverError
+from linear_guide_driver.errors import DeviceRefusedError, LinearGuideDriverError
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
 
 SILENT_POLLS = 5
@@ -34,6 +34,9 @@ SILENT_POLLS = 5
 
 Fewer ended pulls on a busy host, where an answer can be late three times in a row.
 """
+
+REFUSED_POLLS = 3
+"""Polls in a row that the servo refuses after which the driver gives up."""
 
 _logger = logging.getLogger(__name__)
 
@@ -128,7 +131,7 @@ class ServoMonitor:
     def _poll(self) -> None:
         period_s = 1.0 / self._config.poll_rate_hz
         due_s = time.monotonic()
-        silent_polls = 0
+        silent_polls = refused_polls = 0
         while not self._closing.wait(max(0.0, due_s - time.monotonic())):
             due_s = max(due_s + period_s, time.monotonic())
             state = None
@@ -136,7 +139,7 @@ class ServoMonitor:
                 with self._bus.lock:  # no command comes between a state and its judgement
                     block = self._bus.read_block(registers.STATE_BLOCK)
                     state = self._take(registers.decode_state(block))
-                silent_polls = 0
+                silent_polls = refused_polls = 0
             except SilentServoError as error:
                 silent_polls += 1
                 if silent_polls == SILENT_POLLS:
@@ -150,10 +153,18 @@ class ServoMonitor:
                             2 * self._config.watchdog_s,
                         )
             except LinearGuideDriverError as error:
+                # One damaged packet makes the servo refuse a question; several are a fault.
+                refused_polls += 1
+                if refused_polls < REFUSED_POLLS and isinstance(error, DeviceRefusedError):
+                    continue
                 self.fail(str(error), needs_connect=True)
                 return
             if state is not None:
                 self._tell(self._on_state, state)
+
+    def tell_trouble(self, reason: str) -> None:
+        """Pass a reason on to ``on_trouble``, whose own faults end nothing."""
+        self._tell(self._on_trouble, reason)
 
     def _take(self, servo: registers.ServoState) -> TendonState:
         if servo.hardware_error:

@@ -92,7 +92,7 @@ class TendonActuatorNode(TactileNode):
                 '~/pull',
                 self._pull,
                 accepting=self._accepting,
-                preempts=lambda request: request.displacement_m == 0.0,
+                preempts=lambda request: not (request.displacement_m or request.target_tension_n),
             ),
             GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self._accepting),
         ]
@@ -180,7 +180,7 @@ class TendonActuatorNode(TactileNode):
                 stop_tension_n=request.stop_tension_n,
             )
             if client.safety.ending is Ending.REACHED:
-                message = f'{client.safety.reason} The tendon is held there.'
+                message = f'The tension reached {client.safety.tension_n:.2f} N; it is held.'
                 return PullTendon.Result(message=message, stopped_by_tension=True, **rest())
             message = f'The tendon rests at {state.displacement_m:.4f} m.'
             return PullTendon.Result(message=message, **rest())
@@ -327,7 +327,7 @@ class TendonActuatorNode(TactileNode):
         if client.trouble:
             return Health(ERROR, client.trouble, values)
         if safety.is_alarm or safety.zero is Zero.UNKNOWN:
-            return Health(WARN, safety.reason or self._find_missing()[0], values)
+            return Health(WARN, safety.reason or next(iter(self._find_missing()), ''), values)
         if state.temperature_c >= client.temperature_limit_c - WARM_C:
             sentence = f'The servo is hot; it shuts down at {client.temperature_limit_c:.0f} C.'
             return Health(WARN, sentence, values)

@@ -168,11 +168,12 @@ class TendonActuatorClient:
         MotionStoppedError
             Ended by ``should_stop``, `hold_here`, `request_release` or `close`.
         """
+        if displacement_m == 0.0:  # letting out is always accepted
+            with self._one_pull():
+                return self._release(speed_m_s, on_state, should_stop)
         self._check_reach(displacement_m)
         speed_m_s = self._check_speed(speed_m_s)
         with self._one_pull():
-            if displacement_m == 0.0:
-                return self._release(speed_m_s, contact, on_state, should_stop)
             pull = Pull(displacement_m, contact, stop_tension_n)
             return self._wind(pull, speed_m_s, on_state, should_stop)
 
@@ -282,10 +283,6 @@ class TendonActuatorClient:
             self._goals.shift_zero(taut.displacement_m)
             return taut.displacement_m
 
-    def release(self) -> TendonState:
-        """Let the tendon out to slack at the default speed; return the state then."""
-        return self.pull_to(0.0)
-
     def hold_here(self) -> None:
         """Hold the tendon where it is, at once; above the limit it is let out instead.
 
@@ -351,13 +348,14 @@ class TendonActuatorClient:
     def _release(
         self,
         speed_m_s: float,
-        contact: str,
         on_state: Callable[[TendonState], None],
         should_stop: Callable[[], bool],
     ) -> TendonState:
         """Let out to the zero; without a known zero, until the sensor reads a slack tendon."""
         safety = self.safety
-        pull = Pull(safety.slack_m, contact)
+        wanted_m_s = speed_m_s if speed_m_s > 0.0 else self._config.speed_m_s
+        speed_m_s = min(wanted_m_s, self._goals.max_speed_m_s)
+        pull = Pull(safety.slack_m)
 
         def until(state: TendonState) -> bool:
             is_known = safety.zero is not Zero.UNKNOWN

@@ -32,7 +32,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.signals import hold_signals, ignore_signals
+from tactile_ros.signals import hold_signals, ignore_signals, Signals
 
 REST_TIMEOUT_S = 3.0
 """How long the end of a process waits for running goals to come to rest."""
@@ -205,17 +205,24 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
         except Exception as error:
             _logger().fatal(f'cannot start: {error}')
             return 1
-        is_wanted = node.get_parameter('autostart').value
-        if is_wanted and not signals.run(node.bring_up, node.ending.set):
-            node.take_down()
-            return 0 if signals.received else 1
         with node.handle:  # the participant lives for as long as the handle is in use
-            with NodeGroup([node], on_end=signals.wake) as group:
-                while not (signals.wait(POLL_S) or group.ended.is_set() or node.is_finished):
-                    pass
+            code = _serve(node, signals)
             time.sleep(PEERS_END_S)
-        return 1 if group.error or node.has_failed else 0
+            faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True)
+        return code
     finally:
         faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True)
         rclpy.try_shutdown()
         ignore_signals()
+
+
+def _serve(node: TactileNode, signals: Signals) -> int:
+    """Run a node until it is finished or a signal comes; return the process's exit code."""
+    is_wanted = node.get_parameter('autostart').value
+    if is_wanted and not signals.run(node.bring_up, node.ending.set):
+        node.take_down()
+        return 0 if signals.received else 1
+    with NodeGroup([node], on_end=signals.wake) as group:
+        while not (signals.wait(POLL_S) or group.ended.is_set() or node.is_finished):
+            pass
+    return 1 if group.error or node.has_failed else 0

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+import faulthandler
 import os
 import select
 import signal
@@ -35,6 +36,9 @@ NUMBERS = (signal.SIGINT, signal.SIGTERM)
 INTERRUPT_TIMEOUT_S = 10.0
 """How long interrupted work is waited for."""
 
+ENDS_WITHIN_S = 30.0
+"""After a signal the process has so long to end; see `Signals`."""
+
 REPEAT_S = 0.05
 """Pause between two attempts to interrupt the main thread."""
 
@@ -43,6 +47,9 @@ Result = TypeVar('Result')
 
 class Signals:
     """The signals that have come since `hold_signals`.
+
+    A process that has not ended `ENDS_WITHIN_S` after the last one hangs, as Fast DDS can at its
+    end. It is then ended with exit code 1 and a traceback.
 
     Attributes
     ----------
@@ -67,6 +74,7 @@ class Signals:
 
     def _take(self, number: int, frame: FrameType | None) -> None:
         self.received = self.received or number
+        faulthandler.dump_traceback_later(ENDS_WITHIN_S, exit=True)
         if self._raises:
             self._raises = False  # once: nothing interrupts the clearing up
             raise KeyboardInterrupt

@@ -28,6 +28,9 @@ from pathlib import Path
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 PROFILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
+PROFILES_OF = {'jazzy': PROFILES[1], 'kilted': PROFILES[0], 'lyrical': PROFILES[0]}
+"""By ROS distribution: the variable that its Fast DDS reads."""
+
 LOOPBACK = Path(__file__).with_name('loopback.xml')
 """A Fast DDS profile: UDP on the loopback interface alone."""
 
@@ -47,8 +50,8 @@ def choose_transports(environment: Mapping[str, str], default_range: str) -> dic
     chosen_range = environment.get(RANGE) or default_range
     if chosen_range != 'LOCALHOST':
         return {TRANSPORTS: 'UDPv4'}
-    if 'fastrtps' not in environment.get('RMW_IMPLEMENTATION', ''):
-        return {RANGE: chosen_range}  # another middleware would not read the profile
+    variable = PROFILES_OF.get(environment.get('ROS_DISTRO', ''))
+    if variable is None or 'fastrtps' not in environment.get('RMW_IMPLEMENTATION', ''):
+        return {RANGE: chosen_range}  # nothing else surely reads the profile
     # In the range LOCALHOST, ROS adds shared memory itself. The profile confines as well.
-    profiles = PROFILES[1] if environment.get('ROS_DISTRO') == 'jazzy' else PROFILES[0]
-    return {RANGE: 'SUBNET', profiles: str(LOOPBACK)}
+    return {RANGE: 'SUBNET', variable: str(LOOPBACK)}

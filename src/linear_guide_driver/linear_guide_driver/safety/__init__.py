@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What may move, and what must not: rules without IO, without a clock and without ROS."""
+"""What may move, and what must not. The rules know no IO; `WatchedTopics` feeds them."""

@@ -234,10 +234,15 @@ class TendonSafety:
             if not self._level.add(tension_n, is_saturated, now_ns):
                 return False
             pull, highest_n = self._pull, max(tension_n)
-            if pull and self._ending is None and 0.0 < pull.stop_tension_n <= highest_n:
+            is_reached = (
+                pull is not None
+                and self._ending is None
+                and 0.0 < pull.stop_tension_n <= highest_n
+            )
+            if is_reached:
                 self._ending = Ending.REACHED
                 self._reason = f'The tension reached {highest_n:.2f} N.'
-            return self._ending is not None or self._level.is_above(self._limit_n, now_ns)
+            return is_reached or self._level.is_above(self._limit_n, now_ns)
 
     def set_zero(self, zero: Zero, reason: str = '') -> None:
         """Note what is known of the zero, and why nothing is. Later samples confirm it."""
@@ -264,7 +269,8 @@ class TendonSafety:
         MotionRefusedError
         """
         with self._lock:
-            limit_n = check_pull(pull, self.limits_n)
+            lets_out = pull.displacement_m <= 0.0 and not (pull.is_homing or pull.target_tension_n)
+            limit_n = self._limit_n if lets_out else check_pull(pull, self.limits_n)
             self._confirm_zero(start_m, now_ns)
             winds_in = (
                 pull.is_homing
@@ -293,6 +299,8 @@ class TendonSafety:
     def stop(self) -> None:
         """Hold from now on; above the limit `decide` turns it into letting out at once."""
         with self._lock:
+            if self._state is State.HOLDING and self._release_at_ns is not None:
+                return  # held for a loss, and let out soon
             self._enter(State.HOLDING, 'The tendon was stopped.', Ending.STOPPED)
 
     def release(self, reason: str) -> None:
@@ -341,7 +349,11 @@ class TendonSafety:
             return
         self._state, self._reason, self._cause = state, reason, ending
         pull = self._pull
-        if pull is None or self._ending is not None:
+        is_final = self._ending is not None and (self._ending, ending) != (
+            Ending.REACHED,
+            Ending.OVER_LIMIT,
+        )
+        if pull is None or is_final:
             return
         if state is State.RELEASING and not self._winds_in and pull.displacement_m <= 0.0:
             return  # it lets out to slack itself
@@ -351,7 +363,8 @@ class TendonSafety:
         after_s = self._config.slack_after_s
         sentence = f'{loss} The tendon is held and let out after {after_s:g} s.'
         self._enter(State.HOLDING, sentence, Ending.LOST)
-        self._release_at_ns = now_ns + self._slack_after_ns
+        if self._release_at_ns is None:  # a second loss postpones nothing
+            self._release_at_ns = now_ns + self._slack_after_ns
 
     def _find_loss(self, is_slack: bool, now_ns: int) -> str:
         """Return what a taut tendon, or a pull that winds in, lacks; empty when nothing."""

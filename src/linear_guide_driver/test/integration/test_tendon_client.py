@@ -97,7 +97,7 @@ def test_pull_and_release(tendon, servo):
     assert servo.goal == 2048 + 652  # 0.01 m / (2 pi 0.01 m) * 4096 = 651.9
     assert servo.get(112) == 167  # 0.04 m/s / (2 pi 0.01 m) * 60 / 0.229 rpm = 166.8
     assert 0.02 < max(s.velocity_m_s for s in states) < 0.06
-    assert tendon.release().displacement_m == pytest.approx(0.0, abs=0.0005)
+    assert tendon.pull_to(0.0).displacement_m == pytest.approx(0.0, abs=0.0005)
 
 
 def test_a_reversed_tendon_winds_in_as_counts_fall(config, servo):
@@ -261,7 +261,7 @@ def test_a_stop_holds_the_tendon_where_it_is(tendon, servo, way):
     assert isinstance(pull.end(), MotionStoppedError)
     wait_until(lambda: servo.position == servo.goal)
     assert 2100 < servo.goal < 2048 + 1304
-    tendon.release()
+    tendon.pull_to(0.0)
 
 
 def test_release_during_a_pull_wins_over_it(tendon, servo):
@@ -294,7 +294,7 @@ def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(config, serv
     tendon.connect()
     tendon.pull_to(0.01, 0.04)
     servo.trips_before = register  # later than the last poll
-    tendon.release()
+    tendon.pull_to(0.0)
     assert servo.trips_before is None
     assert servo.position == 2048
     assert servo.table[98] == 50
@@ -319,7 +319,7 @@ def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(config, servo):
     wait_until(lambda: servo.table[98] == 255)
     servo.is_mute = False
     wait_until(lambda: tendon.state.displacement_m < 0.02)
-    tendon.release()
+    tendon.pull_to(0.0)
     assert tendon.trouble == ''
     tendon.close()
 
@@ -332,7 +332,7 @@ def test_a_hardware_alert_ends_the_pull_for_good(tendon, servo):
     assert isinstance(error, MotionFailedError)
     assert 'shut down: overload' in str(error)
     with pytest.raises(MotionRefusedError, match=r'overload.*configure the driver again'):
-        tendon.release()
+        tendon.pull_to(0.0)
 
 
 def test_a_servo_that_restarted_has_lost_its_reference(tendon, servo):
@@ -363,7 +363,7 @@ def test_an_unplugged_bus_ends_the_pull(tendon, servo):
     assert 'is lost' in str(error)
     wait_until(lambda: tendon.trouble != '')
     with pytest.raises(MotionRefusedError, match='configure the driver again'):
-        tendon.release()
+        tendon.pull_to(0.0)
 
 
 def test_a_pull_against_the_current_limit_is_given_up_and_released(tendon, servo):
@@ -382,4 +382,4 @@ def test_one_pull_at_a_time_and_close_lets_go(tendon, servo):
     assert isinstance(pull.end(), MotionStoppedError)
     assert servo.table[64] == 0
     with pytest.raises(MotionRefusedError, match='not connected'):
-        tendon.release()
+        tendon.pull_to(0.0)

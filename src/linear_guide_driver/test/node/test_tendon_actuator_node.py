@@ -269,6 +269,14 @@ def test_a_target_tension_is_reached_kept_and_left_by_the_next_goal(tendon, serv
     assert servo.goal == 2048 + 65
 
 
+def test_a_kept_tension_outlives_a_trip_of_the_servos_watchdog(tendon, servo, sensor):
+    assert tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))[0] == 'succeeded'
+    servo.put(98, 1, 255)
+    wait_until(lambda: servo.table[98] == 50)
+    sensor.measure = lambda: (servo.position - 2048) / 65.19 - 2.0  # the finger yields
+    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19, 10.0)
+
+
 @pytest.mark.parametrize('way', ['stop', 'silence', 'limit'])
 def test_what_ends_the_keeping_of_a_tension(tendon, servo, sensor, way):
     assert tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))[0] == 'succeeded'

@@ -24,7 +24,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
-from std_srvs.srv import Trigger
 
 from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
 from linear_guide_driver.safety.tendon_safety import Zero
@@ -88,13 +87,13 @@ def start(bench, servo, **parameters):
     )
 
 
-def pull(bench, displacement_m, speed_m_s=0.009):
+def pull(bench, displacement_m, speed_m_s=0.009, contact='flexion'):
     return bench.send(
         PullTendon,
         '/tendon_actuator/pull',
         displacement_m=displacement_m,
         speed_m_s=speed_m_s,
-        contact='flexion',
+        contact=contact,
     )
 
 
@@ -176,11 +175,29 @@ def test_the_release_service_lets_out_whatever_runs(bench, servo, peers):
     start(bench, servo)
     winding = pull(bench, 0.02, 0.005)
     wait_until(lambda: servo.position > SLACK + 200)
-    release = bench.peer.create_client(Trigger, '/tendon_actuator/release')
-    assert release.wait_for_service(timeout_sec=10.0)
-    assert bench.ask(lambda: release.call_async(Trigger.Request())).success
+    assert bench.call_stop('/tendon_actuator/release').success
     assert bench.result(winding)[0] == 'aborted'
     wait_until(lambda: is_slack(servo), 5.0)
+
+
+def test_the_release_service_goes_on_with_a_slow_letting_out(bench, servo, peers):
+    start(bench, servo)
+    pull_taut(bench, peers)
+    slow = pull(bench, 0.0, 0.001)
+    wait_until(lambda: servo.position < SLACK + 640)
+    assert bench.call_stop('/tendon_actuator/release').success
+    status, result = bench.result(slow)
+    assert (status, 'released' in result.message) == ('aborted', True), result.message
+    wait_until(lambda: is_slack(servo), 5.0)
+
+
+def test_letting_out_is_accepted_without_contact_and_at_any_speed(bench, servo, peers):
+    start(bench, servo)
+    for speed_m_s in (-1.0, 99.0):
+        peers.tension_n = 0.0
+        pull_taut(bench, peers)
+        assert bench.result(pull(bench, 0.0, speed_m_s, contact=''))[0] == 'succeeded'
+        assert is_slack(servo)
 
 
 def test_a_goal_that_is_sent_while_the_tendon_unwinds_is_judged_by_where_it_is(
@@ -232,6 +249,8 @@ def test_an_idle_trip_of_the_servos_watchdog_mends_itself(bench, servo, peers):
     servo.put(98, 1, 255)
     wait_until(lambda: servo.table[98] == 50)
     assert bench.node._client.recoveries == 1
+    servo.put(98, 1, 0)  # a command that set it anew was cut off half way
+    wait_until(lambda: servo.table[98] == 50)
     assert bench.result(pull(bench, 0.005))[0] == 'succeeded'
 
 
@@ -290,6 +309,17 @@ def test_tension_at_the_zero_asks_for_homing_and_letting_out_goes_by_the_sensor(
     assert SLACK - 400 < servo.position < SLACK - 130
     status, result = bench.result(pull(bench, 0.005))
     assert (status, 'home the tendon' in result.message) == ('aborted', True)
+
+
+def test_the_release_service_without_a_zero_ends_where_the_sensor_reads_slack(bench, servo, peers):
+    peers.tension_n = 2.0
+    start(bench, servo)
+    wait_until(lambda: bench.node._client.safety.zero is Zero.UNKNOWN)
+    assert bench.call_stop('/tendon_actuator/release').success
+    wait_until(lambda: servo.position < SLACK - 130)
+    peers.tension_n = 0.0
+    wait_until(lambda: servo.goal == servo.position)
+    assert SLACK - 400 < servo.position < SLACK - 130
 
 
 def test_closing_lets_the_tendon_out_before_the_torque_goes_off(servo):

@@ -204,6 +204,23 @@ def test_a_slack_idle_tendon_loses_nothing(safety):
     assert not safety.is_alarm
 
 
+def test_repeated_losses_and_stops_postpone_nothing(safety):
+    hold_taut(safety)
+    for now_ms in (0, 1000, 1900):
+        safety.lose('The servo is silent.', now_ms * MS)
+        safety.stop()
+        assert 'silent' in safety.reason
+    safety.add_samples([1.0], False, 2000 * MS)
+    assert safety.decide(TAUT_M, 2000 * MS) is Order.RELEASE
+
+
+def test_letting_out_to_slack_needs_neither_contact_nor_tension(safety):
+    hold_taut(safety, 'abduction')
+    safety.admit(Pull(0.0, '', stop_tension_n=99.0), TAUT_M, 0)
+    assert safety.decide(TAUT_M, 0) is Order.FOLLOW
+    assert safety.limit_n == 3.0
+
+
 def test_a_servo_that_stops_by_itself_ends_the_pull(safety):
     safety.admit(Pull(TAUT_M), 0.0, 0)
     safety.lose("The servo's watchdog has stopped it.", 0)
@@ -223,6 +240,21 @@ def test_the_stop_tension_ends_the_pull_at_or_above(safety):
     assert safety.decide(0.002, 0) is Order.HOLD
     assert safety.ending is Ending.REACHED
     assert safety.reason == 'The tension reached 5.00 N.'
+
+
+def test_a_stop_tension_that_is_passed_by_more_than_the_limit_is_no_success(safety):
+    safety.admit(Pull(TAUT_M, stop_tension_n=15.0), 0.0, 0)
+    assert safety.add_samples([15.0], False, 0)
+    assert safety.ending is Ending.REACHED
+    assert safety.add_samples([15.2], False, 0)
+    assert safety.decide(0.002, 0) is Order.RELEASE
+    assert safety.ending is Ending.OVER_LIMIT
+
+
+def test_a_block_asks_for_a_poll_only_when_it_changes_something(safety):
+    safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 0)
+    assert safety.add_samples([5.0], False, 0)
+    assert not safety.add_samples([5.0], False, 0)
 
 
 @pytest.mark.parametrize(

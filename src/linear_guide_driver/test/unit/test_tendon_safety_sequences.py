@@ -58,7 +58,8 @@ class Tendon(RuleBasedStateMachine):
         return order
 
     def write(self, order):
-        if order is Order.HOLD:
+        is_slack_early = self.applied is Order.RELEASE and self.safety.zero is Zero.UNKNOWN
+        if order is Order.HOLD or (order is Order.FOLLOW and is_slack_early):
             self.goal_m = self.at_m
         elif order is Order.RELEASE:
             self.goal_m, self.speed_m_s = self.safety.slack_m, OUT_M_S
@@ -201,6 +202,8 @@ class Tendon(RuleBasedStateMachine):
     @invariant()
     def a_taut_tendon_that_lacks_something_ends_up_slack(self):
         if not hasattr(self, 'safety') or self.lost_since_ns is None:
+            return
+        if self.safety.is_slack(self.at_m, self.now_ns):  # without a zero, by the sensor
             return
         if self.now_ns - self.lost_since_ns > self.config.slack_after_s * 1e9 + 2 * POLL_NS:
             assert self.carry_out() is Order.RELEASE

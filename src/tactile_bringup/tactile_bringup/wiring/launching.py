@@ -53,8 +53,11 @@ ENDS_WITHIN_S = '15'
 """A trial that is ended brings the rig to rest first; with launch's own 5 s a busy computer
 could be too slow for that."""
 
-RESPAWN_DELAY_S = 0.2
-"""Between the death of a node and its next start."""
+RESPAWN_DELAY_S = 1.0
+"""Between the death of a node and its next start; one that cannot start is tried for ever."""
+
+TENDON_RESPAWN_DELAY_S = 0.2
+"""The tendon driver may have left the tendon taut."""
 
 NOT_RESPAWNED = ('bag_recorder', PLAYER)
 """A recording ends with its recorder: a bag is not written on by another process."""
@@ -167,7 +170,9 @@ def _node(description: NodeDescription, values: Mapping[str, str]) -> Node:
         output='screen',
         sigterm_timeout=ENDS_WITHIN_S,
         respawn=values['respawn'] == 'true' and description.name not in NOT_RESPAWNED,
-        respawn_delay=RESPAWN_DELAY_S,
+        respawn_delay=(
+            TENDON_RESPAWN_DELAY_S if description.name == 'tendon_actuator' else RESPAWN_DELAY_S
+        ),
     )
 
 

@@ -39,7 +39,15 @@ def test_on_this_computer_alone_a_profile_keeps_to_the_loopback_interface(distro
         assert Path(profile).is_absolute()
 
 
-@pytest.mark.parametrize('ros', [{}, {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}])
+@pytest.mark.parametrize(
+    'ros',
+    [
+        {'ROS_DISTRO': 'jazzy'},
+        {'ROS_DISTRO': 'jazzy', 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'},
+        {'ROS_DISTRO': 'humble', 'RMW_IMPLEMENTATION': FAST},
+        {'RMW_IMPLEMENTATION': FAST},
+    ],
+)
 def test_what_does_not_surely_read_the_profile_keeps_the_range(ros):
     assert choose_transports(ros, 'LOCALHOST') == {RANGE: 'LOCALHOST'}
 
