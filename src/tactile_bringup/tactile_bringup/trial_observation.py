@@ -16,25 +16,47 @@
 
 from __future__ import annotations
 
+import math
+
 from linear_guide_driver.motion_track import MotionSummary
 from tactile_bringup.records import TrialConfig
 
 REST_SPEED_M_S = 0.0005
 """A tendon this slow is at rest: two steps of the servo's speed with a pulley of 10 mm."""
 
+FAST_M_S = 0.005
+"""Speed from which the reported speed of a pull tells motion from rest.
+
+Twice the largest step of the servo's speed: 0.229 rpm with a pulley of 100 mm is 2.4 mm/s.
+"""
+
+STILL_NS = 250_000_000
+"""Time without approach after which a slow pull is at rest [ns].
+
+A servo at its lowest speed, 0.229 rpm, moves by one of its 4096 counts in 64 ms.
+"""
+
+CLOCK_STEP_NS = 1_000_000_000
+"""A stamp that is earlier than the last one by more than this is a clock step [ns]."""
+
 
 class TendonContact:
     """Whether the tendon comes to rest at the displacement of a contact, and stays there.
 
-    States are judged by their stamps: those that were measured before the tendon came to rest
-    may arrive after the pull has ended.
+    States are taken in the order of their arrival, so that a host clock that is set back hides
+    no loss. One that is set back by more than `CLOCK_STEP_NS` is a loss itself.
+
+    A pull that was seen at `FAST_M_S` or more is at rest with the first state within the
+    tolerance at `REST_SPEED_M_S` or less. A slower pull may be reported at that speed while it
+    moves. It is at rest when it has come no nearer to the displacement for `STILL_NS`, from the
+    first state that was as near.
 
     Attributes
     ----------
     rest_ns : int or None
-        Stamp of the first state at rest at the displacement [ns]; None before it.
+        Stamp of the first state at rest at the displacement [ns]; None until rest is detected.
     error_m : float
-        Largest difference from the displacement since then [m].
+        Largest difference from the displacement since rest was detected [m].
     last_m : float
         Displacement of the last state [m].
     """
@@ -53,28 +75,55 @@ class TendonContact:
         self._wanted_m = None
         self.rest_ns: int | None = None
         self.error_m = self.last_m = 0.0
+        self._fastest_m_s = 0.0
+        self._least_error_m = math.inf  # since the tendon came within the tolerance
+        self._nearest_ns = 0  # stamp of the first state with that error
+        self._last_ns: int | None = None
+        self._set_back_ns = 0  # largest step back from one stamp to the next
 
     def take(self, stamp_ns: int, displacement_m: float, velocity_m_s: float) -> None:
         """Take in one state of the tendon: stamp [ns], displacement [m], speed [m/s]."""
         wanted_m = self._wanted_m
         if wanted_m is None:
             return
+        if self._last_ns is not None:
+            self._set_back_ns = max(self._set_back_ns, self._last_ns - stamp_ns)
+        self._last_ns = stamp_ns
         error_m = abs(displacement_m - wanted_m)
-        is_at_rest = error_m <= self._tolerance_m and abs(velocity_m_s) <= REST_SPEED_M_S
-        if self.rest_ns is None and is_at_rest:
-            self.rest_ns = stamp_ns
-        if self.rest_ns is not None and stamp_ns >= self.rest_ns:
+        if self.rest_ns is None:
+            self.rest_ns = self._find_rest(stamp_ns, error_m, abs(velocity_m_s))
+        if self.rest_ns is not None:
             self.last_m = displacement_m
             self.error_m = max(self.error_m, error_m)
 
+    def _find_rest(self, stamp_ns: int, error_m: float, speed_m_s: float) -> int | None:
+        """Return since when the tendon is at rest [ns]; None while it is not."""
+        self._fastest_m_s = max(self._fastest_m_s, speed_m_s)
+        if error_m > self._tolerance_m:
+            self._least_error_m = math.inf
+            return None
+        if self._fastest_m_s >= FAST_M_S:
+            return stamp_ns if speed_m_s <= REST_SPEED_M_S else None
+        if error_m < self._least_error_m:
+            self._least_error_m, self._nearest_ns = error_m, stamp_ns
+        return self._nearest_ns if stamp_ns - self._nearest_ns >= STILL_NS else None
+
     def describe_loss(self) -> str:
-        """Return how the tendon left its displacement; empty while it stays there."""
-        if self._wanted_m is None or self.error_m <= self._tolerance_m:
+        """Return why the contact is lost; empty while the tendon stays at its displacement."""
+        if self._wanted_m is None:
             return ''
-        return (
-            f'the tendon was wound in by {self.last_m:.4f} m instead of {self._wanted_m:.4f} m; '
-            f'displacement_tolerance_m allows {self._tolerance_m:g} m'
-        )
+        if self.error_m > self._tolerance_m:
+            return (
+                f'the tendon was wound in by {self.last_m:.4f} m instead of '
+                f'{self._wanted_m:.4f} m; displacement_tolerance_m allows {self._tolerance_m:g} m'
+            )
+        if self._set_back_ns > CLOCK_STEP_NS:
+            return (
+                f"the clock of the tendon actuator's host was set back by "
+                f'{self._set_back_ns / 1e9:.2f} s in contact; repeat the trial, and let nothing '
+                'set the clock during trials'
+            )
+        return ''
 
 
 def judge_glide(summary: MotionSummary | None, speed_m_s: float, config: TrialConfig) -> str:

@@ -291,21 +291,19 @@ class PhaseWindow:
         return describe_clock_step(int(steps_ns[0]), self.start.phase) if len(steps_ns) else ''
 
     def _describe_stamp_error(self, samples: Samples) -> str:
-        error_s = _worst_error_s(samples)
-        if error_s < 0.0:
-            if self._config.accept_unknown_stamp_error:
-                return ''
+        known_error_s = float(samples['stamp_error_s'].max())  # an unknown error is -1
+        if known_error_s > self._most_error_s:
+            return (
+                f'the stamps may be wrong by {known_error_s:.4f} s; this window allows '
+                f'{self._most_error_s:.4f} s (max_stamp_error_share). See what delays the '
+                'samples on their way to the host'
+            )
+        if _worst_error_s(samples) < 0.0 and not self._config.accept_unknown_stamp_error:
             return (
                 'the error of the stamps is not known; the parameter '
                 'accept_unknown_stamp_error is false'
             )
-        if error_s <= self._most_error_s:
-            return ''
-        return (
-            f'the stamps may be wrong by {error_s:.4f} s; this window allows '
-            f'{self._most_error_s:.4f} s (max_stamp_error_share). See what delays the '
-            'samples on their way to the host'
-        )
+        return ''
 
     def _describe_gap(self, cut: _Cut) -> str:
         samples, after, _ = cut

@@ -19,6 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 import threading
 import time
+import traceback
 from typing import Any
 
 from rclpy.duration import Duration
@@ -112,6 +113,9 @@ class BagPlayerNode(TactileNode):
             self.get_logger().info(f'played {self.message_count} messages')
         except BagError as error:
             self.get_logger().error(f'{error}')
+            self.has_failed = True
+        except Exception:  # else the node would wait for ever for the end of this thread
+            self.get_logger().error(f'the recording cannot be played:\n{traceback.format_exc()}')
             self.has_failed = True
         self.is_finished = True
 

@@ -41,6 +41,9 @@ from tactile_ros.requests import send
 POLL_S = 0.02
 """How often a wait looks for a reason to end."""
 
+TRACK_S = 1.0
+"""How long joint states after the end of a goal still belong to its motion."""
+
 REASON_S = 0.3
 """How long a driver may take to say why it has acted; it looks ten times a second."""
 
@@ -86,6 +89,7 @@ class TrialDevice:
         self._told_s = 0.0  # when it last said whether it is ready
         self._position_m: float | None = None
         self._track: MotionTrack | None = None
+        self._track_end_s = -math.inf  # until when it takes joint states
         self.client = ActionClient(node, action_type, f'{name}/{verb}')
         self._stop = node.create_client(Trigger, f'{name}/stop')
         self._subscriptions = [
@@ -153,6 +157,8 @@ class TrialDevice:
     def track(self, target_m: float, speed_m_s: float) -> MotionTrack:
         """Return the track of the motion that is about to be commanded.
 
+        It takes joint states until `TRACK_S` after the `call` that must follow at once.
+
         Raises
         ------
         GoalAborted
@@ -163,6 +169,7 @@ class TrialDevice:
                 f'no position was heard on {self.name}/joint_states, so nobody can tell when '
                 f'the motion begins; home the {self._words}'
             )
+        self._track_end_s = time.monotonic() + TRACK_S  # first, so that it holds for the new one
         self._track = MotionTrack(self._position_m, target_m, speed_m_s)
         return self._track
 
@@ -199,7 +206,14 @@ class TrialDevice:
         GoalAborted, GoalCanceled
             Unless the goal succeeded.
         """
-        deadline_s = time.monotonic() + timeout_s
+        self._track_end_s = math.inf
+        try:
+            return self._run(message, check, time.monotonic() + timeout_s)
+        finally:
+            self._track_end_s = time.monotonic() + TRACK_S
+
+    def _run(self, message: Any, check: Callable[[], None], deadline_s: float) -> Any:
+        """Send a goal and wait for its end, as `call` says; return the result."""
         if not self.client.wait_for_server(timeout_sec=self._config.server_timeout_s):
             raise GoalAborted(f'the {self._words} does not answer; is its node active?')
         answer = send(self._node, lambda: self.client.send_goal_async(message))
@@ -265,7 +279,7 @@ class TrialDevice:
             return
         stamp_ns = Time.from_msg(state.header.stamp).nanoseconds
         self._position_m = state.position[0]
-        if self._track is not None:
+        if self._track is not None and time.monotonic() <= self._track_end_s:
             self._track.add(stamp_ns, state.position[0])
         self._on_state(stamp_ns, state.position[0], state.velocity[0] if state.velocity else 0.0)
 

@@ -23,6 +23,7 @@ from typing import Any
 from rclpy.time import Time
 
 from linear_guide_driver.motion_track import MotionTrack
+from linear_guide_driver.tendon_client import POSITION_TOLERANCE_M
 from tactile_bringup.nodes.trial_devices import POLL_S, StrainWatch, TrialDevice
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_observation import judge_glide, TendonContact
@@ -208,7 +209,10 @@ class TrialRunnerNode(TactileNode):
             self._contact.begin(step.displacement_m, self.config.displacement_tolerance_m)
             trial.needs_strain = True
             self._move(self._tendon, pull, track, trial, is_new)
-            if not self._wait_until(lambda: self._contact.rest_ns is not None, trial, REPORT_S):
+            # The actuator ends a slow pull while it still moves, within its tolerance. The servo
+            # rounds a speed to its units, so it may be a third slower than commanded.
+            timeout_s = REPORT_S + 1.5 * POSITION_TOLERANCE_M / step.speed_m_s
+            if not self._wait_until(lambda: self._contact.rest_ns is not None, trial, timeout_s):
                 raise GoalAborted('the tendon was not seen at rest at its displacement')
         else:
             trial.displacement_error_m = self._contact.error_m

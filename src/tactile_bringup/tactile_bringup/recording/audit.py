@@ -25,15 +25,16 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import EVENT, EVENT_TOPIC, STRAIN, TactileBag
 from tactile_bringup.recording.stream_counts import SampleRun, StreamCounts
-from tactile_features.phase_window import RATE_TOLERANCE
+from tactile_features.phase_window import describe_clock_step, RATE_TOLERANCE
 from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_DONE,
+    STATUS_CLOCK_STEP,
     StrainBlock,
     TrialEvent,
 )
@@ -49,6 +50,12 @@ MAX_BLOCKS = 100_000
 
 MAX_TRIALS = 1000
 """Most trials that wait for their samples; the oldest is then audited without them."""
+
+CLOCK_STEP_S = 1.0
+"""A stamp this far before the last one is a clock step, also without its status bit [s]."""
+
+MAX_STEPS = 100
+"""Most clock steps within `EVENT_DELAY_S` that are kept for events that come late."""
 
 MOST_NOTED = 100
 """Failed trials that the facts of a bag describe."""
@@ -67,7 +74,7 @@ class Audit:
     findings : tuple of str
         One sentence each; empty when nothing is wrong.
     start_ns, end_ns : int
-        Times of the first and the last audited sample [ns].
+        Times of the first and the last audited sample [ns], as stamped.
     sample_count, lost_count, gap_count, duplicate_count, disordered_count : int
         Samples that came; missing in the numbering, in so many runs; came again; came
         later than a newer one.
@@ -76,7 +83,7 @@ class Audit:
     nominal_rate_hz : float
         0: not known, and not compared.
     largest_step_s : float
-        Longest time between two neighbouring samples.
+        Longest time between two neighbouring samples; steps of the host's clock do not count.
     """
 
     finger: str
@@ -111,17 +118,18 @@ class Audit:
 
 
 def _make_audit(
-    counts: StreamCounts,
+    span: _SpanCounts,
     finger: str,
     nominal_rate_hz: float,
     trial: _Trial | None = None,
 ) -> Audit:
+    counts = span.counts
     return Audit(
         finger=finger,
         trial_id=trial.trial_id if trial else '',
-        findings=tuple(_findings(counts, nominal_rate_hz, trial)),
-        start_ns=counts.start_ns,
-        end_ns=counts.end_ns,
+        findings=tuple(_findings(span, nominal_rate_hz, trial)),
+        start_ns=counts.start_ns + span.start_shift_ns,
+        end_ns=counts.end_ns + span.end_shift_ns,
         sample_count=counts.samples,
         lost_count=counts.lost,
         gap_count=counts.gaps,
@@ -133,7 +141,11 @@ def _make_audit(
     )
 
 
-def _findings(counts: StreamCounts, nominal_hz: float, trial: _Trial | None) -> Iterable[str]:
+def _findings(span: _SpanCounts, nominal_hz: float, trial: _Trial | None) -> Iterable[str]:
+    counts = span.counts
+    if span.steps:
+        first = describe_clock_step(span.first_step_ns, 'trial' if trial else 'recording')
+        yield f'{first}, the first of {span.steps} steps' if span.steps > 1 else first
     if trial is not None and trial.is_too_late:
         yield (
             f'its events came more than {EVENT_DELAY_S:g} s after its samples; '
@@ -175,37 +187,134 @@ def _findings(counts: StreamCounts, nominal_hz: float, trial: _Trial | None) -> 
             yield f'the samples end {early_s:.3f} s before the trial'
 
 
+class _Unstepped(NamedTuple):
+    """A run of samples in stream time.
+
+    Attributes
+    ----------
+    run : SampleRun
+    shift_ns : int
+        Its stamps are those of the run plus this [ns].
+    step_ns : int
+        Clock step between the sample before and its first one [ns]; 0: none.
+    """
+
+    run: SampleRun
+    shift_ns: int
+    step_ns: int
+
+
+class _HostClock:
+    """Converts stamps to stream time: the host's clock as if it had never been set.
+
+    Only so can samples before and after a clock step be compared and kept in one order.
+    """
+
+    def __init__(self) -> None:
+        self._shift_ns = 0
+        self._last: SampleRun | None = None  # as stamped; late ones left out
+        self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, shift before it
+
+    def take(self, run: SampleRun) -> _Unstepped:
+        """Return the next run in stream time."""
+        last = self._last
+        step_ns = 0
+        if last is None or not _is_late(run, last):
+            step_ns = _clock_step(run, last) if last is not None else 0
+            self._last = run
+        if step_ns:
+            self._past.append((run.stamp_ns - self._shift_ns - step_ns, self._shift_ns))
+            self._shift_ns += step_ns
+        stamp_ns = run.stamp_ns - self._shift_ns
+        return _Unstepped(run._replace(stamp_ns=stamp_ns), self._shift_ns, step_ns)
+
+    def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
+        """Return the stamp of an event in stream time.
+
+        Soon after a step, an event may still be stamped by the clock before it. The clock is
+        taken that puts the event nearest to the latest sample.
+        """
+        if latest_ns is None:
+            return stamp_ns - self._shift_ns
+        while self._past and self._past[0][0] < latest_ns - round(EVENT_DELAY_S * 1e9):
+            self._past.popleft()
+        shifts_ns = [self._shift_ns, *(shift_ns for _, shift_ns in self._past)]
+        return min((stamp_ns - s for s in shifts_ns), key=lambda t: abs(t - latest_ns))
+
+
+def _is_late(run: SampleRun, last: SampleRun) -> bool:
+    """Return whether a run has numbers that have been passed, and the stamps that fit them."""
+    if run.sequence >= last.sequence + last.size:
+        return False
+    elapsed_ns = last.stamp_of(run.sequence - last.sequence) - last.stamp_ns
+    error_ns = abs(run.stamp_ns - last.stamp_ns - elapsed_ns)
+    return error_ns < CLOCK_STEP_S * 1e9 + RATE_TOLERANCE * abs(elapsed_ns)
+
+
+def _clock_step(run: SampleRun, last: SampleRun) -> int:
+    """Return by how much the host's clock was set between two runs [ns]; 0: it was not."""
+    is_marked = run.status & ~last.status & STATUS_CLOCK_STEP
+    is_behind = run.stamp_ns < last.stamp_of(last.size - 1) - round(CLOCK_STEP_S * 1e9)
+    if not is_marked and not is_behind:
+        return 0
+    # Numbers that began anew do not tell how many samples lie between.
+    steps = max(last.size, run.sequence - last.sequence)
+    return run.stamp_ns - last.stamp_of(steps)
+
+
+class _SpanCounts:
+    """What was counted in a span of the stream, and the clock steps within it."""
+
+    def __init__(self) -> None:
+        self.counts = StreamCounts()
+        self.steps = self.first_step_ns = 0
+        self.start_shift_ns = self.end_shift_ns = 0
+
+    def add(self, unstepped: _Unstepped) -> None:
+        if not self.counts.samples:
+            self.start_shift_ns = unstepped.shift_ns
+        elif unstepped.step_ns:
+            self.steps += 1
+            self.first_step_ns = self.first_step_ns or unstepped.step_ns
+        self.end_shift_ns = unstepped.shift_ns
+        self.counts.add(unstepped.run)
+
+
 class _Trial:
-    """A trial under way, or one that waits for its samples; counts those that it is given."""
+    """A trial under way, or one that waits for its samples; counts those that it is given.
+
+    All times are in stream time.
+    """
 
     def __init__(self, trial_id: str, stamp_ns: int) -> None:
         self.trial_id = trial_id
         self.start_ns = self.end_ns = stamp_ns
         self.is_over = self.is_too_late = False
-        self.counts = StreamCounts()
+        self.span = _SpanCounts()
         self._before: SampleRun | None = None
         self._has_begun = self._has_ended = False
 
-    def add(self, run: SampleRun) -> None:
+    def add(self, unstepped: _Unstepped) -> None:
         """Take in the next run of the stream, wherever it lies."""
+        run = unstepped.run
         begin = run.up_to(self.start_ns - 1)
         end = run.up_to(self.end_ns) if self.is_over else run.size
         if begin and not self._has_begun:
             self._before = run.part(begin - 1, begin)
         if begin < end:
             if not self._has_begun and self._before is not None:
-                self.counts.follow(self._before)
+                self.span.counts.follow(self._before)
             self._has_begun = True
-            self.counts.add(run.part(begin, end))
+            self.span.add(unstepped._replace(run=run.part(begin, end)))
         if end < run.size and not self._has_ended:
             self._has_ended = True
             self._after = run.part(end, end + 1)
 
-    def finish(self) -> StreamCounts:
+    def finish(self) -> _SpanCounts:
         """Return what was counted; no more runs come."""
         if self._has_ended:
-            self.counts.stop_before(self._after)
-        return self.counts
+            self.span.counts.stop_before(self._after)
+        return self.span
 
 
 class FingerAuditor:
@@ -214,6 +323,9 @@ class FingerAuditor:
     The events of a trial may come before its samples, or up to `EVENT_DELAY_S` after them. So
     long are samples kept, without their values, and no longer: memory does not grow with the
     length of a recording, nor with the number of its trials.
+
+    A step of the host's clock is a finding of the trial that it falls into, and of the whole
+    recording. Other trials are not affected.
 
     Parameters
     ----------
@@ -226,9 +338,10 @@ class FingerAuditor:
     def __init__(self, finger: str, nominal_rate_hz: float) -> None:
         self.finger = finger
         self.nominal_rate_hz = nominal_rate_hz
-        self._whole = StreamCounts()
-        self._recent: deque[SampleRun] = deque()
-        self._latest_ns: int | None = None
+        self._whole = _SpanCounts()
+        self._clock = _HostClock()
+        self._recent: deque[_Unstepped] = deque()
+        self._latest_ns: int | None = None  # in stream time, as all that follow
         self._gone_ns: int | None = None
         self._trials: deque[_Trial] = deque()  # only the last one can be under way
 
@@ -236,7 +349,7 @@ class FingerAuditor:
         """Take in samples; return the audits of the trials that are now over."""
         if not len(block.tension_n):
             return []
-        run = SampleRun(
+        stamped = SampleRun(
             block.stamp_ns,
             block.period_ns,
             block.sequence,
@@ -244,8 +357,15 @@ class FingerAuditor:
             block.lost_before,
             block.status,
         )
-        self._whole.add(run)
-        self._recent.append(run)
+        unstepped = self._clock.take(stamped)
+        run = unstepped.run
+        if unstepped.step_ns > 0:
+            # An event that came between the step and this block was taken for one far ahead.
+            for trial in self._trials:
+                trial.start_ns = min(trial.start_ns, run.stamp_ns)
+                trial.end_ns = min(trial.end_ns, run.stamp_ns)
+        self._whole.add(unstepped)
+        self._recent.append(unstepped)
         last_ns = run.stamp_of(run.size - 1)
         self._latest_ns = last_ns if self._latest_ns is None else max(self._latest_ns, last_ns)
         self._let_go(self._latest_ns - round(EVENT_DELAY_S * 1e9))
@@ -254,28 +374,29 @@ class FingerAuditor:
     def _let_go(self, before_ns: int) -> None:
         """Give up runs for which no event can come any more; a trial under way counts them."""
         while self._recent:
-            run = self._recent[0]
-            last_ns = run.stamp_of(run.size - 1)
+            unstepped = self._recent[0]
+            last_ns = unstepped.run.stamp_of(unstepped.run.size - 1)
             if last_ns >= before_ns and len(self._recent) <= MAX_BLOCKS:
                 return
             self._recent.popleft()
             self._gone_ns = last_ns if self._gone_ns is None else max(self._gone_ns, last_ns)
             for trial in self._trials:
-                trial.add(run)
+                trial.add(unstepped)
 
     def add_event(self, event: TrialEvent) -> list[Audit]:
         """Take in the start of a phase; return the audits of the trials that are now over."""
+        stamp_ns = self._clock.time_of_event(event.stamp_ns, self._latest_ns)
         trial = self._trials[-1] if self._trials else None
         is_new = trial is None or trial.is_over or trial.trial_id != event.trial_id
         if trial is None or is_new:
             if trial is not None:
                 trial.is_over = True
-            trial = _Trial(event.trial_id, event.stamp_ns)
+            trial = _Trial(event.trial_id, stamp_ns)
             self._trials.append(trial)
-        trial.start_ns = min(trial.start_ns, event.stamp_ns)
-        trial.end_ns = max(trial.end_ns, event.stamp_ns)
+        trial.start_ns = min(trial.start_ns, stamp_ns)
+        trial.end_ns = max(trial.end_ns, stamp_ns)
         trial.is_over = event.phase in (PHASE_DONE, PHASE_ABORTED)
-        if self._gone_ns is not None and event.stamp_ns <= self._gone_ns:
+        if self._gone_ns is not None and stamp_ns <= self._gone_ns:
             trial.is_too_late |= is_new or trial.is_over
         return self._take_complete()
 
@@ -298,8 +419,8 @@ class FingerAuditor:
         return audits
 
     def _audit(self, trial: _Trial) -> Audit:
-        for run in self._recent:
-            trial.add(run)
+        for unstepped in self._recent:
+            trial.add(unstepped)
         return _make_audit(trial.finish(), self.finger, self.nominal_rate_hz, trial)
 
 

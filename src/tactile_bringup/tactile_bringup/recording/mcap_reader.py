@@ -154,6 +154,8 @@ class McapFile:
             raise BagError(f'the record at byte {position} cannot be read')
         if not self.is_finished:
             self._drop_damaged_end()
+            # The index of the last chunk may be incomplete: its messages are counted instead.
+            self._last_counts = None
         self._keep_last()
 
     def _check_header(self, opcode: int, length: int) -> None:

@@ -120,6 +120,22 @@ def test_playing_can_be_ended(context, stiffness_bag):
     assert not any(thread.name == 'bag player' for thread in threading.enumerate())
 
 
+def test_what_goes_wrong_while_it_plays_ends_it_as_failed(context, stiffness_bag, capfd):
+    def fail(*_, **__):
+        raise RuntimeError('the folder went away')
+
+    node = create_node(player(stiffness_bag, start_delay_s=0.0), context)
+    with NodeGroup([node], context=context):
+        for transition in (node.trigger_configure, node.trigger_activate):
+            transition()
+            node._bag.messages = fail
+        wait_until(lambda: node.is_finished)
+        assert node.has_failed
+    log = ''.join(capfd.readouterr())
+    assert 'Traceback' in log
+    assert 'RuntimeError: the folder went away' in log
+
+
 def test_its_process_ends_with_0_at_the_end_of_the_bag(context, stiffness_bag):
     program = (
         'import sys; from tactile_bringup.nodes.bag_player_node import main; sys.exit(main())'

@@ -19,8 +19,12 @@ import time
 
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
 from trial_bench import Bench, DEADLINE_S, wait_until
 
+from tactile_bringup.nodes.trial_devices import TRACK_S
+from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
 from tactile_ros.requests import send
 
@@ -113,6 +117,61 @@ def test_a_tendon_that_is_let_go_in_contact_ends_the_trial_with_its_reason(bench
     assert result.message.endswith('The tension exceeded 15 N.')
     assert result.displacement_error_m == pytest.approx(0.0029)
     bench.wait_until_released()
+
+
+@pytest.mark.parametrize(
+    ('position_m', 'sentence'),
+    [
+        (0.0020, 'by 0.0020 m instead of 0.0049 m'),
+        (0.0049, "the tendon actuator's host was set back by"),
+    ],
+)
+def test_a_clock_that_is_set_back_in_the_hold_hides_nothing(bench, position_m, sentence):
+    handle = bench.start('stiffness', hold_s=3.0)
+    bench.wait_for_phase('hold')
+
+    def publish(_):
+        state = JointState(position=[bench.tendon.position_m], velocity=[0.0])
+        state.header.stamp = Time(nanoseconds=time.time_ns() - 10**10).to_msg()
+        bench.tendon.states.publish(state)
+
+    bench.tendon.position_m = position_m
+    bench.tendon.publish = publish
+    assert sentence in bench.end(handle).message
+    assert bench.phases[-1] == 'aborted'
+
+
+def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench):
+    bench.guide.pauses = {2: DEADLINE_S}
+    handle = bench.start('texture')
+    bench.wait_for_phase('glide')
+    wait_until(lambda: bench.guide.position_m > 0.015)
+    send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
+    bench.end(handle)
+    track = bench.runner._guide._track
+    assert track._moving
+    time.sleep(TRACK_S + 0.2)
+    count = len(track._moving)
+    time.sleep(0.3)  # 30 joint states
+    assert len(track._moving) == count
+
+
+def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
+    handle = bench.start('stiffness')
+    bench.wait_for_phase('hold')
+    bench.tendon.position_m = 0.0045  # within its tolerance
+    track = bench.runner._tendon._track
+    track._is_over = False  # as when the servo ends its pull there
+    time.sleep(TRACK_S + 0.2)
+    count = len(track._moving)
+    time.sleep(0.3)
+    assert len(track._moving) == count
+    send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
+    bench.end(handle)
+
+
+def test_a_motion_is_tracked_for_longer_than_anybody_waits_for_its_reports():
+    assert TRACK_S >= 2 * REPORT_S
 
 
 def test_a_release_that_fails_is_tried_again(bench):

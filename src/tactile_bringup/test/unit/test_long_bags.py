@@ -14,6 +14,7 @@
 
 """Bags of long recordings: few chunks, little memory, and readable wherever they are cut."""
 
+from collections import Counter
 import os
 import sys
 
@@ -25,6 +26,7 @@ from rosbags.rosbag2 import Reader
 from tactile_bringup.recording.bag_repair import repair_bag
 from tactile_bringup.recording.bags import BagWriter, STRAIN, STRAIN_TOPIC, TactileBag
 from tactile_bringup.recording.mcap_format import StoredTopic
+from tactile_bringup.recording.mcap_reader import McapFile
 from tactile_bringup.recording.mcap_writer import CHUNK_BYTES, McapWriter
 
 SIZE = 3000
@@ -133,3 +135,57 @@ def test_a_recording_of_35_hours_in_small_chunks_opens_in_little_memory(tmp_path
         (newest,) = bag.messages(since_ns=7)
         assert sys.getsizeof(bag._files[0].segments._rows) < 50 * count
     assert newest.received_at_ns == 7
+
+
+def read_by_channel(path):
+    """Return the number of messages on each channel: as counted, and as read."""
+    file = McapFile(path)
+    try:
+        read = Counter(
+            channel
+            for _, i in file.segments.in_time(file.topics, 0)
+            for _, channel, _ in file.messages_of(file.segments[i], file.topics)
+        )
+        return file.counts, read
+    finally:
+        file.close()
+
+
+@pytest.fixture(scope='module')
+def two_channels(tmp_path_factory):
+    """Return a finished file of two channels in two chunks, and the span of its last index."""
+    path = tmp_path_factory.mktemp('two') / 'two.mcap'
+    writer = McapWriter(path)
+    channels = [writer.add_channel(StoredTopic(name, STRAIN)) for name in ('/a', '/b')]
+    for i in range(10):
+        for channel in channels:
+            writer.write(channel, i + 1, bytes([channel]) * 8)
+        if i == 4:
+            writer.cut()
+    writer.flush()
+    index_start = path.stat().st_size
+    writer.cut()
+    index_end = path.stat().st_size
+    writer.write_metadata('rosbag2_bagfile_information: {}')
+    writer.close()
+    return path.read_bytes(), index_start, index_end
+
+
+def test_a_file_cut_off_behind_its_last_chunk_loses_no_message(two_channels, tmp_path):
+    """The file is cut off before every byte of the last index, and of what follows."""
+    whole, index_start, _ = two_channels
+    path = tmp_path / 'cut.mcap'
+    counts = {1: 10, 2: 10}
+    for cut in range(index_start, len(whole) + 1):
+        path.write_bytes(whole[:cut])
+        assert read_by_channel(path) == (counts, counts), cut
+
+
+def test_an_index_that_turns_to_zeros_costs_no_message(two_channels, tmp_path):
+    whole, index_start, index_end = two_channels
+    path = tmp_path / 'zeros.mcap'
+    counts = {1: 10, 2: 10}
+    for cut in range(index_start, index_end + 1):
+        for zeros in (index_end - cut, len(whole) - cut, 10_000):
+            path.write_bytes(whole[:cut] + bytes(zeros))
+            assert read_by_channel(path) == (counts, counts), (cut, zeros)

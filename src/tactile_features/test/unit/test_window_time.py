@@ -125,6 +125,15 @@ def test_an_unknown_error_is_accepted_unless_told_otherwise(error_s):
     assert 'accept_unknown_stamp_error' in window.reason
 
 
+@pytest.mark.parametrize('accepts_unknown', [True, False])
+def test_an_unknown_error_does_not_hide_a_known_one_above_the_limit(accepts_unknown):
+    config = dataclasses.replace(CONFIG, accept_unknown_stamp_error=accepts_unknown)
+    blocks = block(0, 28, stamp_error_s=0.5), block(28), block(29, 21, stamp_error_s=0.001)
+    (window,) = run(event(2.0, 'hold'), *blocks, event(3.5, 'release'), config=config)
+    assert (window.outcome, window.stamp_error_s) == (Outcome.BAD_TIME, -1.0)
+    assert 'wrong by 0.5000 s' in window.reason
+
+
 def test_the_running_windows_of_a_glide_allow_what_the_whole_one_does():
     config = dataclasses.replace(CONFIG, texture_samples=60, running_samples=(30,))
     for error_s, outcome in ((0.03, Outcome.OK), (0.06, Outcome.BAD_TIME)):
