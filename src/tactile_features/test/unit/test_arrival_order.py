@@ -53,7 +53,7 @@ class Sample(NamedTuple):
 
 @st.composite
 def configs(draw):
-    texture_samples = draw(st.sampled_from([2, 10, 21, 45]))
+    texture_samples = draw(st.sampled_from([2, 10, 21, 45, 45]))
     return FeatureConfig(
         rate_hz=20.0,
         texture_samples=texture_samples,
@@ -79,8 +79,10 @@ def make_stream(random, count=160):
     lost = {n for start in some(3) for n in range(start, start + random.randint(1, 4))}
     jitter_ns = {n: random.randint(-80_000_000, 80_000_000) for n in some(3)}
     status_at = {}
-    for start in some(2):
-        bit = random.choice([STATUS_STUCK, STATUS_RECONNECTED, STATUS_RESYNCHRONISED])
+    for start in some(3):
+        bit = random.choice(
+            [STATUS_STUCK, STATUS_STUCK, STATUS_RECONNECTED, STATUS_RESYNCHRONISED]
+        )
         status_at.update(dict.fromkeys(range(start, start + random.randint(1, 20)), bit))
     error_at = {}
     for start in some(2):
