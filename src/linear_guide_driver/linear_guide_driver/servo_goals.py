@@ -35,7 +35,8 @@ from linear_guide_driver.errors import (
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.safety.pull import Pull
-from linear_guide_driver.safety.tendon_safety import Ending, Order, State, TendonSafety, Zero
+from linear_guide_driver.safety.states import Ending, Order, State, Zero
+from linear_guide_driver.safety.tendon_safety import TendonSafety
 from linear_guide_driver.servo_monitor import describe_watchdog, ServoMonitor
 from linear_guide_driver.tendon_servo import TendonServo
 from linear_guide_driver.tendon_setup import open_servo

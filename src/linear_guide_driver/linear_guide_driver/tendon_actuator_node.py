@@ -28,7 +28,7 @@ from std_srvs.srv import Trigger
 from linear_guide_driver.conversions import joint_state_to_msg
 from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
-from linear_guide_driver.safety.tendon_safety import Ending, Zero
+from linear_guide_driver.safety.states import Ending, Zero
 from linear_guide_driver.safety.watched_topics import wait_first, WatchedTopics
 from linear_guide_driver.tendon_client import TendonActuatorClient
 from linear_guide_driver.throttle import Throttle
@@ -180,7 +180,8 @@ class TendonActuatorNode(TactileNode):
                 stop_tension_n=request.stop_tension_n,
             )
             if client.safety.ending is Ending.REACHED:
-                message = f'The tension reached {client.safety.tension_n:.2f} N; it is held.'
+                reached = f'The tension reached {request.stop_tension_n:.2f} N.'
+                message = f'{reached} The tendon is held there.'
                 return PullTendon.Result(message=message, stopped_by_tension=True, **rest())
             message = f'The tendon rests at {state.displacement_m:.4f} m.'
             return PullTendon.Result(message=message, **rest())

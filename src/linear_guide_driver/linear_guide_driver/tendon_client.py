@@ -31,7 +31,8 @@ from linear_guide_driver.errors import (
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.safety.pull import check_pull, Pull
-from linear_guide_driver.safety.tendon_safety import Ending, TendonSafety, Zero
+from linear_guide_driver.safety.states import Ending, Zero
+from linear_guide_driver.safety.tendon_safety import TendonSafety
 from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
 from linear_guide_driver.servo_goals import ServoGoals
 from linear_guide_driver.tendon_homing import find_taut

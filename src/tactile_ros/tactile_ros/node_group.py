@@ -32,7 +32,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.signals import hold_signals, ignore_signals, Signals
+from tactile_ros.signals import hold_signals, ignore_signals, Signals, STDERR
 
 REST_TIMEOUT_S = 3.0
 """How long the end of a process waits for running goals to come to rest."""
@@ -208,10 +208,10 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
         with node.handle:  # the participant lives for as long as the handle is in use
             code = _serve(node, signals)
             time.sleep(PEERS_END_S)
-            faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True)
+            faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
         return code
     finally:
-        faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True)
+        faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
         rclpy.try_shutdown()
         ignore_signals()
 

@@ -32,11 +32,6 @@ from tactile_ros.transports import choose_transports
 GROUP = 'tactile.nodes'
 
 
-def node_executables() -> list[str]:
-    """Return the names of all executables that run a node, of every installed package."""
-    return sorted({entry.name for entry in entry_points(group=GROUP)})
-
-
 def find_node_class(executable: str) -> Any:
     """Return the class of the node that an executable runs.
 

@@ -39,6 +39,9 @@ INTERRUPT_TIMEOUT_S = 10.0
 ENDS_WITHIN_S = 30.0
 """After a signal the process has so long to end; see `Signals`."""
 
+STDERR = 2
+"""By number: a program may have closed its `sys.stderr`."""
+
 REPEAT_S = 0.05
 """Pause between two attempts to interrupt the main thread."""
 
@@ -74,7 +77,7 @@ class Signals:
 
     def _take(self, number: int, frame: FrameType | None) -> None:
         self.received = self.received or number
-        faulthandler.dump_traceback_later(ENDS_WITHIN_S, exit=True)
+        faulthandler.dump_traceback_later(ENDS_WITHIN_S, exit=True, file=STDERR)
         if self._raises:
             self._raises = False  # once: nothing interrupts the clearing up
             raise KeyboardInterrupt

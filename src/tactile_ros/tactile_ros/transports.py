@@ -36,7 +36,7 @@ LOOPBACK = Path(__file__).with_name('loopback.xml')
 
 
 def choose_transports(environment: Mapping[str, str], default_range: str) -> dict[str, str]:
-    """Return the variables to set before ROS starts; nothing where the user has chosen.
+    """Return the variables to set before ROS starts; what the user has chosen stays.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ def choose_transports(environment: Mapping[str, str], default_range: str) -> dic
     default_range : str
         ``ROS_AUTOMATIC_DISCOVERY_RANGE`` where the environment does not set it.
     """
-    if any(environment.get(name) for name in (TRANSPORTS, *PROFILES)):
-        return {}
+    if any(environment.get(name) for name in PROFILES):
+        return {}  # a profile chooses transports and reach
     chosen_range = environment.get(RANGE) or default_range
     if chosen_range != 'LOCALHOST':
-        return {TRANSPORTS: 'UDPv4'}
+        return {} if environment.get(TRANSPORTS) else {TRANSPORTS: 'UDPv4'}
     variable = PROFILES_OF.get(environment.get('ROS_DISTRO', ''))
     if variable is None or 'fastrtps' not in environment.get('RMW_IMPLEMENTATION', ''):
         return {RANGE: chosen_range}  # nothing else surely reads the profile

@@ -37,12 +37,12 @@ Four rules hold in every state:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
 import threading
 
 from linear_guide_driver.errors import MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.safety.pull import check_pull, Pull
+from linear_guide_driver.safety.states import Ending, Order, State, Zero
 from linear_guide_driver.safety.tension_level import TensionLevel
 from linear_guide_driver.safety.topic_watchdog import find_silence, TopicWatchdog
 
@@ -57,39 +57,6 @@ SETTLED_NS = 500_000_000
 refutes the zero: samples come later than positions."""
 
 NO_SAMPLES = 'No valid strain sample arrives; look after the tendon sensor.'
-
-
-class State(Enum):
-    """See the table of this module."""
-
-    FREE = 'free'
-    HOLDING = 'holding'
-    RELEASING = 'releasing'
-
-
-class Order(Enum):
-    """What the servo has to do now."""
-
-    FOLLOW = 'follow the goal'
-    HOLD = 'hold'
-    RELEASE = 'let out to slack'
-
-
-class Zero(Enum):
-    """What is known of the displacement's zero."""
-
-    KNOWN = 'homed, or taken where the sensor read a slack tendon'
-    UNCONFIRMED = 'taken where the tendon came to rest; the sensor has not confirmed it'
-    UNKNOWN = 'unknown'
-
-
-class Ending(Enum):
-    """Why safety has ended a pull."""
-
-    REACHED = 'the stop tension was reached'
-    OVER_LIMIT = 'the limit was exceeded'
-    LOST = 'something needed was lost'
-    STOPPED = 'somebody stopped it'
 
 
 class TendonSafety:
@@ -334,7 +301,6 @@ class TendonSafety:
                 if self._release_at_ns is None and (loss := self._find_loss(is_slack, now_ns)):
                     self._hold_then_release(loss, now_ns)
                 if self._release_at_ns is not None and now_ns >= self._release_at_ns:
-                    self._release_at_ns = None
                     self._enter(State.RELEASING, f'{self._reason} It is let out now.', Ending.LOST)
             self._confirm_zero(displacement_m, now_ns)
             if self._state is State.RELEASING:
@@ -347,6 +313,8 @@ class TendonSafety:
     def _enter(self, state: State, reason: str, ending: Ending) -> None:
         if state is self._state and state is State.RELEASING:
             return
+        if state is State.RELEASING:
+            self._release_at_ns = None  # a stop that ends the letting out holds for good
         self._state, self._reason, self._cause = state, reason, ending
         pull = self._pull
         is_final = self._ending is not None and (self._ending, ending) != (

@@ -21,7 +21,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 
-from linear_guide_driver.safety.tendon_safety import Zero
+from linear_guide_driver.safety.states import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock

@@ -26,7 +26,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
 
 from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
-from linear_guide_driver.safety.tendon_safety import Zero
+from linear_guide_driver.safety.states import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import PullTendon
 from tactile_msgs.msg import Readiness, StrainBlock

@@ -18,13 +18,8 @@ import pytest
 from linear_guide_driver.errors import MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.safety.pull import Pull
-from linear_guide_driver.safety.tendon_safety import (
-    Ending,
-    Order,
-    State,
-    TendonSafety,
-    Zero,
-)
+from linear_guide_driver.safety.states import Ending, Order, State, Zero
+from linear_guide_driver.safety.tendon_safety import TendonSafety
 from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
 
 MS = 1_000_000
@@ -212,6 +207,16 @@ def test_repeated_losses_and_stops_postpone_nothing(safety):
         assert 'silent' in safety.reason
     safety.add_samples([1.0], False, 2000 * MS)
     assert safety.decide(TAUT_M, 2000 * MS) is Order.RELEASE
+
+
+def test_a_stop_that_ends_a_letting_out_holds_for_good(safety):
+    hold_taut(safety)
+    safety.lose('The servo was silent.', 0)
+    safety.release('The tendon was released.')
+    safety.stop()
+    for now_ms in range(0, 5000, 100):
+        safety.add_samples([1.0], False, now_ms * MS)
+        assert safety.decide(TAUT_M, now_ms * MS) is Order.HOLD
 
 
 def test_letting_out_to_slack_needs_neither_contact_nor_tension(safety):

@@ -24,7 +24,8 @@ import pytest
 from linear_guide_driver.errors import MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.safety.pull import Pull
-from linear_guide_driver.safety.tendon_safety import Ending, Order, SLACK_M, TendonSafety, Zero
+from linear_guide_driver.safety.states import Ending, Order, Zero
+from linear_guide_driver.safety.tendon_safety import SLACK_M, TendonSafety
 from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
 
 POLL_NS = 16_000_000

@@ -25,16 +25,16 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import EVENT, EVENT_TOPIC, STRAIN, TactileBag
-from tactile_bringup.recording.stream_counts import SampleRun, StreamCounts
+from tactile_bringup.recording.host_clock import EVENT_DELAY_S, HostClock, SpanCounts, Unstepped
+from tactile_bringup.recording.stream_counts import SampleRun
 from tactile_features.phase_window import describe_clock_step, RATE_TOLERANCE
 from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_DONE,
-    STATUS_CLOCK_STEP,
     StrainBlock,
     TrialEvent,
 )
@@ -42,20 +42,11 @@ from tactile_features.records import (
 LONGEST_STEP_S = 0.1
 """Longest time between two samples that is not worth a word [s]; at least three periods."""
 
-EVENT_DELAY_S = 10.0
-"""How much later than its samples an event may come and its trial still be audited [s]."""
-
 MAX_BLOCKS = 100_000
 """Most blocks that are kept for events that come late: fewer seconds of very small blocks."""
 
 MAX_TRIALS = 1000
 """Most trials that wait for their samples; the oldest is then audited without them."""
-
-CLOCK_STEP_S = 1.0
-"""A stamp this far before the last one is a clock step, also without its status bit [s]."""
-
-MAX_STEPS = 100
-"""Most clock steps within `EVENT_DELAY_S` that are kept for events that come late."""
 
 MOST_NOTED = 100
 """Failed trials that the facts of a bag describe."""
@@ -118,7 +109,7 @@ class Audit:
 
 
 def _make_audit(
-    span: _SpanCounts,
+    span: SpanCounts,
     finger: str,
     nominal_rate_hz: float,
     trial: _Trial | None = None,
@@ -141,7 +132,7 @@ def _make_audit(
     )
 
 
-def _findings(span: _SpanCounts, nominal_hz: float, trial: _Trial | None) -> Iterable[str]:
+def _findings(span: SpanCounts, nominal_hz: float, trial: _Trial | None) -> Iterable[str]:
     counts = span.counts
     if span.steps:
         first = describe_clock_step(span.first_step_ns, 'trial' if trial else 'recording')
@@ -187,99 +178,6 @@ def _findings(span: _SpanCounts, nominal_hz: float, trial: _Trial | None) -> Ite
             yield f'the samples end {early_s:.3f} s before the trial'
 
 
-class _Unstepped(NamedTuple):
-    """A run of samples in stream time.
-
-    Attributes
-    ----------
-    run : SampleRun
-    shift_ns : int
-        Its stamps are those of the run plus this [ns].
-    step_ns : int
-        Clock step between the sample before and its first one [ns]; 0: none.
-    """
-
-    run: SampleRun
-    shift_ns: int
-    step_ns: int
-
-
-class _HostClock:
-    """Converts stamps to stream time: the host's clock as if it had never been set.
-
-    Only so can samples before and after a clock step be compared and kept in one order.
-    """
-
-    def __init__(self) -> None:
-        self._shift_ns = 0
-        self._last: SampleRun | None = None  # as stamped; late ones left out
-        self._past: deque[tuple[int, int]] = deque(maxlen=MAX_STEPS)  # end, shift before it
-
-    def take(self, run: SampleRun) -> _Unstepped:
-        """Return the next run in stream time."""
-        last = self._last
-        step_ns = 0
-        if last is None or not _is_late(run, last):
-            step_ns = _clock_step(run, last) if last is not None else 0
-            self._last = run
-        if step_ns:
-            self._past.append((run.stamp_ns - self._shift_ns - step_ns, self._shift_ns))
-            self._shift_ns += step_ns
-        stamp_ns = run.stamp_ns - self._shift_ns
-        return _Unstepped(run._replace(stamp_ns=stamp_ns), self._shift_ns, step_ns)
-
-    def time_of_event(self, stamp_ns: int, latest_ns: int | None) -> int:
-        """Return the stamp of an event in stream time.
-
-        Soon after a step, an event may still be stamped by the clock before it. The clock is
-        taken that puts the event nearest to the latest sample.
-        """
-        if latest_ns is None:
-            return stamp_ns - self._shift_ns
-        while self._past and self._past[0][0] < latest_ns - round(EVENT_DELAY_S * 1e9):
-            self._past.popleft()
-        shifts_ns = [self._shift_ns, *(shift_ns for _, shift_ns in self._past)]
-        return min((stamp_ns - s for s in shifts_ns), key=lambda t: abs(t - latest_ns))
-
-
-def _is_late(run: SampleRun, last: SampleRun) -> bool:
-    """Return whether a run has numbers that have been passed, and the stamps that fit them."""
-    if run.sequence >= last.sequence + last.size:
-        return False
-    elapsed_ns = last.stamp_of(run.sequence - last.sequence) - last.stamp_ns
-    error_ns = abs(run.stamp_ns - last.stamp_ns - elapsed_ns)
-    return error_ns < CLOCK_STEP_S * 1e9 + RATE_TOLERANCE * abs(elapsed_ns)
-
-
-def _clock_step(run: SampleRun, last: SampleRun) -> int:
-    """Return by how much the host's clock was set between two runs [ns]; 0: it was not."""
-    is_marked = run.status & ~last.status & STATUS_CLOCK_STEP
-    is_behind = run.stamp_ns < last.stamp_of(last.size - 1) - round(CLOCK_STEP_S * 1e9)
-    if not is_marked and not is_behind:
-        return 0
-    # Numbers that began anew do not tell how many samples lie between.
-    steps = max(last.size, run.sequence - last.sequence)
-    return run.stamp_ns - last.stamp_of(steps)
-
-
-class _SpanCounts:
-    """What was counted in a span of the stream, and the clock steps within it."""
-
-    def __init__(self) -> None:
-        self.counts = StreamCounts()
-        self.steps = self.first_step_ns = 0
-        self.start_shift_ns = self.end_shift_ns = 0
-
-    def add(self, unstepped: _Unstepped) -> None:
-        if not self.counts.samples:
-            self.start_shift_ns = unstepped.shift_ns
-        elif unstepped.step_ns:
-            self.steps += 1
-            self.first_step_ns = self.first_step_ns or unstepped.step_ns
-        self.end_shift_ns = unstepped.shift_ns
-        self.counts.add(unstepped.run)
-
-
 class _Trial:
     """A trial under way, or one that waits for its samples; counts those that it is given.
 
@@ -290,11 +188,11 @@ class _Trial:
         self.trial_id = trial_id
         self.start_ns = self.end_ns = stamp_ns
         self.is_over = self.is_too_late = False
-        self.span = _SpanCounts()
+        self.span = SpanCounts()
         self._before: SampleRun | None = None
         self._has_begun = self._has_ended = False
 
-    def add(self, unstepped: _Unstepped) -> None:
+    def add(self, unstepped: Unstepped) -> None:
         """Take in the next run of the stream, wherever it lies."""
         run = unstepped.run
         begin = run.up_to(self.start_ns - 1)
@@ -310,7 +208,7 @@ class _Trial:
             self._has_ended = True
             self._after = run.part(end, end + 1)
 
-    def finish(self) -> _SpanCounts:
+    def finish(self) -> SpanCounts:
         """Return what was counted; no more runs come."""
         if self._has_ended:
             self.span.counts.stop_before(self._after)
@@ -338,9 +236,9 @@ class FingerAuditor:
     def __init__(self, finger: str, nominal_rate_hz: float) -> None:
         self.finger = finger
         self.nominal_rate_hz = nominal_rate_hz
-        self._whole = _SpanCounts()
-        self._clock = _HostClock()
-        self._recent: deque[_Unstepped] = deque()
+        self._whole = SpanCounts()
+        self._clock = HostClock()
+        self._recent: deque[Unstepped] = deque()
         self._latest_ns: int | None = None  # in stream time, as all that follow
         self._gone_ns: int | None = None
         self._trials: deque[_Trial] = deque()  # only the last one can be under way

@@ -15,6 +15,7 @@
 """A parameter is applied or refused: every node, through its services."""
 
 import dataclasses
+from importlib.metadata import entry_points
 import threading
 
 from domain_coordinator import domain_id
@@ -33,10 +34,11 @@ from tactile_bringup.wiring.graph import (
 )
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_ros.node_group import NodeGroup
-from tactile_ros.node_program import node_executables
+from tactile_ros.node_program import GROUP
 from tactile_sim.rig_process import SimulatedRig
 
 DEADLINE_S = 20.0
+EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
 
 
 @pytest.fixture(scope='module')
@@ -109,7 +111,7 @@ def present(node, field):
     return Parameter(field.name, types.INTEGER_ARRAY if is_integer else types.STRING_ARRAY, [])
 
 
-@pytest.mark.parametrize('executable', node_executables())
+@pytest.mark.parametrize('executable', EXECUTABLES)
 def test_a_parameter_changes_between_configurations_only(executable, descriptions):
     assert executable in descriptions, f'describe {executable} above'
     description = descriptions[executable]

@@ -14,6 +14,7 @@
 
 """A signal ends the programs of nodes and the `tactile` command from their first moment on."""
 
+from importlib.metadata import entry_points
 from pathlib import Path
 import signal
 import subprocess
@@ -23,9 +24,10 @@ import time
 from ament_index_python.packages import get_package_prefix
 import pytest
 
-from tactile_ros.node_program import find_node_class, node_executables
+from tactile_ros.node_program import find_node_class, GROUP
 
 DEADLINE_S = 60.0
+EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
 NUMBERS = [signal.SIGINT, signal.SIGTERM]
 
 
@@ -51,7 +53,7 @@ def wait_until_held(process):
 
 
 @pytest.mark.parametrize('number', NUMBERS)
-@pytest.mark.parametrize('executable', node_executables())
+@pytest.mark.parametrize('executable', EXECUTABLES)
 def test_a_signal_before_the_node_is_made_ends_the_program_with_zero(executable, number):
     package = find_node_class(executable).__module__.partition('.')[0]
     process = start(program(package, executable))

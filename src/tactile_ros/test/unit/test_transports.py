@@ -17,7 +17,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from tactile_ros.transports import choose_transports
+from tactile_ros.transports import choose_transports, PROFILES
 
 FAST = 'rmw_fastrtps_cpp'
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -59,13 +59,13 @@ def test_on_a_network_udp_is_chosen():
     }
 
 
-@pytest.mark.parametrize(
-    'name',
-    [
-        'FASTDDS_BUILTIN_TRANSPORTS',
-        'FASTDDS_DEFAULT_PROFILES_FILE',
-        'FASTRTPS_DEFAULT_PROFILES_FILE',
-    ],
-)
-def test_what_the_user_has_chosen_stays(name):
-    assert choose_transports({name: 'x', RANGE: 'LOCALHOST'}, 'SUBNET') == {}
+@pytest.mark.parametrize('profile', PROFILES)
+def test_a_profile_of_the_user_stays(profile):
+    environment = {profile: 'x', 'ROS_DISTRO': 'jazzy', 'RMW_IMPLEMENTATION': FAST}
+    assert choose_transports(environment, 'LOCALHOST') == {}
+
+
+def test_transports_of_the_user_stay_and_open_nothing():
+    chosen = {'FASTDDS_BUILTIN_TRANSPORTS': 'LARGE_DATA'}
+    assert choose_transports(chosen, 'SUBNET') == {}
+    assert choose_transports(chosen, 'LOCALHOST') == {RANGE: 'LOCALHOST'}
