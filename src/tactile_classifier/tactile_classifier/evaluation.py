@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from tactile_classifier.conditions import find_cells, find_tied_labels
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import build_estimator, CLASSIFIERS, RANDOM_STATE, SCALINGS
 from tactile_classifier.intervals import accuracy_interval, Interval
@@ -57,7 +58,8 @@ class Score:
     spread_of : str
         ``repetitions`` (of their mean accuracies) or ``groups`` (held out in turn).
     interval : Interval
-        Of the mean, over trials, or over groups where they are held out.
+        Of the mean, over groups where they are held out; otherwise over cells of near copies
+        where there are any, and over trials where not.
     confusion : ndarray of int, shape (labels, labels)
         Counts over all repetitions; row: true label, column: answer.
     """
@@ -97,6 +99,8 @@ class Evaluation:
     ----------
     chance : float
         Accuracy of always naming the commonest label [1].
+    warnings : tuple of str
+        What the columns of the table say against these numbers, one sentence each.
     """
 
     split: str
@@ -105,6 +109,7 @@ class Evaluation:
     feature_set: str
     chance: float
     scores: tuple[Score, ...]
+    warnings: tuple[str, ...] = ()
 
     def score(self, classifier: str, scaling: str) -> Score:
         """Return the score of one classifier with one scaling; KeyError when not evaluated."""
@@ -122,6 +127,7 @@ class Evaluation:
             'feature_set': self.feature_set,
             'chance': self.chance,
             'scores': [score.to_dict() for score in self.scores],
+            'warnings': list(self.warnings),
         }
 
 
@@ -150,6 +156,7 @@ class AccuracyPlan:
     ) -> None:
         self._table = table
         self._split = split
+        self._cells = find_cells(table) if split.groups is None else None
         self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
         for pair in self._pairs:
             build_estimator(*pair)  # a wrong name fails here, not in a worker
@@ -172,6 +179,7 @@ class AccuracyPlan:
             self._score(*pair, labels, answers[i * deals : (i + 1) * deals])
             for i, pair in enumerate(self._pairs)
         ]
+        near_copies = [self._cells.warning] if self._cells is not None else []
         return Evaluation(
             self._split.name,
             labels,
@@ -179,6 +187,7 @@ class AccuracyPlan:
             table.spec.feature_set,
             float(counts.max() / counts.sum()),
             tuple(scores),
+            (*near_copies, *find_tied_labels(table)),
         )
 
     def _score(
@@ -199,6 +208,9 @@ class AccuracyPlan:
         parts = accuracies[0] if grouped else accuracies.mean(axis=1)
         if grouped:
             interval = accuracy_interval(parts, 'groups')
+        elif self._cells is not None:
+            share, sizes = self._cells.average(right / len(split.deals))
+            interval = accuracy_interval(share, 'cells of near copies', sizes)
         else:
             interval = accuracy_interval(right / len(split.deals), 'trials')
         return Score(

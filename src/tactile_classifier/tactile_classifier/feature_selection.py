@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from tactile_classifier.conditions import find_cells
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import CLASSIFIERS, RANDOM_STATE, SCALINGS
 from tactile_classifier.evaluation import predict_folds
@@ -139,7 +140,7 @@ class SelectionPlan:
             if grouped:
                 difference = difference_interval(np.array([g.mean() for g in gains]), 'groups')
             else:
-                difference = difference_interval(np.concatenate(gains), 'trials')
+                difference = self._interval_over_trials(gains)
             results.append(
                 SelectionResult(
                     classifier,
@@ -152,6 +153,16 @@ class SelectionPlan:
                 )
             )
         return tuple(results)
+
+    def _interval_over_trials(self, gains: Sequence[npt.NDArray[np.float64]]) -> Interval:
+        gain = np.zeros(len(self._table))
+        for (_, test), some in zip(self._folds, gains, strict=True):
+            gain[test] = some
+        cells = find_cells(self._table)
+        if cells is None:
+            return difference_interval(gain, 'trials')
+        means, sizes = cells.average(gain)
+        return difference_interval(means, 'cells of near copies', sizes)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,21 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How far an accuracy may be off: intervals from the trials or groups that it comes from."""
+"""How far an accuracy may be off: intervals over the trials or groups that it comes from."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import stdtrit
 
 LEVEL = 0.95
 """Share of such intervals that are meant to hold the true value [1]."""
-
-RESAMPLES = 2000
-_SEED = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Interval:
     low, high : float
         Both 0 when ``reason`` is not empty.
     method : str
-        What was resampled, in words.
+        The method and what it counts, in words.
     reason : str
         One sentence when there is no interval; empty otherwise.
     """
@@ -55,54 +54,85 @@ class Interval:
         return {'low': self.low, 'high': self.high, 'level': LEVEL, 'method': self.method}
 
 
-def accuracy_interval(parts: npt.NDArray[np.float64], parts_are: str) -> Interval:
+def accuracy_interval(
+    parts: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
+) -> Interval:
     """Return the interval of a mean accuracy.
 
-    Percentiles of the means of 2000 resamples, drawn with replacement. It covers the chance
-    in which trials, or groups, were tested; not that of the training.
+    The score interval of Wilson with the effective number of trials that the spread between the
+    parts implies, and the quantile of Student's t with one degree of freedom less than there
+    are parts (the modified Wilson interval of Dean and Pagano 2015 for clustered samples). It
+    covers the chance in which parts were tested. It does not cover that of the training.
 
     Parameters
     ----------
-    parts : ndarray of shape (n,)
-        Accuracy of each trial (over repetitions) or of each group that was held out [1].
+    parts : array_like of shape (n,)
+        Accuracy of each trial (over repetitions), cell or group [1].
     parts_are : str
-        ``trials`` or ``groups``.
+        ``trials``, or what the parts are, such as ``groups``.
+    weights : array_like of shape (n,), optional
+        Trials in each part, where the mean is over trials; equal when left out.
 
     Notes
     -----
-    Where all trials are right, or all wrong, resampling knows no spread: the interval is then
-    the exact binomial one. Groups without spread get none.
+    Trials that are all right, or all wrong, have no spread: their interval is the exact
+    binomial one. Other parts without spread get none.
     """
-    count = len(parts)
-    if np.ptp(parts) > 0:
-        return _percentiles(parts, f'bootstrap over {count} {parts_are}')
-    if parts_are == 'trials' and parts[0] in (0.0, 1.0):
-        # Clopper and Pearson with no error in n: both tails, so that it fits the level.
-        limit = ((1 - LEVEL) / 2) ** (1 / count)
-        low, high = (limit, 1.0) if parts[0] == 1.0 else (0.0, 1.0 - limit)
-        return Interval(low, high, f'exact binomial over {count} trials')
-    return Interval(0.0, 0.0, '', f'all {count} {parts_are} have the same accuracy')
+    values, share = _shares(parts, weights)
+    count, mean = len(values), float(share @ values)
+    if np.ptp(values) == 0.0:
+        if parts_are == 'trials' and values[0] in (0.0, 1.0):
+            # Clopper and Pearson with no error in n: both tails, so that it fits the level.
+            limit = ((1 - LEVEL) / 2) ** (1 / count)
+            low, high = (limit, 1.0) if values[0] == 1.0 else (0.0, 1.0 - limit)
+            return Interval(low, high, f'exact binomial over {count} trials')
+        return Interval(0.0, 0.0, '', f'all {count} {parts_are} have the same accuracy')
+    variance, quantile = _spread(values, share)
+    # So many independent trials would have this variance of the mean.
+    effective = mean * (1.0 - mean) / variance
+    ratio = quantile**2 / effective
+    middle = (mean + 0.5 * ratio) / (1.0 + ratio)
+    half = math.sqrt(ratio * mean * (1.0 - mean) + 0.25 * ratio**2) / (1.0 + ratio)
+    return Interval(
+        max(0.0, middle - half), min(1.0, middle + half), f'Wilson with t over {count} {parts_are}'
+    )
 
 
-def difference_interval(differences: npt.NDArray[np.float64], parts_are: str) -> Interval:
-    """Return the interval of a mean paired difference, as `accuracy_interval`.
+def difference_interval(
+    differences: npt.ArrayLike, parts_are: str, weights: npt.ArrayLike | None = None
+) -> Interval:
+    """Return Student's t interval of a mean paired difference.
 
     Parameters
     ----------
-    differences : ndarray of shape (n,)
-        One a trial, or one a group.
-    parts_are : str
+    differences : array_like of shape (n,)
+        One a trial, cell or group.
+    parts_are, weights
+        As in `accuracy_interval`.
     """
-    if np.ptp(differences) > 0:
-        return _percentiles(differences, f'bootstrap over {len(differences)} {parts_are}')
-    return Interval(0.0, 0.0, '', f'all {len(differences)} {parts_are} have the same difference')
+    values, share = _shares(differences, weights)
+    if np.ptp(values) == 0.0:
+        return Interval(0.0, 0.0, '', f'all {len(values)} {parts_are} have the same difference')
+    mean = float(share @ values)
+    variance, quantile = _spread(values, share)
+    half = quantile * math.sqrt(variance)
+    return Interval(mean - half, mean + half, f't over {len(values)} {parts_are}')
 
 
-def _percentiles(parts: npt.NDArray[np.float64], method: str) -> Interval:
-    count = len(parts)
-    generator = np.random.default_rng(_SEED)
-    # How often each part is drawn: small beside the table of all draws.
-    times = generator.multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
-    tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(times @ parts / count, [tail, 100 - tail])
-    return Interval(float(low), float(high), method)
+def _shares(
+    parts: npt.ArrayLike, weights: npt.ArrayLike | None
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the parts' values and their shares of the mean, which add to 1."""
+    values = np.asarray(parts, dtype=np.float64)
+    size = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=np.float64)
+    return values, size / size.sum()
+
+
+def _spread(
+    values: npt.NDArray[np.float64], share: npt.NDArray[np.float64]
+) -> tuple[float, float]:
+    """Return the variance of the weighted mean, from the parts, and Student's quantile."""
+    count = len(values)
+    residuals = share * (values - share @ values)
+    variance = float(residuals @ residuals) * count / (count - 1)
+    return variance, float(stdtrit(count - 1, 0.5 * (1.0 + LEVEL)))

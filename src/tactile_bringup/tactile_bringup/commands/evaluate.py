@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from tactile_bringup.commands.output import Output
 from tactile_bringup.datasets.bag_tables import read_tables
-from tactile_bringup.datasets.tables import accuracy_caption, accuracy_table
+from tactile_bringup.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report.analysis import analyse, SetResult
 from tactile_bringup.report.build import report_path, write_report
@@ -120,7 +120,7 @@ def _print_result(result: SetResult, output: Output) -> None:
     for evaluation in result.evaluations:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
         output.say(accuracy_caption(evaluation, intervals=True))
-    for line in (*summarise_set(result), *result.not_done):
+    for line in (*summarise_set(result), *result.not_done, *tell_warnings(result.evaluations)):
         output.say(f'  {line}')
     output.say()
 

@@ -30,6 +30,7 @@ from tactile_bringup.datasets.tables import (
     accuracy_table,
     CLASSIFIER_TITLES,
     SCALING_TITLES,
+    tell_warnings,
 )
 from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.model_folder import model_path
@@ -154,6 +155,8 @@ def train_models(found: BagTables, request: TrainRequest, output: Output) -> lis
         simulated = ', SIMULATED trials' if table.column('simulated').any() else ''
         output.say(accuracy_table(evaluation, f'{task}, {contact}{simulated}'))
         output.say(accuracy_caption(evaluation))
+        for warning in tell_warnings([evaluation]):
+            output.say(warning)
         chosen = request.scaling or DEFAULT_SCALING[task]
         seconds = request.running_seconds() if task == PROTOCOL_TEXTURE else []
         trained = train(

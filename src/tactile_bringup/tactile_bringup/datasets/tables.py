@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.table import Table
 
 from tactile_classifier.evaluation import Evaluation
@@ -70,3 +72,9 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     if intervals and any(not score.interval.reason for score in evaluation.scores):
         parts.insert(2, 'in brackets the 95 % interval')
     return '; '.join(parts)
+
+
+def tell_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
+    """Return the warnings of some evaluations of one table, each once."""
+    found = [warning for evaluation in evaluations for warning in evaluation.warnings]
+    return [f'warning: {warning}' for warning in dict.fromkeys(found)]

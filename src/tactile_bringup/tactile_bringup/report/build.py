@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, short_scaling, tell_warnings
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report import figures_accuracy, figures_signals, sentences
 from tactile_bringup.report.analysis import SetResult
@@ -94,7 +94,7 @@ def build_page(
     page.paragraph(sentences.summarise_comparison(comparisons))
     for result in results:
         page.subheading(result.recordings.title)
-        page.items(sentences.summarise_set(result))
+        page.items([*sentences.summarise_set(result), *tell_warnings(result.evaluations)])
     _add_accuracy(page, results)
     page.heading('Beside the paper')
     page.paragraph(
@@ -149,7 +149,7 @@ def _add_scores(page: Page, evaluation: Evaluation) -> None:
     first = evaluation.scores[0]
     page.table(
         f'accuracy in %: {evaluation.split}; {evaluation.trials} trials; '
-        f'chance {100 * evaluation.chance:.1f}; interval: {first.interval.method or "bootstrap"}',
+        f'chance {100 * evaluation.chance:.1f}; interval: {first.interval.method or "none"}',
         ['classifier', 'features', 'mean', f'spread over {first.spread_of}', '95 % interval'],
         rows,
         words=2,
