@@ -61,8 +61,8 @@ class Cells:
     def warning(self) -> str:
         """What random folds do with near copies, in one sentence."""
         return (
-            f'random folds test near copies: {len(self.cell)} trials are {self.count} cells of equal '
-            f'label, {", ".join(self.columns)}, and most are in training and test at once; '
+            f'random folds test near copies: {len(self.cell)} trials are {self.count} cells of '
+            f'equal label, {", ".join(self.columns)}, most of them in training and test at once; '
             'a new condition may do worse, and the intervals are over cells'
         )
 
