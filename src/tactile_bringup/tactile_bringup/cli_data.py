@@ -26,6 +26,7 @@ import typer
 from tactile_bringup.cli_options import (
     Classifier,
     Contact,
+    Design,
     JsonOption,
     Protocol,
     refusals,
@@ -51,10 +52,17 @@ def simulate(
         typer.Option(
             min=1,
             max=1000,
-            help='How often the rig is set up anew: trials of one session share its mounting '
-            'and temperature.',
+            help='How often the rig is set up anew: trials of one session share its finger and '
+            'temperature.',
         ),
     ] = 1,
+    design: Annotated[
+        Design,
+        typer.Option(
+            help='crossed: the plate or object is fixed anew before each trial. as-published: '
+            'once, for all its trials, in one session: label and mounting coincide.'
+        ),
+    ] = Design.crossed,
     speed: Annotated[
         Optional[list[float]],
         typer.Option(
@@ -101,6 +109,7 @@ def simulate(
                 contacts=tuple(dict.fromkeys(c.value for c in contact or list(Contact))),
                 trials_per_label=trials,
                 sessions=sessions,
+                design=design.value,
                 seed=seed,
                 folder=output,
                 description=description,

@@ -79,6 +79,13 @@ class SimulatedProtocol(str, Enum):
     slip = 'slip'
 
 
+class Design(str, Enum):
+    """How mountings and sessions are laid over the trials."""
+
+    crossed = 'crossed'
+    as_published = 'as-published'
+
+
 class Contact(str, Enum):
     """How the finger touches."""
 

@@ -88,6 +88,13 @@ def trials(
     session: Annotated[
         str, typer.Option(help="Name of the session, part of the trials' ids. Default: the time.")
     ] = '',
+    mounting: Annotated[
+        str,
+        typer.Option(
+            help='Name of the mounting; name another each time you fix the plate or object anew. '
+            'Default: none.'
+        ),
+    ] = '',
     models: ModelsOption = None,
     guide: GuideOption = '',
     tendon: TendonOption = '',
@@ -119,6 +126,7 @@ def trials(
                 ports=PortArguments(guide, tendon, sensor, simulated, seed),
                 params=params,
                 session=session,
+                mounting=mounting,
             ),
             as_json=json_output,
         )

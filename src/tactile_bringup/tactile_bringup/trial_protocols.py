@@ -89,6 +89,7 @@ class TrialRequest:
     session_id: str = ''
     glide_speed_m_s: float = 0.0
     hold_s: float = 0.0
+    mounting_id: str = ''
 
     def __post_init__(self) -> None:
         if self.protocol not in SIMULATED_PROTOCOLS:

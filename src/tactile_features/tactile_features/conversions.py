@@ -91,6 +91,7 @@ def event_from_msg(msg: Any) -> TrialEvent:
         pull_speed_m_s=float(msg.pull_speed_m_s),
         pull_displacement_m=float(msg.pull_displacement_m),
         detected=bool(msg.detected),
+        mounting_id=str(msg.mounting_id),
     )
 
 

@@ -123,6 +123,7 @@ class TrialEvent:
     pull_speed_m_s: float = 0.0
     pull_displacement_m: float = 0.0
     detected: bool = False
+    mounting_id: str = ''
 
 
 @dataclass(frozen=True)

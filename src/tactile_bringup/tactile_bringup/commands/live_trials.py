@@ -61,6 +61,7 @@ class LiveTrial:
         return {
             'trial_id': request.trial_id,
             'session_id': request.session_id,
+            'mounting_id': request.mounting_id,
             'protocol': request.protocol,
             'contact': request.contact,
             'object_label': request.object_label,

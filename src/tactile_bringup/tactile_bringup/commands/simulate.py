@@ -34,6 +34,9 @@ from tactile_features.config import FeatureConfig
 from tactile_features.records import PROTOCOL_TEXTURE
 from tactile_sim.descriptions.catalogue import Catalogue
 
+CROSSED = 'crossed'
+AS_PUBLISHED = 'as-published'
+
 
 @dataclass(frozen=True)
 class SimulateRequest:
@@ -49,6 +52,7 @@ class SimulateRequest:
     jobs: int
     plot: Path | None
     speeds_m_s: tuple[float, ...] = ()
+    design: str = CROSSED
 
 
 def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
@@ -63,6 +67,12 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
         raise BringupError('--jobs is 0; it must be a number of processes, or -1 for all cores')
     if request.speeds_m_s and request.protocol != PROTOCOL_TEXTURE:
         raise BringupError('--speed is for texture: nothing else glides over a plate')
+    if request.design == AS_PUBLISHED and request.sessions != 1:
+        raise BringupError(
+            f'--sessions is {request.sessions}, but --design {AS_PUBLISHED} has one session: that '
+            f'is all the paper tells of; leave --sessions away, or use --design {CROSSED}'
+        )
+    per_mounting = request.trials_per_label if request.design == AS_PUBLISHED else 1
     catalogue = Catalogue(request.description)
     labels = catalogue.labels(request.protocol)
     plans = [
@@ -73,6 +83,7 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
             request.seed,
             request.sessions,
             speed_m_s,
+            per_mounting,
         )
         for contact in request.contacts
         for speed_m_s in request.speeds_m_s or (None,)
@@ -81,7 +92,7 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
     output.say(
         f'SIMULATED {request.protocol} trials, {" and ".join(request.contacts)}: {total} in all; '
         f'{len(plans)} x {request.sessions} x {request.trials_per_label} '
-        f'(bags, sessions, trials) on each of {", ".join(labels)}'
+        f'(bags, sessions, trials) on each of {", ".join(labels)}; design {request.design}'
     )
     started = time.monotonic()
     bags = make_bags(request.folder, plans, output, catalogue=catalogue, jobs=request.jobs)
@@ -105,6 +116,8 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
                     'protocol': plan.protocol,
                     'contact': plan.contact,
                     'glide_speed_m_s': plan.glide_speed_m_s,
+                    'design': request.design,
+                    'trials_per_mounting': plan.trials_per_mounting,
                     'sessions': plan.sessions,
                     'trials_per_label_and_session': plan.trials_per_label,
                     'trials': bag.trials,

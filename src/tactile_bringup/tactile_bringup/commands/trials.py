@@ -40,6 +40,7 @@ class TrialsRequest:
     ports: PortArguments
     params: Path | None
     session: str
+    mounting: str = ''
 
 
 def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
@@ -53,6 +54,7 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
             request.object_label,
             f'{session}-{request.protocol}-{request.contact}-{request.object_label}-{i + 1:04d}',
             session,
+            mounting_id=request.mounting,
         )
         for i in range(request.count)
     ]

@@ -196,6 +196,7 @@ def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> Fea
         columns={
             'trial_id': np.array([event.trial_id for event in events]),
             'session_id': session_ids,
+            'mounting_id': np.array([event.mounting_id for event in events]),
             'trial_block': number_blocks(starts_ns, session_ids, labels),
             'contact': np.array([event.contact for event in events]),
             'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),

@@ -103,6 +103,7 @@ class OperatorNode(Node):  # type: ignore[misc]
             session_id=request.session_id,
             glide_speed_m_s=request.glide_speed_m_s,
             hold_s=request.hold_s,
+            mounting_id=request.mounting_id,
         )
         timeout_s = longest_trial_s(self.trial_config, request) + END_TIMEOUT_S
         return str(self._call(self._run, 'the trial', goal, timeout_s).trial_id)

@@ -154,6 +154,7 @@ class TrialRunnerNode(TactileNode):
             session_id=asked.session_id,
             glide_speed_m_s=asked.glide_speed_m_s,
             hold_s=asked.hold_s,
+            mounting_id=asked.mounting_id,
         )
         steps = trial_steps(self.config, request)  # refuses, before anything moves
         self._trial = trial = _Trial(request, goal)
@@ -347,6 +348,7 @@ class TrialRunnerNode(TactileNode):
         event = TrialEvent(
             trial_id=request.trial_id,
             session_id=request.session_id,
+            mounting_id=request.mounting_id,
             protocol=request.protocol,
             contact=request.contact,
             object_label=request.object_label,

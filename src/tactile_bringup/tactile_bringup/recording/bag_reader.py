@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 import hashlib
@@ -42,6 +42,7 @@ from tactile_bringup.recording.bag_metadata import (
 from tactile_bringup.recording.bag_writer import FACTS_KEY
 from tactile_bringup.recording.mcap_format import MAX_CHUNK_BYTES, MAX_OPEN_BYTES, StoredTopic
 from tactile_bringup.recording.mcap_reader import McapFile, Message, unpack_zstd
+from tactile_bringup.recording.old_events import find_event_upgrade
 from tactile_bringup.recording.recorded_topics import (
     EVENT,
     join_topic,
@@ -113,6 +114,7 @@ class TactileBag:
         self._files: list[McapFile | SqliteFile] = []
         self._open_bytes = 0
         self._foreign: dict[str, str] = {}  # sentences by type that is defined otherwise here
+        self._upgrades: dict[str, Callable[[bytes], bytes]] = {}  # by topic
         self._stack = ExitStack()
         try:
             metadata = self._open()
@@ -212,6 +214,10 @@ class TactileBag:
             if topic.type_name not in self._store.fielddefs or not type_hash.startswith('RIHS01_'):
                 continue
             if type_hash != self._store.hash_rihs01(topic.type_name):
+                upgrade = find_event_upgrade(type_hash) if topic.type_name == EVENT else None
+                if upgrade is not None:
+                    self._upgrades[topic.name] = upgrade
+                    continue
                 reason = (
                     f'{topic.name} was recorded with another definition of '
                     f'{topic.type_name} than the one installed here'
@@ -296,7 +302,8 @@ class TactileBag:
             When the file is damaged; what came before has been given.
         BagError
             When one of the types is named and was recorded with another definition. Samples
-            and trial events never were: such a bag is not opened.
+            never were: such a bag is not opened. Trial events of an earlier release come with
+            today's fields.
         """
         for type_name in type_names:
             if type_name in self._foreign:
@@ -319,9 +326,17 @@ class TactileBag:
                     continue
                 if self._packing == 'message':
                     data = _unpack_message(data)
+                if topic.name in self._upgrades:
+                    data = self._upgrade(topic.name, data)
                 yield BagMessage(topic.name, topic.type_name, received_at_ns, data, self._store)
         except (BagError, OSError) as error:
             raise BagDamageError(f'{self.path} is damaged: {error}') from error
+
+    def _upgrade(self, topic: str, data: bytes) -> bytes:
+        try:
+            return self._upgrades[topic](data)
+        except Exception as error:  # the decoder trusts what it reads
+            raise BagError(f'a message on {topic} is damaged: {error}') from error
 
     def _merged(
         self, names: Collection[str], since_ns: int

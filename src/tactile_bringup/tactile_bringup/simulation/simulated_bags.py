@@ -130,6 +130,7 @@ def write_simulated_bag(
         'contact': plan.contact,
         'trials_per_label': plan.trials_per_label,
         'sessions': plan.sessions,
+        'trials_per_mounting': plan.trials_per_mounting,
         'description_sha256': (catalogue or default_catalogue()).digest,
         'feature_config': asdict(feature_config),
         'trial_config': asdict(trial_config),

@@ -136,6 +136,8 @@ class SimulationPlan:
         How often the rig is set up anew; trials of a session share its deviations.
     glide_speed_m_s : float or None
         Speed over the plate [m/s]; None: as the trials are configured.
+    trials_per_mounting : int
+        Trials of a label and session between one fixing of the plate or object and the next.
     """
 
     protocol: str
@@ -144,6 +146,7 @@ class SimulationPlan:
     seed: int
     sessions: int = 1
     glide_speed_m_s: float | None = None
+    trials_per_mounting: int = 1
 
     @property
     def name(self) -> str:
@@ -226,6 +229,7 @@ def simulate_chunk(
         plan.seed,
         session=chunk.session,
         first=chunk.first,
+        trials_per_mounting=plan.trials_per_mounting,
         catalogue=catalogue,
     )
     done = []
@@ -306,6 +310,8 @@ class _TrialRecorder:
         self._first_sample = (chunk.row + i * chunk.row_step) * planned.sample_count
         self.session_id = f'simulated-{plan.seed}-{chunk.session}'
         number = chunk.first + i
+        mounting = number // plan.trials_per_mounting
+        self.mounting_id = f'{self.session_id}-{plan.contact}-{chunk.label}-{mounting}'
         self.trial_id = f'{plan.name}-{plan.seed}-{chunk.session}-{chunk.label}-{number:04d}'
 
     def messages(
@@ -356,6 +362,7 @@ class _TrialRecorder:
             header=self._header(stamp_ns, ''),
             trial_id=self.trial_id,
             session_id=self.session_id,
+            mounting_id=self.mounting_id,
             protocol=self._plan.protocol,
             contact=self._plan.contact,
             object_label=self._label,

@@ -27,7 +27,8 @@ import numpy as np
 import pytest
 
 from tactile_bringup import cli_data, cli_options, cli_rig
-from tactile_bringup.recording.bags import STRAIN
+from tactile_bringup.recording.bag_records import read_records
+from tactile_bringup.recording.bags import EVENT, STRAIN, TactileBag
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_bringup.cli import main; main()'
 
@@ -172,13 +173,16 @@ def test_replay_of_a_bag_without_features_says_so(stiffness_bag, trained):
 def test_trials_are_run_recorded_and_replayed(rewrite, trained, tmp_path):
     bag = tmp_path / 'bag'
     options = ('--simulated', '--models', trained, '-o', bag, '--session', 's', '--json')
-    done = tactile('trials', 'stiffness', '--object', 'none', *options)
+    done = tactile('trials', 'stiffness', '--object', 'none', '--mounting', 'm', *options)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert document['simulated'] is True
     (trial,) = document['trials']
     assert trial['trial_id'] == 's-stiffness-flexion-none-0001'
     assert trial['answer'] == 'none'
+    with TactileBag(bag) as recorded:
+        events = [event for _, event in read_records(recorded.messages(EVENT))]
+    assert {event.mounting_id for event in events} == {'m'}
     done = tactile('replay', bag)
     assert done.returncode == 0, done.stdout
     assert done.stdout.count('equal, bit for bit') == 2

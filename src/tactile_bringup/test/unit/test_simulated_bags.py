@@ -82,7 +82,18 @@ def simulator(monkeypatch):
             self.finished = 0
 
         def simulate(
-            self, protocol, label, contact, timeline, count, seed, *, session, first, catalogue
+            self,
+            protocol,
+            label,
+            contact,
+            timeline,
+            count,
+            seed,
+            *,
+            session,
+            first,
+            trials_per_mounting,
+            catalogue,
         ):
             times_s = np.arange(round(timeline.duration_s * RATE_HZ) + 1) / RATE_HZ
             failed_at_s = [
@@ -173,6 +184,7 @@ def test_trials_come_by_session_then_number_then_label_however_they_are_cut(
     ]
     sessions = [events[0].session_id for events in trials.values()]
     assert sessions == ['simulated-7-0'] * 25 + ['simulated-7-1'] * 25
+    assert len({events[0].mounting_id for events in trials.values()}) == 50
 
 
 def test_no_more_than_a_round_of_trials_waits_to_be_written(simulator, tmp_path, monkeypatch):
@@ -245,6 +257,29 @@ def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_pa
     bags = json.loads(told.out)['bags']
     assert bags[0]['aborted'] == {'stiffness_flexion-7-0-sponge-0001': 2.0}
     assert bags[1]['aborted'] == {'stiffness_abduction-7-0-sponge-0001': 2.0}
+
+
+def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
+    simulator, tmp_path, capsys
+):
+    def simulate_design(design, sessions=1):
+        folder = tmp_path / design
+        request = SimulateRequest(
+            'stiffness', ('flexion',), 3, sessions, 7, folder, None, 1, None, (), design
+        )
+        run_simulate(request, as_json=True)
+        (table,) = read_tables([folder / 'stiffness_flexion']).tables.values()
+        return table
+
+    table = simulate_design('as-published')
+    mountings = table.columns['mounting_id']
+    assert sorted(set(zip(table.labels, mountings, strict=True))) == [
+        (label, f'simulated-7-0-flexion-{label}-0') for label in sorted(set(table.labels))
+    ]
+    assert len(set(simulate_design('crossed').columns['mounting_id'])) == 15
+    capsys.readouterr()
+    with pytest.raises(BringupError, match='--sessions is 2'):
+        simulate_design('as-published', sessions=2)
 
 
 @pytest.mark.parametrize(('complete', 'code'), [(True, 0), (False, 3)])

@@ -126,6 +126,7 @@ def test_reads_messages_of_either_library(read):
         message='stopped',
         glide_speed_m_s=0.015,
         simulated=True,
+        mounting_id='m1',
     )
     event = event_from_msg(read(msg))
     for field in dataclasses.fields(event):

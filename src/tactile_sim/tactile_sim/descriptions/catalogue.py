@@ -46,7 +46,7 @@ _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z')
 _KEYED = ('finger_abduction.yaml', 'finger_flexion.yaml', 'rig.yaml')
 _LABELLED = {'texture': 'plates.yaml', 'stiffness': 'objects.yaml', 'slip': 'held_objects.yaml'}
 _GRAVITY_M_S2 = 9.80665
-# Deviations are cut at three standard deviations, of the trial and of the session.
+# Deviations of each level (trial, mounting, session) are cut at three standard deviations.
 _WIDEST = 3.0
 
 
@@ -268,7 +268,8 @@ def _check_finger(finger: Finger, rig: Rig, where: str) -> None:
             'bending_stiffness_nm_rad or contact_bend_deg, or raise moment_arm_m'
         )
     spread = rig.variation
-    widest_k = _WIDEST * (spread.trial.temperature_k + spread.session.temperature_k)
+    levels = (spread.trial, spread.mounting, spread.session)
+    widest_k = _WIDEST * sum(level.temperature_k for level in levels)
     if abs(finger.stiffness_per_k) * widest_k > 0.9:
         raise DescriptionError(
             f'{where}: stiffness_per_k is {finger.stiffness_per_k:g}, and the temperature may '

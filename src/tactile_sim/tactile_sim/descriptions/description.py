@@ -327,9 +327,14 @@ class VariationSpread:
 
 @dataclass(frozen=True)
 class VariationLevels:
-    """What differs from trial to trial, and what from session to session."""
+    """What differs from trial to trial, from mounting to mounting, from session to session.
+
+    A mounting is a plate or object fixed once and then left alone; in a session the finger
+    and the rig are set up once.
+    """
 
     trial: VariationSpread
+    mounting: VariationSpread
     session: VariationSpread
 
 

@@ -100,12 +100,14 @@ def simulate_trials(
     *,
     session: int = 0,
     first: int = 0,
+    trials_per_mounting: int = 1,
     catalogue: Catalogue | None = None,
     solver: str = '',
 ) -> SimulatedTrials:
     """Simulate trials ``first`` to ``first + count - 1`` of one object in one session.
 
-    Each trial depends on (seed, session, protocol, contact, object, its number) alone.
+    Each trial depends on (seed, session, protocol, contact, object, its number) and on
+    ``trials_per_mounting`` alone; see `draw_variation`.
 
     Raises
     ------
@@ -122,7 +124,15 @@ def simulate_trials(
     catalogue = catalogue or default_catalogue()
     scene = build_scene(protocol, object_label, contact, catalogue)
     variation, generators = draw_variation(
-        catalogue, contact, protocol, object_label, seed, session, count, first
+        catalogue,
+        contact,
+        protocol,
+        object_label,
+        seed,
+        session,
+        count,
+        first,
+        trials_per_mounting,
     )
     # A sample falls on the end of a step, so that nothing is interpolated where it matters.
     phase = np.floor(variation.phase * STEPS_PER_SAMPLE) / STEPS_PER_SAMPLE

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How each trial comes out a little different, and each session: draws that repeat."""
+"""How trials, mountings and sessions come out a little different: draws that repeat."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import VariationSpread
+from tactile_sim.errors import DescriptionError
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class _Deviations:
-    """What one level, trial or session, adds to the described values."""
+    """What one level (trial, mounting, session) adds to the described values."""
 
     contact_height_m: FloatArray
     placement_m: FloatArray
@@ -83,6 +84,10 @@ class _Deviations:
     glide_speed: FloatArray
     tendon_zero_m: FloatArray
     temperature_k: FloatArray
+
+    def select(self, rows: NDArray[np.intp]) -> _Deviations:
+        """One row for each index."""
+        return _Deviations(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
 
 def draw_variation(
@@ -94,13 +99,20 @@ def draw_variation(
     session: int,
     count: int,
     first: int = 0,
+    trials_per_mounting: int = 1,
 ) -> tuple[Variation, list[np.random.Generator]]:
     """Draw the deviations of trials ``first`` to ``first + count - 1`` of a session.
 
     Trial i depends on (seed, session, protocol, contact, label, i) alone, whatever the count.
-    The session's own deviations depend on (seed, session, contact) alone: all plates and
-    objects of a session share its mounting. Every deviation is normal, cut at three standard
-    deviations.
+    It belongs to mounting i // trials_per_mounting of its label; a mounting's deviations
+    depend on (seed, session, protocol, contact, label, mounting) alone. The session's own
+    depend on (seed, session, contact) alone: all plates and objects share them. Every
+    deviation is normal, cut at three standard deviations.
+
+    Parameters
+    ----------
+    trials_per_mounting
+        Trials between one fixing of the plate or object and the next.
 
     Returns
     -------
@@ -112,29 +124,52 @@ def draw_variation(
     Raises
     ------
     DescriptionError
-        No such contact.
+        No such contact, or less than one trial for each mounting.
     """
+    if trials_per_mounting < 1:
+        raise DescriptionError(
+            f'trials_per_mounting is {trials_per_mounting}; it must be at least 1'
+        )
     finger, rig = catalogue.finger(contact), catalogue.rig()
     numbers = range(first, first + count)
     generators = [make_generator(seed, session, protocol, contact, label, i) for i in numbers]
     trial = _draw_deviations(rig.variation.trial, generators)
     phase = np.array([generator.random() for generator in generators])
+    mountings = [i // trials_per_mounting for i in numbers]
+    different = range(mountings[0], mountings[-1] + 1) if mountings else ()
+    mounting = _draw_deviations(
+        rig.variation.mounting,
+        [
+            make_generator(seed, session, 'mounting', protocol, contact, label, m)
+            for m in different
+        ],
+    ).select(np.array(mountings, dtype=np.intp) - (mountings[0] if mountings else 0))
     shared = _draw_deviations(rig.variation.session, [make_generator(seed, session, contact)])
-    warmer_k = shared.temperature_k + trial.temperature_k
+    levels = (shared, mounting, trial)
+    warmer_k = _add(levels, 'temperature_k')
     variation = Variation(
-        contact_height_m=shared.contact_height_m + trial.contact_height_m,
-        placement_m=shared.placement_m + trial.placement_m,
-        friction=(1 + shared.friction) * (1 + trial.friction),
-        object_stiffness=(1 + shared.object_stiffness) * (1 + trial.object_stiffness),
-        finger_stiffness=(1 + shared.finger_stiffness)
-        * (1 + trial.finger_stiffness)
+        contact_height_m=_add(levels, 'contact_height_m'),
+        placement_m=_add(levels, 'placement_m'),
+        friction=_multiply(levels, 'friction'),
+        object_stiffness=_multiply(levels, 'object_stiffness'),
+        finger_stiffness=_multiply(levels, 'finger_stiffness')
         * (1 + finger.stiffness_per_k * warmer_k),
-        glide_speed=(1 + shared.glide_speed) * (1 + trial.glide_speed),
-        tendon_zero_m=shared.tendon_zero_m + trial.tendon_zero_m,
+        glide_speed=_multiply(levels, 'glide_speed'),
+        tendon_zero_m=_add(levels, 'tendon_zero_m'),
         sensor_bias_n=rig.load_cell.bias_n_per_k * warmer_k,
         phase=phase,
     )
     return variation, generators
+
+
+def _add(levels: tuple[_Deviations, ...], name: str) -> FloatArray:
+    shared, mounting, trial = (getattr(level, name) for level in levels)
+    return np.asarray((shared + mounting) + trial)
+
+
+def _multiply(levels: tuple[_Deviations, ...], name: str) -> FloatArray:
+    shared, mounting, trial = (1 + getattr(level, name) for level in levels)
+    return np.asarray((shared * mounting) * trial)
 
 
 def make_generator(*names: int | str) -> np.random.Generator:

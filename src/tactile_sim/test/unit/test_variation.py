@@ -18,15 +18,27 @@ import numpy as np
 import pytest
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
+from tactile_sim.errors import DescriptionError
 from tactile_sim.physics.variation import draw_variation, make_generator, Variation
 
 NAMES = [field.name for field in dataclasses.fields(Variation)]
 FACTORS = ('friction', 'object_stiffness', 'finger_stiffness', 'glide_speed')
 
 
-def draw(count, first=0, contact='flexion', protocol='texture', label='R1', seed=5, session=0):
+def draw(
+    count,
+    first=0,
+    contact='flexion',
+    protocol='texture',
+    label='R1',
+    seed=5,
+    session=0,
+    per_mounting=1,
+    catalogue=None,
+):
+    catalogue = catalogue or default_catalogue()
     return draw_variation(
-        default_catalogue(), contact, protocol, label, seed, session, count, first
+        catalogue, contact, protocol, label, seed, session, count, first, per_mounting
     )
 
 
@@ -76,14 +88,46 @@ def lay_over_variation(tmp_path, text):
     return Catalogue(tmp_path)
 
 
-NO_TRIALS = (
-    '{trial: {contact_height_m: 0, placement_m: 0, friction: 0, object_stiffness: 0, '
-    'finger_stiffness: 0, glide_speed: 0, tendon_zero_m: 0, temperature_k: 0}}'
+NONE = (
+    '{contact_height_m: 0, placement_m: 0, friction: 0, object_stiffness: 0, '
+    'finger_stiffness: 0, glide_speed: 0, tendon_zero_m: 0, temperature_k: 0}'
 )
+SESSIONS_ONLY = f'{{trial: {NONE}, mounting: {NONE}}}'
+MOUNTINGS_ONLY = f'{{trial: {NONE}, session: {NONE}}}'
 
 
-def test_a_session_shares_its_mounting_whatever_lies_under_the_finger(tmp_path):
-    catalogue = lay_over_variation(tmp_path, NO_TRIALS)
+def test_trials_of_a_mounting_share_it_however_they_are_cut(tmp_path):
+    catalogue = lay_over_variation(tmp_path, MOUNTINGS_ONLY)
+    whole = draw(9, per_mounting=4, catalogue=catalogue)[0]
+    for name, shared in (('placement_m', True), ('finger_stiffness', False)):
+        values = getattr(whole, name)
+        assert len(set(values[:4])) == len(set(values[4:8])) == 1
+        assert len(set(values)) == (3 if shared else 1)
+    parts = [
+        draw(count, first, per_mounting=4, catalogue=catalogue)[0]
+        for first, count in ((0, 3), (3, 6))
+    ]
+    assert np.array_equal(np.concatenate([rows(part) for part in parts], axis=1), rows(whole))
+    once = draw(9, per_mounting=9, catalogue=catalogue)[0]
+    assert once.placement_m.tolist() == [whole.placement_m[0]] * 9
+    for change in ({'label': 'R2'}, {'session': 1}, {'protocol': 'stiffness'}, {'seed': 6}):
+        other = draw(1, per_mounting=4, catalogue=catalogue, **change)[0]
+        assert other.placement_m[0] != whole.placement_m[0]
+    with pytest.raises(DescriptionError, match='at least 1'):
+        draw(1, per_mounting=0)
+
+
+def test_a_trial_of_a_mounted_plate_differs_by_what_the_guide_repeats():
+    # The plate is bolted down and a stepper reaches it: micrometres, and nothing of the object.
+    many = draw(500, per_mounting=500)[0]
+    for name in ('friction', 'object_stiffness', 'finger_stiffness', 'glide_speed'):
+        assert np.ptp(getattr(many, name)) == 0.0
+    assert 2e-6 < many.placement_m.std() < 2e-5
+    assert many.contact_height_m.std() < 1e-5
+
+
+def test_a_session_shares_its_set_up_whatever_lies_under_the_finger(tmp_path):
+    catalogue = lay_over_variation(tmp_path, SESSIONS_ONLY)
 
     def draw_shared(protocol, label, session, contact='flexion'):
         drawn = draw_variation(catalogue, contact, protocol, label, 5, session, 2)[0]
@@ -100,9 +144,13 @@ def test_a_session_shares_its_mounting_whatever_lies_under_the_finger(tmp_path):
         assert turned[name] != value
 
 
-def test_spread_within_a_session_is_the_trials():
-    variation = draw(3000)[0]
-    spread = default_catalogue().rig().variation.trial
+@pytest.mark.parametrize(
+    ('level', 'per_mounting'), [('trial', 3000), ('mounting', 1)], ids=['trial', 'mounting']
+)
+def test_spread_within_a_session_is_its_levels(tmp_path, level, per_mounting):
+    catalogue = lay_over_variation(tmp_path, f'{{trial: {NONE}}}') if level == 'mounting' else None
+    variation = draw(3000, per_mounting=per_mounting, catalogue=catalogue)[0]
+    spread = getattr(default_catalogue().rig().variation, level)
     for name in NAMES:
         deviations = divide_levels(getattr(variation, name), name)
         if name == 'phase':
@@ -111,14 +159,14 @@ def test_spread_within_a_session_is_the_trials():
             assert deviations.std() == pytest.approx(np.sqrt(1 / 12), rel=0.05)
         elif name == 'sensor_bias_n':  # the packaged temperature keeps still within a session
             assert np.ptp(deviations) == 0.0
-        elif name == 'finger_stiffness':
+        elif getattr(spread, name) == 0.0:
             assert np.ptp(deviations) == pytest.approx(0.0, abs=1e-15)
         else:
             assert deviations.std() == pytest.approx(getattr(spread, name), rel=0.06), name
 
 
 def test_spread_of_sessions_is_the_sessions(tmp_path):
-    catalogue = lay_over_variation(tmp_path, NO_TRIALS)
+    catalogue = lay_over_variation(tmp_path, SESSIONS_ONLY)
     drawn = [draw_variation(catalogue, 'flexion', 'texture', 'F', 1, s, 1)[0] for s in range(2000)]
     spread = catalogue.rig().variation.session
     finger, cell = catalogue.finger('flexion'), catalogue.rig().load_cell
@@ -151,7 +199,7 @@ def test_warmth_softens_the_finger_and_moves_the_sensors_zero(tmp_path):
 
 def test_deviations_are_cut_at_three():
     spread = default_catalogue().rig().variation.trial.contact_height_m
-    heights = draw(6000)[0].contact_height_m
+    heights = draw(6000, per_mounting=6000)[0].contact_height_m
     # 16 of 6000 are expected beyond three standard deviations: they come to lie at the cut.
     assert np.ptp(heights) == pytest.approx(6 * spread)
     assert (heights == heights.max()).sum() > 1
