@@ -31,8 +31,8 @@ import numpy as np
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
-from tactile_features.spectrum import compute_spectrum
 
 FINGERS = tuple(f'finger{i}' for i in range(1, 6))
 TURNS = 2

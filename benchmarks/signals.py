@@ -57,8 +57,8 @@ from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
 from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
-from tactile_features.spectrum import compute_spectrum
 from tactile_sim.rig_process import SimulatedRig
 
 NODE_RUNS, COMMAND_RUNS = 210, 40

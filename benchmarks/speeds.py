@@ -35,7 +35,12 @@ from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.archive import load_archive
 from tactile_classifier.estimators import build_estimator, CLASSIFIERS, SCALINGS
-from tactile_features import compute_spatial_trials, compute_spectrum, SpatialWindow
+from tactile_features import (
+    compute_spectrum,
+    FeatureConfig,
+    features_from_trials,
+    SpatialWindow,
+)
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_trials
 
@@ -110,8 +115,12 @@ View = Callable[[Glides], Array]
 
 def over_distance(finest_m: float = FABRIC_FINEST_M, length_m: float = FABRIC_LENGTH_M) -> View:
     """Return the features of the set ``texture_spatial``."""
-    window = SpatialWindow(length_m, finest_m)
-    return lambda g: compute_spatial_trials(g.x, g.rate_hz, g.speed_m_s, window)
+    config = FeatureConfig(
+        texture_features='texture_spatial', spatial_length_m=length_m, spatial_finest_m=finest_m
+    )
+    return lambda g: features_from_trials(
+        'texture', g.x, g.rate_hz, config=config, speeds_m_s=g.speed_m_s
+    )[0]
 
 
 def spectrum_over_distance(glides: Glides) -> Array:

@@ -27,11 +27,11 @@ import numpy.typing as npt
 
 from tactile_classifier.archive import LabelledTrials
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.records import TASKS
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import features_from_trials
-from tactile_features.spatial import compute_spatial_trials, SpatialWindow
-from tactile_features.spec import FeatureSpec, spatial_spec
+from tactile_features.feature_sets import task_of
+from tactile_features.spec import FeatureSpec
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,9 +89,10 @@ class FeatureTable:
     @property
     def task(self) -> str:
         """``texture`` or ``stiffness``."""
-        if self.spec.feature_set not in TASKS:
+        task = task_of(self.spec.feature_set)
+        if not task:
             raise DatasetError(f'no task uses the feature set "{self.spec.feature_set}"')
-        return TASKS[self.spec.feature_set]
+        return task
 
     def column(self, name: str) -> npt.NDArray[Any]:
         """Return a column.
@@ -126,7 +127,12 @@ class FeatureTable:
 
 
 def table_from_trials(
-    task: str, trials: LabelledTrials, channel: int | None = None
+    task: str,
+    trials: LabelledTrials,
+    channel: int | None = None,
+    *,
+    config: FeatureConfig | None = None,
+    speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> FeatureTable:
     """Return the features of one channel of ready-cut trials.
 
@@ -135,48 +141,25 @@ def table_from_trials(
     task : str
         ``texture`` or ``stiffness``.
     trials : LabelledTrials
-        Each trial one window: crop with `LabelledTrials.between` before.
+        Each trial one window: crop with `LabelledTrials.between` before. A feature set over
+        distance takes the middle of each.
     channel : int or None
         Which channel; None takes the mean of all.
+    config : FeatureConfig, optional
+        Names the feature set and its options; the defaults where not given.
+    speeds_m_s : ndarray of shape (trials,), optional
+        Sliding speed of each trial [m/s]; for sets that need it.
 
     Raises
     ------
     DatasetError
         When the channel does not exist or a trial gives no features.
     """
+    signal = trials.signal(channel)
     try:
-        values, spec = features_from_trials(task, trials.signal(channel), trials.rate_hz)
+        values, spec = features_from_trials(
+            task, signal, trials.rate_hz, config=config, speeds_m_s=speeds_m_s
+        )
     except FeatureError as error:
         raise DatasetError(f'no features from these trials: {error}') from error
     return FeatureTable(values, trials.label, spec, trials.columns)
-
-
-def table_over_distance(
-    trials: LabelledTrials,
-    window: SpatialWindow,
-    speeds_m_s: npt.NDArray[Any],
-    channel: int | None = None,
-) -> FeatureTable:
-    """Return the texture features over distance of one channel of ready-cut glides.
-
-    Parameters
-    ----------
-    trials : LabelledTrials
-        Each trial one glide, of which the middle is the window.
-    window : SpatialWindow
-    speeds_m_s : ndarray of shape (trials,)
-        Sliding speed of each trial [m/s].
-    channel : int or None
-        Which channel; None takes the mean of all.
-
-    Raises
-    ------
-    DatasetError
-        When the channel does not exist or a trial gives no features.
-    """
-    signal, rate_hz = trials.signal(channel), trials.rate_hz
-    try:
-        values = compute_spatial_trials(signal, rate_hz, speeds_m_s, window)
-    except FeatureError as error:
-        raise DatasetError(f'no features from these trials: {error}') from error
-    return FeatureTable(values, trials.label, spatial_spec(rate_hz, window), trials.columns)

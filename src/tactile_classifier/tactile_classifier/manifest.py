@@ -30,10 +30,10 @@ from tactile_classifier.records import (
     MARGIN,
     PROBABILITY,
     SCALINGS,
-    TASKS,
     VOTES,
 )
 from tactile_features.errors import FeatureError
+from tactile_features.feature_sets import task_of
 from tactile_features.spec import FeatureSpec
 
 FORMAT_VERSION = 3
@@ -187,7 +187,13 @@ class Manifest:
         return manifest
 
     def _check(self) -> None:
-        if TASKS.get(self.spec.feature_set) != self.task:
+        task = task_of(self.spec.feature_set)
+        if not task:
+            raise ModelFileError(
+                f'its feature set "{self.spec.feature_set}" is not installed here: install the '
+                'package that it was trained with'
+            )
+        if task != self.task:
             raise ModelFileError(
                 f'its task "{self.task}" does not go with its feature set '
                 f'"{self.spec.feature_set}"'

@@ -29,9 +29,6 @@ from tactile_features.records import (
     CONTACT_FLEXION,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
-    SET_STIFFNESS_REGRESSION,
-    SET_TEXTURE_SPATIAL,
-    SET_TEXTURE_SPECTRUM,
 )
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
@@ -40,12 +37,7 @@ CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
 SCALINGS = ('standard', 'none')
 """Each feature to zero mean and unit variance over the training trials, or as it is."""
 
-TASKS = {
-    SET_TEXTURE_SPECTRUM: PROTOCOL_TEXTURE,
-    SET_TEXTURE_SPATIAL: PROTOCOL_TEXTURE,
-    SET_STIFFNESS_REGRESSION: PROTOCOL_STIFFNESS,
-}
-"""The task of each feature set."""
+TASKS = (PROTOCOL_TEXTURE, PROTOCOL_STIFFNESS)
 
 CONTACTS = (CONTACT_FLEXION, CONTACT_ABDUCTION)
 
@@ -132,7 +124,7 @@ class ClassifierConfig:
     task: str = _parameter(
         'texture',
         'what the model must have been trained for',
-        choices=tuple(dict.fromkeys(TASKS.values())),
+        choices=TASKS,
     )
     contact: str = _parameter(
         '',
@@ -150,25 +142,17 @@ class ClassifierConfig:
     spatial_crop_m: float = _feature_parameter('spatial_crop_m')
     spatial_length_m: float = _feature_parameter('spatial_length_m')
     spatial_finest_m: float = _feature_parameter('spatial_finest_m')
+    stiffness_features: str = _feature_parameter('stiffness_features')
     stiffness_settle_s: float = _feature_parameter('stiffness_settle_s')
     stiffness_crop_end_s: float = _feature_parameter('stiffness_crop_end_s')
     max_gap_samples: int = _feature_parameter('max_gap_samples')
 
     def feature_config(self) -> FeatureConfig:
         """Return the feature node's configuration as far as a model depends on it."""
-        return FeatureConfig(
-            rate_hz=self.rate_hz,
-            texture_samples=self.texture_samples,
-            texture_crop_start_s=self.texture_crop_start_s,
-            texture_features=self.texture_features,
-            spatial_crop_m=self.spatial_crop_m,
-            spatial_length_m=self.spatial_length_m,
-            spatial_finest_m=self.spatial_finest_m,
-            stiffness_settle_s=self.stiffness_settle_s,
-            stiffness_crop_end_s=self.stiffness_crop_end_s,
-            max_gap_samples=self.max_gap_samples,
-            buffer_s=600.0,  # no model depends on it, and this allows every window
-        )
+        shared = FeatureConfig.__dataclass_fields__.keys() & self.__dataclass_fields__.keys()
+        values = {name: getattr(self, name) for name in shared}
+        # No model depends on the buffer, and this one allows every window.
+        return FeatureConfig(**values, buffer_s=600.0)
 
     def takes_contact(self, contact: str) -> bool:
         """Return whether a contact is the wanted one, or one of the two is not stated."""

@@ -21,9 +21,9 @@ from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
 from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import FeatureWindow, Outcome
 from tactile_features.spec import spec_for
-from tactile_features.spectrum import compute_spectrum
 
 
 def make_texture_table(classes=8, each=60, noise_n=0.1):

@@ -17,16 +17,24 @@
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extractor import features_from_trials, TrialFeatureExtractor
+from tactile_features.feature_sets.feature_set import (
+    Feature,
+    FeatureSet,
+    WindowSamples,
+    WindowSpec,
+)
+from tactile_features.feature_sets.stiffness_regression import compute_regression
+from tactile_features.feature_sets.texture_spatial import compute_spatial, SpatialWindow
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
-from tactile_features.regression import compute_regression
 from tactile_features.signal_phases import find_phases
-from tactile_features.spatial import compute_spatial, compute_spatial_trials, SpatialWindow
 from tactile_features.spec import FeatureSpec, spec_for
-from tactile_features.spectrum import compute_spectrum
 
 __all__ = [
+    'Feature',
     'FeatureConfig',
     'FeatureError',
+    'FeatureSet',
     'FeatureSpec',
     'FeatureWindow',
     'Outcome',
@@ -35,9 +43,10 @@ __all__ = [
     'TrialEvent',
     'TrialFeatureExtractor',
     'UndefinedFeatureError',
+    'WindowSamples',
+    'WindowSpec',
     'compute_regression',
     'compute_spatial',
-    'compute_spatial_trials',
     'compute_spectrum',
     'features_from_trials',
     'find_phases',

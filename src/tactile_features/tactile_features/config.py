@@ -18,20 +18,24 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
 from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import FeatureSet
+from tactile_features.feature_sets.registry import check_choice, CHOOSER
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
+    PHASE_GLIDE,
+    PHASE_HOLD,
     PHASES_STATED,
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
-    SET_TEXTURE_SPATIAL,
+    SET_STIFFNESS_REGRESSION,
     SET_TEXTURE_SPECTRUM,
 )
-from tactile_features.spatial import SpatialWindow
 
 MIN_DETECTION_HZ = 20.0
 """Slowest sensor in whose tension phases are found."""
@@ -95,9 +99,9 @@ class FeatureConfig:
     )
     texture_features: str = parameter(
         SET_TEXTURE_SPECTRUM,
-        'features of a glide: amplitudes over a fixed time, or over a stretch of surface at any '
-        'sliding speed, which trial events must then state',
-        choices=(SET_TEXTURE_SPECTRUM, SET_TEXTURE_SPATIAL),
+        'features of a glide: texture_spectrum, amplitudes over a fixed time; texture_spatial, '
+        'over a stretch of surface at any sliding speed, which trial events must then state; or '
+        'a set of another package',
     )
     spatial_crop_m: float = parameter(
         0.009,
@@ -123,6 +127,11 @@ class FeatureConfig:
         'rising, 30 or more and fewer than texture_samples',
         unit='1',
         element=int,
+    )
+    stiffness_features: str = parameter(
+        SET_STIFFNESS_REGRESSION,
+        'features of a hold: stiffness_regression, the line through the tension; or a set of '
+        'another package',
     )
     stiffness_settle_s: float = parameter(
         0.5,
@@ -224,14 +233,14 @@ class FeatureConfig:
                 f'rate_hz is {self.rate_hz:g}; phases are found in a tension of at least '
                 f'{MIN_DETECTION_HZ:g} Hz'
             )
-        if self.running_samples and self.texture_features == SET_TEXTURE_SPATIAL:
-            raise FeatureError(
-                f'{SET_TEXTURE_SPATIAL} has no running windows; leave running_samples empty'
-            )
-        if self.texture_features == SET_TEXTURE_SPATIAL:
-            self.spatial_window()
         # A parameter file gives a list, which is no constant.
         object.__setattr__(self, 'running_samples', tuple(self.running_samples))
+        texture = self.feature_set(PHASE_GLIDE)
+        self.feature_set(PHASE_HOLD)
+        if self.running_samples and not texture.has_parts:
+            raise FeatureError(
+                f'{texture.name} has no running windows; leave running_samples empty'
+            )
         counts = (MIN_RUNNING_SAMPLES - 1, *self.running_samples, self.texture_samples)
         if self.running_samples and not all(a < b for a, b in pairwise(counts)):
             raise FeatureError(
@@ -256,12 +265,18 @@ class FeatureConfig:
         }
         return dataclasses.replace(self, phases=PHASES_STATED, **found)
 
-    def spatial_window(self) -> SpatialWindow:
-        """Return the stretch of surface that is one window of ``texture_spatial``.
+    def feature_set(self, phase: str) -> FeatureSet:
+        """Return the feature set of a glide or a hold.
 
         Raises
         ------
         FeatureError
-            When the stretch is too short for its finest scale.
+            When there is none of that name, or its parameters do not fit.
         """
-        return SpatialWindow(self.spatial_length_m, self.spatial_finest_m)
+        return _bind(self, phase)
+
+
+@lru_cache(maxsize=64)
+def _bind(config: FeatureConfig, phase: str) -> FeatureSet:
+    parameter = CHOOSER[phase]
+    return check_choice(parameter, getattr(config, parameter), phase)(config)

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.phase_window import describe_clock_step, PhaseWindow
 from tactile_features.records import (
     FeatureWindow,
@@ -37,15 +38,12 @@ from tactile_features.records import (
     PHASE_GLIDE,
     PHASE_HOLD,
     PHASES_STATED,
-    PROTOCOL_TEXTURE,
     StrainBlock,
     TrialEvent,
 )
-from tactile_features.regression import compute_regression
-from tactile_features.running_window import compute_running_spectrum, RunningWindow
+from tactile_features.running_window import RunningWindow
 from tactile_features.signal_phases import SignalPhases
-from tactile_features.spec import array_spec, FeatureSpec
-from tactile_features.spectrum import compute_spectrum
+from tactile_features.spec import array_spec, FeatureSpec, set_for
 from tactile_features.windows import SampleBuffer
 
 GRACE_S = 0.5
@@ -263,7 +261,13 @@ def _begins_again(begun: TrialEvent, event: TrialEvent) -> bool:
 
 
 def features_from_trials(
-    task: str, x: ArrayLike, rate_hz: float, *, first_samples: int | None = None
+    task: str,
+    x: ArrayLike,
+    rate_hz: float,
+    *,
+    first_samples: int | None = None,
+    config: FeatureConfig | None = None,
+    speeds_m_s: ArrayLike | None = None,
 ) -> tuple[NDArray[np.float64], FeatureSpec]:
     """Return the features of ready-cut windows, one row a trial.
 
@@ -272,11 +276,17 @@ def features_from_trials(
     task : str
         ``texture`` or ``stiffness``.
     x : array_like of shape (trials, samples)
-        Tension [N]; all samples of a row are the window.
+        Tension [N]; all samples of a row are the window. A set whose window depends on the
+        speed takes the middle of each row.
     rate_hz : float
         Sample rate [Hz].
     first_samples : int, optional
-        Of a texture window, take only so many samples: the features of a running window.
+        Of a window, take only so many samples: the features of a running window.
+    config : FeatureConfig, optional
+        Names the feature set and its options; the defaults where not given. How windows are
+        cut does not count.
+    speeds_m_s : array_like of shape (trials,), optional
+        Sliding speed of each trial [m/s]; for sets that need it.
 
     Returns
     -------
@@ -287,32 +297,72 @@ def features_from_trials(
     Raises
     ------
     FeatureError
-        When the shape, the rate or ``first_samples`` does not fit, a value is not finite
-        or a feature is undefined; the message names the trial.
+        When the shape, the rate, the speeds or ``first_samples`` do not fit, a value is not
+        finite or a feature is undefined; the message names the trial.
     """
     tension = np.asarray(x, dtype=np.float64)
     if tension.ndim != 2 or tension.shape[1] < 2:
         raise FeatureError(
             f'the trials have shape {tension.shape}; it must be (trials, samples), samples >= 2'
         )
-    spec = array_spec(task, tension.shape[1], rate_hz)
+    count = tension.shape[1]
+    config = config or FeatureConfig()
+    feature_set = set_for(task, config)
+    spec = array_spec(task, count, rate_hz, config)
     bad = np.flatnonzero(~np.isfinite(tension).all(axis=1))
     if len(bad):
         raise FeatureError(f'the tension of trial {bad[0]} holds values that are not finite')
-    if first_samples is not None and task != PROTOCOL_TEXTURE:
-        raise FeatureError(f'only texture has running windows; the task is {task}')
     if first_samples is not None:
-        if not 2 <= first_samples <= tension.shape[1]:
+        if not feature_set.has_parts:
+            raise FeatureError(f'{feature_set.name} ({task}) has no running windows')
+        if not 2 <= first_samples <= count:
             raise FeatureError(
-                f'first_samples is {first_samples}; the windows have {tension.shape[1]} samples'
+                f'first_samples is {first_samples}; the windows have {count} samples'
             )
-        return compute_running_spectrum(tension[:, :first_samples], tension.shape[1]), spec
-    if task == PROTOCOL_TEXTURE:
-        return compute_spectrum(tension), spec
-    constant = np.flatnonzero((tension == tension[:, :1]).all(axis=1))
-    if len(constant):
-        raise UndefinedFeatureError(
-            f'the tension of trial {constant[0]} is constant; its correlation is undefined'
+        tension = tension[:, :first_samples]
+    if feature_set.needs_speed:
+        return _compute_each(feature_set, tension, rate_hz, speeds_m_s, len(spec.names)), spec
+    samples = WindowSamples(_times_ns(tension.shape[1], rate_hz), tension, rate_hz)
+    try:
+        if first_samples is not None:
+            return feature_set.compute_part(samples, count), spec
+        return feature_set.compute(samples), spec
+    except UndefinedFeatureError as error:
+        where = f'trial {error.windows[0]}: ' if error.windows else ''
+        raise UndefinedFeatureError(f'{where}{error}', error.windows) from error
+
+
+def _compute_each(
+    feature_set: FeatureSet,
+    tension_n: NDArray[np.float64],
+    rate_hz: float,
+    speeds_m_s: ArrayLike | None,
+    feature_count: int,
+) -> NDArray[np.float64]:
+    """Return the features of the middle of each trial, whose length its speed decides."""
+    speeds = np.asarray([] if speeds_m_s is None else speeds_m_s, dtype=np.float64)
+    if speeds.shape != tension_n.shape[:1]:
+        raise FeatureError(
+            f'{feature_set.name} needs the sliding speed of each of {len(tension_n)} trials; '
+            f'the speeds have shape {speeds.shape}'
         )
-    time_ns = np.rint(np.arange(tension.shape[1]) * (1e9 / rate_hz)).astype(np.int64)
-    return compute_regression(time_ns, tension), spec
+    rows = np.empty((len(tension_n), feature_count))
+    done = 0
+    try:
+        for row, speed_m_s in zip(tension_n, speeds.tolist(), strict=True):
+            count = feature_set.window(rate_hz, speed_m_s).sample_count or len(row)
+            if count > len(row):
+                raise FeatureError(f'it has {len(row)} samples, and its window {count}')
+            first = (len(row) - count) // 2
+            middle = row[first : first + count]
+            samples = WindowSamples(_times_ns(count, rate_hz), middle, rate_hz, speed_m_s)
+            rows[done] = feature_set.compute(samples)
+            done += 1
+    except FeatureError as error:
+        raise FeatureError(f'trial {done}: {error}') from error
+    return rows
+
+
+def _times_ns(count: int, rate_hz: float) -> NDArray[np.int64]:
+    times_ns: NDArray[np.int64] = np.rint(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
+    return times_ns

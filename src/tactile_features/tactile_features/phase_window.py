@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import RATE_TOLERANCE, WindowSamples
 from tactile_features.measures import measure_glide, measure_hold
 from tactile_features.records import (
     FeatureWindow,
@@ -32,21 +33,13 @@ from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_CONTACT,
     PHASE_GLIDE,
-    SET_TEXTURE_SPATIAL,
     STATUS_DEVICE_ERROR,
     STATUS_SATURATED,
     STATUS_STUCK,
     TrialEvent,
 )
-from tactile_features.regression import compute_regression
-from tactile_features.spatial import compute_spatial
-from tactile_features.spec import stiffness_spec, texture_spec
-from tactile_features.spectrum import compute_spectrum
+from tactile_features.spec import spec_of
 from tactile_features.windows import SAMPLE, SampleBuffer, Samples
-
-RATE_TOLERANCE = 0.02
-"""How far the mean rate of a window may be off its nominal rate [1]: less than two bins
-at the upper end of the spectrum of 180 samples."""
 
 _BAD_STATUS = {
     STATUS_SATURATED: 'saturated',
@@ -86,10 +79,8 @@ class _Cut(NamedTuple):
 class PhaseWindow:
     """One finished glide or hold phase on its way to a window of features.
 
-    Texture: the first ``texture_samples`` samples of the glide after its crop; they must
-    end before the crop at its end; with ``texture_spatial``, as many samples as the path
-    takes at the speed that the glide's event states. Stiffness: all samples of the hold
-    between its crops.
+    The feature set of the phase says which samples are the window: the first so many after the
+    crop at the start, which must end before the crop at the end, or all between the crops.
 
     Stamps that are wrong by e move the window by e along its phase. For a texture window of
     length T a share e / T of its samples is then of another part of the surface; its
@@ -121,50 +112,37 @@ class PhaseWindow:
         self._before = before
         self.end = end
         self._config = config
-        self._is_texture = start.phase == PHASE_GLIDE
-        self._speed_m_s = 0.0
-        self._no_speed = ''
-        if self._is_texture:
-            self._spec = texture_spec(config)
-            crop_start_s, crop_end_s = config.texture_crop_start_s, config.texture_crop_end_s
-            self._wanted = config.texture_samples
-            if self._spec.feature_set == SET_TEXTURE_SPATIAL:
-                crop_start_s = self._cut_by_distance()
-            length_s = (self._wanted - 1) / config.rate_hz
-            shortest_s = length_s * (1 - RATE_TOLERANCE)
-        else:
-            self._spec = stiffness_spec(config)
-            crop_start_s, crop_end_s = config.stiffness_settle_s, config.stiffness_crop_end_s
-            length_s = (end.stamp_ns - start.stamp_ns) / 1e9 - crop_start_s - crop_end_s
-            shortest_s = config.stiffness_min_s
-            self._wanted = 2
+        self._set = config.feature_set(start.phase)
+        self._spec = spec_of(self._set)
+        self._speed_m_s = start.glide_speed_m_s if self._set.needs_speed else 0.0
         self._period_ns = round(1e9 / config.rate_hz)
-        self._from_ns = start.stamp_ns + round(crop_start_s * 1e9)
-        self._to_ns = end.stamp_ns - round(crop_end_s * 1e9)
-        self._shortest_ns = round(shortest_s * 1e9)
-        crops_s = CROP_MARGIN * crop_start_s or length_s
-        self._most_error_s = config.max_stamp_error_share * min(length_s, crops_s)
-
-    def _cut_by_distance(self) -> float:
-        """Set speed and number of samples; return the crop at the start [s]."""
-        speed_m_s = self.start.glide_speed_m_s
         try:
-            self._wanted = self._config.spatial_window().sample_count(
-                speed_m_s, self._config.rate_hz
-            )
+            window = self._set.window(config.rate_hz, self._speed_m_s)
         except FeatureError as error:
-            self._no_speed = str(error)
-            return 0.0
-        self._speed_m_s = speed_m_s
-        return self._config.spatial_crop_m / speed_m_s
+            self._no_window = str(error)
+            self._speed_m_s = 0.0
+            return
+        self._no_window = ''
+        self._is_counted = window.sample_count > 0
+        self._wanted = window.sample_count or 2
+        if self._is_counted:
+            length_s = (self._wanted - 1) / config.rate_hz
+        else:
+            phase_s = (end.stamp_ns - start.stamp_ns) / 1e9
+            length_s = phase_s - window.crop_start_s - window.crop_end_s
+        self._from_ns = start.stamp_ns + round(window.crop_start_s * 1e9)
+        self._to_ns = end.stamp_ns - round(window.crop_end_s * 1e9)
+        self._shortest_ns = round(window.shortest_s * 1e9)
+        crops_s = CROP_MARGIN * window.crop_start_s or length_s
+        self._most_error_s = config.max_stamp_error_share * min(length_s, crops_s)
 
     def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
         """Return the window, or None while a sample still to come could change it."""
         if self.end.phase == PHASE_ABORTED:
             reason = f'the trial was aborted: {self.end.message or "no reason given"}'
             return self.refuse(Outcome.ABORTED, reason)
-        if self._no_speed:
-            return self.refuse(Outcome.UNDEFINED, self._no_speed)
+        if self._no_window:
+            return self.refuse(Outcome.UNDEFINED, self._no_window)
         early_ns = self.start.stamp_ns - self.end.stamp_ns
         if early_ns > 0:
             reason = (
@@ -228,7 +206,7 @@ class PhaseWindow:
         return _Cut(buffer.samples[begin:end], after, lead)
 
     def _cut(self, buffer: SampleBuffer) -> _Cut | None:
-        if self._is_texture:
+        if self._is_counted:
             cut = self._first_samples(buffer)
             if cut is not None and cut.samples['latest_ns'][-1] <= self._to_ns:
                 return cut
@@ -256,22 +234,23 @@ class PhaseWindow:
         if reason:
             return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
         try:
-            values = self._compute(samples)
+            values = self._compute(
+                WindowSamples(
+                    samples['stamp_ns'],
+                    np.ascontiguousarray(samples['tension_n']),
+                    self._config.rate_hz,
+                    self._speed_m_s,
+                )
+            )
         except FeatureError as error:
             return self.refuse(Outcome.UNDEFINED, str(error), samples)
         return self._window(Outcome.OK, '', samples, values)
 
-    def _compute(self, samples: Samples) -> NDArray[np.float64]:
-        if self._speed_m_s:
-            window = self._config.spatial_window()
-            rate_hz = self._config.rate_hz
-            return compute_spatial(samples['tension_n'], self._speed_m_s, rate_hz, window)
-        if self._is_texture:
-            return compute_spectrum(samples['tension_n'])
-        return compute_regression(samples['stamp_ns'], samples['tension_n'])
+    def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
+        return self._set.compute(samples)
 
     def _measure(self, samples: Samples, buffer: SampleBuffer) -> tuple[Measure, ...]:
-        if self._is_texture:
+        if self.start.phase == PHASE_GLIDE:
             speed_m_s = self.start.glide_speed_m_s
             return measure_glide(samples, speed_m_s, self._config.glide_speed_uncertainty)
         before = self._before

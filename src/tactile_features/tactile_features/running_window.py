@@ -20,12 +20,12 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tactile_features.config import FeatureConfig
-from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import WindowSamples
 from tactile_features.phase_window import PhaseWindow
-from tactile_features.records import FeatureWindow, TrialEvent
+from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_features.windows import SampleBuffer
 
 
@@ -47,69 +47,19 @@ class RunningWindow(PhaseWindow):
 
     def __init__(self, start: TrialEvent, count: int, config: FeatureConfig) -> None:
         super().__init__(start, start, config)
-        self._wanted = count
+        self._whole, self._wanted = self._set.sample_count, count
 
     def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
         """Return the window, or None while its samples have not all come."""
+        if self._no_window:
+            return self.refuse(Outcome.UNDEFINED, self._no_window)
         cut = self._first_samples(buffer)
         if cut is None:
             return None
         return self._refuse_evicted(buffer) or self._assess(cut)
 
-    def _compute(self, samples: Any) -> NDArray[np.float64]:
-        return compute_running_spectrum(samples['tension_n'], self._config.texture_samples)
+    def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
+        return self._set.compute_part(samples, self._whole)
 
     def _window(self, *args: Any) -> FeatureWindow:
         return dataclasses.replace(super()._window(*args), running=True)
-
-
-def compute_running_spectrum(tension_n: ArrayLike, sample_count: int) -> NDArray[np.float64]:
-    """Return the amplitudes of part of a window at the frequencies of the whole one.
-
-    The mean of the samples is removed and the rest of the window filled with zeros, so
-    that component ``k`` means the same frequency as in `compute_spectrum` of
-    ``sample_count`` samples. Amplitudes are scaled by the samples that are there:
-    ``2 / n * |X_k|``, and ``1 / n * |X_k|`` at the Nyquist frequency. A sine of
-    amplitude A whose periods fill the ``n`` samples gives A at its own frequency, and
-    leaks to frequencies in between, the more the shorter the part is.
-
-    Parameters
-    ----------
-    tension_n : array_like of shape (..., n)
-        Tension [N], ``2 <= n <= sample_count``.
-    sample_count : int
-        Samples in the whole window.
-
-    Returns
-    -------
-    ndarray of shape (..., sample_count // 2 + 1)
-        Amplitudes [N].
-
-    Raises
-    ------
-    FeatureError
-        When the number of samples does not fit or a value is not finite.
-    """
-    tension = np.asarray(tension_n, dtype=np.float64)
-    n = tension.shape[-1] if tension.ndim else 0
-    if not 2 <= n <= sample_count:
-        raise FeatureError(
-            f'part of a window of {sample_count} samples must have 2 to {sample_count} samples; '
-            f'the shape is {tension.shape}'
-        )
-    if not np.isfinite(tension).all():
-        raise FeatureError('the tension holds values that are not finite')
-    rows = tension.reshape(-1, n)
-    out = np.empty((len(rows), sample_count // 2 + 1))
-    # Row by row, so that a window gives the same bits alone and in a batch.
-    for row, amplitude in zip(rows, out, strict=True):
-        with np.errstate(over='ignore', invalid='ignore'):
-            change = row - row[0]  # exact under a large offset, see compute_spectrum
-            change -= change.mean()
-            amplitude[:] = np.abs(np.fft.rfft(change, sample_count)) * (2.0 / n)
-    out[:, 0] = 0.0
-    if sample_count % 2 == 0:
-        out[:, -1] /= 2.0
-    if not np.isfinite(out).all():
-        raise FeatureError('the tension is too large for its spectrum to be represented')
-    return out.reshape(*tension.shape[:-1], sample_count // 2 + 1)

@@ -17,43 +17,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import dataclasses
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 import hashlib
 import json
 import math
-from types import MappingProxyType
 from typing import Any
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.records import (
-    PROTOCOL_STIFFNESS,
-    PROTOCOL_TEXTURE,
-    SET_STIFFNESS_REGRESSION,
-    SET_TEXTURE_SPATIAL,
-    SET_TEXTURE_SPECTRUM,
-)
-from tactile_features.regression import REGRESSION_NAMES, REGRESSION_UNITS
-from tactile_features.spatial import SpatialWindow
-from tactile_features.spectrum import spectrum_names
-
-TEXTURE_VERSION = 2
-SPATIAL_VERSION = 1
-STIFFNESS_VERSION = 2
-
-_CUTS = {
-    SET_TEXTURE_SPECTRUM: ('texture_crop_start_s', 'max_gap_samples'),
-    SET_TEXTURE_SPATIAL: (
-        'spatial_crop_m',
-        'spatial_length_m',
-        'spatial_finest_m',
-        'max_gap_samples',
-    ),
-    SET_STIFFNESS_REGRESSION: ('stiffness_settle_s', 'stiffness_crop_end_s', 'max_gap_samples'),
-}
-"""What the parameters of each set may be: a file from elsewhere sets nothing but these."""
+from tactile_features.feature_sets.feature_set import FeatureSet
+from tactile_features.feature_sets.registry import CHOOSER, find_feature_set, PHASE_OF_TASK
 
 _DIGEST_DIGITS = 16
 
@@ -65,7 +39,7 @@ class FeatureSpec:
     Attributes
     ----------
     feature_set : str
-        One of the SET_ constants.
+        Its name.
     version : int
         Changes when values of the same name would come out different.
     rate_hz : float
@@ -74,10 +48,11 @@ class FeatureSpec:
         Samples in a window; 0 where the phase or the sliding speed decides.
     names, units : tuple of str
         One a feature.
-    parameters : mapping of str to float
-        Which part of the phase the window is and which losses are filled, by the names of
-        `FeatureConfig`. Empty for arrays of ready-cut windows. What refuses a window but
-        changes no value is not among them.
+    parameters : mapping of str to float or str
+        Which part of the phase the window is, which losses are filled, and what is computed, by
+        the names of `FeatureConfig`. Ready-cut windows state the last alone. What refuses a
+        window but changes no value is not among them. An option at its ``unstated`` value is
+        left out, see `FeatureSet`.
     """
 
     feature_set: str
@@ -86,7 +61,7 @@ class FeatureSpec:
     sample_count: int
     names: tuple[str, ...]
     units: tuple[str, ...]
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
 
     @cached_property
     def digest(self) -> str:
@@ -100,8 +75,7 @@ class FeatureSpec:
             'version': int(self.version),
             'sample_count': int(self.sample_count),
             'rate_hz': float(self.rate_hz),
-            # The sum takes the sign from a zero.
-            'parameters': {name: float(value) + 0.0 for name, value in self.parameters.items()},
+            'parameters': {name: _plain(value) for name, value in self.parameters.items()},
         }
         text = json.dumps(values, sort_keys=True, separators=(',', ':'), ensure_ascii=True)
         return hashlib.sha256(text.encode()).hexdigest()[:_DIGEST_DIGITS]
@@ -109,7 +83,9 @@ class FeatureSpec:
     @property
     def missing_parameters(self) -> tuple[str, ...]:
         """What a feature node's specification states and this one does not."""
-        return tuple(n for n in _CUTS.get(self.feature_set, ()) if n not in self.parameters)
+        found = find_feature_set(self.feature_set)
+        stated = _stated(found, self.parameters)
+        return tuple(n for n in (*found.cut, *found.options) if n not in stated) if found else ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the specification as plain JSON types."""
@@ -133,8 +109,11 @@ class FeatureSpec:
             When an entry is missing or of the wrong type.
         """
         try:
-            parameters = {str(k): float(v) for k, v in data['parameters'].items()}
-            if not parameters.get('max_gap_samples', 0.0).is_integer():
+            parameters = {
+                str(k): v if isinstance(v, str) else float(v)
+                for k, v in data['parameters'].items()
+            }
+            if not float(parameters.get('max_gap_samples', 0.0)).is_integer():
                 raise ValueError(f'max_gap_samples is {parameters["max_gap_samples"]}')
             return cls(
                 feature_set=str(data['feature_set']),
@@ -156,13 +135,16 @@ class FeatureSpec:
         What ready-cut windows do not know, how they were cut, is left out.
         """
         values: dict[str, Any] = {'rate_hz': self.rate_hz}
-        if self.feature_set in (SET_TEXTURE_SPECTRUM, SET_TEXTURE_SPATIAL):
-            values['texture_features'] = self.feature_set
-        if self.feature_set == SET_TEXTURE_SPECTRUM:
-            values['texture_samples'] = self.sample_count
-        for name in _CUTS.get(self.feature_set, ()):
-            if name in self.parameters:
-                value = self.parameters[name]
+        found = find_feature_set(self.feature_set)
+        if found is None:
+            return values
+        values[CHOOSER[found.phase]] = self.feature_set
+        if found.count_field:
+            values[found.count_field] = self.sample_count
+        stated = _stated(found, self.parameters)
+        for name in (*found.cut, *found.options):
+            if name in stated:
+                value = stated[name]
                 values[name] = int(value) if name == 'max_gap_samples' else value
         return values
 
@@ -170,8 +152,12 @@ class FeatureSpec:
         """Return why features of ``other`` must not be taken for these, or an empty string.
 
         A parameter that only one of the two states is not compared: ready-cut
-        windows do not know how they were cut.
+        windows do not know how they were cut. An option that neither states has its ``unstated``
+        value, see `FeatureSet`.
         """
+        found = find_feature_set(self.feature_set)
+        mine_stated = _stated(found, self.parameters)
+        theirs_stated = _stated(found, other.parameters)
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
             ('version of the feature set', self.version, other.version),
@@ -179,9 +165,9 @@ class FeatureSpec:
             ('window in samples', self.sample_count, other.sample_count),
         ]
         pairs += [
-            (f'window ({name})', self.parameters[name], other.parameters[name])
-            for name in self.parameters
-            if name in other.parameters
+            (f'window ({name})', mine_stated[name], theirs_stated[name])
+            for name in mine_stated
+            if name in theirs_stated
         ]
         for what, mine, theirs in pairs:
             if mine != theirs:
@@ -191,81 +177,42 @@ class FeatureSpec:
         return ''
 
 
-def texture_spec(config: FeatureConfig) -> FeatureSpec:
-    """Return what the texture features of ``config`` are."""
-    if config.texture_features == SET_TEXTURE_SPATIAL:
-        crop = {
-            'spatial_crop_m': config.spatial_crop_m,
-            'max_gap_samples': config.max_gap_samples,
-        }
-        return spatial_spec(config.rate_hz, config.spatial_window(), crop)
-    return _texture(
-        config.rate_hz,
-        config.texture_samples,
-        {
-            'texture_crop_start_s': config.texture_crop_start_s,
-            'max_gap_samples': config.max_gap_samples,
-        },
-    )
+def _plain(value: float | str) -> float | str:
+    # The sum takes the sign from a zero.
+    return value if isinstance(value, str) else float(value) + 0.0
 
 
-def _texture(rate_hz: float, sample_count: int, parameters: dict[str, float]) -> FeatureSpec:
-    names = spectrum_names(sample_count, rate_hz)
+def _stated(
+    found: type[FeatureSet] | None, parameters: Mapping[str, float | str]
+) -> dict[str, Any]:
+    return {**(found.unstated if found else {}), **parameters}
+
+
+def _describe(
+    feature_set: FeatureSet, sample_count: int, rate_hz: float, stated: tuple[str, ...]
+) -> FeatureSpec:
+    features = feature_set.describe(sample_count, rate_hz)
+    values = {name: getattr(feature_set.config, name) for name in stated}
     return FeatureSpec(
-        feature_set=SET_TEXTURE_SPECTRUM,
-        version=TEXTURE_VERSION,
+        feature_set=feature_set.name,
+        version=feature_set.version,
         rate_hz=float(rate_hz),
         sample_count=sample_count,
-        names=names,
-        units=('N',) * len(names),
-        parameters=parameters,
-    )
-
-
-def spatial_spec(
-    rate_hz: float, window: SpatialWindow, parameters: Mapping[str, float] = MappingProxyType({})
-) -> FeatureSpec:
-    """Return what the features of a stretch of surface are.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Sample rate [Hz].
-    window : SpatialWindow
-    parameters : mapping of str to float, optional
-        How the window was cut from the phase.
-    """
-    names = window.names()
-    return FeatureSpec(
-        feature_set=SET_TEXTURE_SPATIAL,
-        version=SPATIAL_VERSION,
-        rate_hz=float(rate_hz),
-        sample_count=0,
-        names=names,
-        units=('N',) * len(names),
+        names=tuple(feature.name for feature in features),
+        units=tuple(feature.unit for feature in features),
         parameters={
-            'spatial_length_m': window.length_m,
-            'spatial_finest_m': window.finest_m,
-            **parameters,
+            name: value
+            for name, value in values.items()
+            if name not in feature_set.unstated or value != feature_set.unstated[name]
         },
     )
 
 
-def stiffness_spec(config: FeatureConfig) -> FeatureSpec:
-    """Return what the stiffness features of ``config`` are."""
-    return FeatureSpec(
-        feature_set=SET_STIFFNESS_REGRESSION,
-        version=STIFFNESS_VERSION,
-        rate_hz=config.rate_hz,
-        sample_count=0,
-        names=REGRESSION_NAMES,
-        units=REGRESSION_UNITS,
-        parameters={
-            'stiffness_settle_s': config.stiffness_settle_s,
-            'stiffness_crop_end_s': config.stiffness_crop_end_s,
-            'max_gap_samples': config.max_gap_samples,
-        },
-    )
+@lru_cache(maxsize=64)
+def spec_of(feature_set: FeatureSet) -> FeatureSpec:
+    """Return what the features of a set are when a feature node computes them."""
+    stated = (*feature_set.cut, *feature_set.options)
+    return _describe(feature_set, feature_set.sample_count, feature_set.config.rate_hz, stated)
 
 
 def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:
@@ -276,15 +223,39 @@ def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:
     FeatureError
         When the task is neither.
     """
-    if task == PROTOCOL_TEXTURE:
-        return texture_spec(config)
-    if task == PROTOCOL_STIFFNESS:
-        return stiffness_spec(config)
-    raise FeatureError(f'there are no features for the task "{task}"; it is texture or stiffness')
+    return spec_of(set_for(task, config))
 
 
-def array_spec(task: str, sample_count: int, rate_hz: float) -> FeatureSpec:
+def set_for(task: str, config: FeatureConfig) -> FeatureSet:
+    """Return the feature set for a task, ``texture`` or ``stiffness``.
+
+    Raises
+    ------
+    FeatureError
+        When the task is neither.
+    """
+    if task not in PHASE_OF_TASK:
+        raise FeatureError(
+            f'there are no features for the task "{task}"; it is {" or ".join(PHASE_OF_TASK)}'
+        )
+    return config.feature_set(PHASE_OF_TASK[task])
+
+
+def array_spec(
+    task: str, sample_count: int, rate_hz: float, config: FeatureConfig | None = None
+) -> FeatureSpec:
     """Return the specification for ready-cut windows: without parameters of the cut.
+
+    Parameters
+    ----------
+    task : str
+        ``texture`` or ``stiffness``.
+    sample_count : int
+        Samples in each window.
+    rate_hz : float
+        Sample rate [Hz].
+    config : FeatureConfig, optional
+        Names the set and its options; the defaults where not given.
 
     Raises
     ------
@@ -293,8 +264,6 @@ def array_spec(task: str, sample_count: int, rate_hz: float) -> FeatureSpec:
     """
     if not (math.isfinite(rate_hz) and rate_hz > 0.0):
         raise FeatureError(f'the rate is {rate_hz} Hz; it must be positive')
-    if task == PROTOCOL_TEXTURE:
-        return _texture(rate_hz, sample_count, {})
-    return dataclasses.replace(
-        spec_for(task, FeatureConfig()), rate_hz=float(rate_hz), parameters={}
-    )
+    feature_set = set_for(task, config or FeatureConfig())
+    count = sample_count if feature_set.count_field else 0
+    return _describe(feature_set, count, rate_hz, feature_set.options)

@@ -33,11 +33,12 @@ from tactile_bringup.report.build import report_path, write_report
 from tactile_bringup.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_set
 from tactile_classifier.archive import LabelledTrials, load_archive
-from tactile_classifier.dataset import FeatureTable, table_from_trials, table_over_distance
+from tactile_classifier.dataset import FeatureTable, table_from_trials
 from tactile_classifier.evaluation import evaluate, Evaluation
+from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.records import PROTOCOL_TEXTURE
-from tactile_features.spatial import SpatialWindow
+from tactile_features.feature_sets.texture_spatial import SpatialWindow
+from tactile_features.records import PROTOCOL_TEXTURE, SET_TEXTURE_SPATIAL
 
 
 @dataclass(frozen=True)
@@ -172,11 +173,12 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         trials = trials.between(start_s, stop_s)
         title.append(f'{start_s:g} to {stop_s:g} s')
     over = parse_over(request.over)
-    if over is None:
-        table = table_from_trials(request.task, trials, channel)
-    else:
+    speeds_m_s = None
+    if over:
         title.append(f'over {request.over} mm')
-        table = table_over_distance(trials, over, _speeds_m_s(request, trials), channel)
+        speeds_m_s = _speeds_m_s(request, trials)
+    config = FeatureConfig(**over)
+    table = table_from_trials(request.task, trials, channel, config=config, speeds_m_s=speeds_m_s)
     if request.features is not None:
         title.append(request.features)
     return RecordingSet(
@@ -206,8 +208,10 @@ def _speeds_m_s(request: EvaluateRequest, trials: LabelledTrials) -> NDArray[np.
     raise BringupError(f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s')
 
 
-def parse_over(text: str | None) -> SpatialWindow | None:
-    """Return the window that ``LENGTH:FINEST`` in millimetres says; None for None.
+def parse_over(text: str | None) -> dict[str, Any]:
+    """Return the fields of `FeatureConfig` that ``LENGTH:FINEST`` in millimetres says.
+
+    None says nothing.
 
     Raises
     ------
@@ -215,14 +219,21 @@ def parse_over(text: str | None) -> SpatialWindow | None:
         When it is not of that form, or the window is too short for its finest scale.
     """
     if text is None:
-        return None
+        return {}
     length, _, finest = text.partition(':')
     try:
-        return SpatialWindow(float(length) / 1e3, float(finest) / 1e3)
+        window = SpatialWindow(float(length) / 1e3, float(finest) / 1e3)
+        fields: dict[str, Any] = {
+            'texture_features': SET_TEXTURE_SPATIAL,
+            'spatial_length_m': window.length_m,
+            'spatial_finest_m': window.finest_m,
+        }
+        FeatureConfig(**fields)
     except FeatureError as error:
         raise BringupError(f'--over: {error}') from error
     except ValueError as error:
         raise BringupError(f'--over: "{text}" is not LENGTH:FINEST in mm, as in 45:0.5') from error
+    return fields
 
 
 def _value(text: str, columns: Any, column: str) -> object:

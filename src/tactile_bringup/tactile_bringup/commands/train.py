@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from tactile_bringup.commands.evaluate import evaluate_with_progress, parse_over
@@ -41,7 +42,6 @@ from tactile_classifier.manifest import Manifest
 from tactile_classifier.model_file import write_model
 from tactile_classifier.training import train
 from tactile_features.records import PROTOCOL_TEXTURE
-from tactile_features.spatial import SpatialWindow
 
 
 @dataclass(frozen=True)
@@ -114,19 +114,19 @@ def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> 
     """Train on bags and print what came out."""
     output = Output(as_json)
     over = parse_over(request.over)
-    if request.running_seconds() and over is not None:  # wrong texts fail before the work
+    if request.running_seconds() and over:  # wrong texts fail before the work
         raise BringupError('features over distance have no running answers: leave --running out')
     trained = train_models(read_with_progress(bags, output, over), request, output)
     output.result({'models': [model.to_dict() for model in trained]})
 
 
 def read_with_progress(
-    bags: Sequence[Path], output: Output, over: SpatialWindow | None = None
+    bags: Sequence[Path], output: Output, chosen: Mapping[str, Any] = MappingProxyType({})
 ) -> BagTables:
-    """Read the bags' feature tables; say which trials are left out."""
+    """Read the bags' feature tables; say which trials are left out. See `read_tables`."""
     with output.progress() as progress:
         progress.add_task('extracting features', total=None)
-        found = read_tables(bags, over)
+        found = read_tables(bags, chosen)
     for sentence in found.left_out[:5]:
         output.say(f'left out: {sentence}')
     if len(found.left_out) > 5:

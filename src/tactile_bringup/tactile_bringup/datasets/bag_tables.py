@@ -17,9 +17,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,18 +30,17 @@ from tactile_bringup.errors import BagError
 from tactile_bringup.recording.bags import TactileBag
 from tactile_bringup.recording.replay import recorded_config, replay_phases
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.records import TASKS
 from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets import task_of
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
     PHASE_ABORTED,
     PHASE_DONE,
     PROTOCOL_SLIP,
-    SET_TEXTURE_SPATIAL,
     TrialEvent,
 )
-from tactile_features.spatial import SpatialWindow
 from tactile_features.spec import spec_for
 
 BLOCKS = 6
@@ -71,7 +72,9 @@ class BagTables:
     left_out: tuple[str, ...]
 
 
-def read_tables(paths: Sequence[Path], over: SpatialWindow | None = None) -> BagTables:
+def read_tables(
+    paths: Sequence[Path], chosen: Mapping[str, Any] = MappingProxyType({})
+) -> BagTables:
     """Read the labelled trials of bags, by task and kind of contact.
 
     Every finger (namespace) of a bag counts. The features come from the same object
@@ -80,8 +83,8 @@ def read_tables(paths: Sequence[Path], over: SpatialWindow | None = None) -> Bag
     Parameters
     ----------
     paths : sequence of Path
-    over : SpatialWindow, optional
-        Texture features over this stretch of surface, whatever set was recorded.
+    chosen : mapping
+        Fields of `FeatureConfig` that name other features than the recorded ones.
 
     Raises
     ------
@@ -94,7 +97,7 @@ def read_tables(paths: Sequence[Path], over: SpatialWindow | None = None) -> Bag
     left_out: list[str] = []
     for path in paths:
         with TactileBag(path) as bag:
-            bag_config = _over_distance(recorded_config(bag), over)
+            bag_config = _choose(path, recorded_config(bag), chosen)
             if config and bag_config.without_detection() != config.without_detection():
                 raise BagError(
                     f'{path} was recorded with other feature parameters than {paths[0]}; '
@@ -117,16 +120,13 @@ def read_tables(paths: Sequence[Path], over: SpatialWindow | None = None) -> Bag
     return BagTables(tables, tuple(left_out))
 
 
-def _over_distance(config: FeatureConfig, over: SpatialWindow | None) -> FeatureConfig:
-    if over is None:
+def _choose(path: Path, config: FeatureConfig, chosen: Mapping[str, Any]) -> FeatureConfig:
+    if not chosen:
         return config
-    return replace(
-        config,
-        texture_features=SET_TEXTURE_SPATIAL,
-        spatial_length_m=over.length_m,
-        spatial_finest_m=over.finest_m,
-        running_samples=(),
-    )
+    try:
+        return replace(config, running_samples=(), **chosen)
+    except FeatureError as error:
+        raise BagError(f'{path}: {error}') from error
 
 
 def _collect(
@@ -159,7 +159,7 @@ def _collect(
             left_out.append(f'{window.trial_id}: the trial has no label')
         else:
             # By what the features are: a trial of one protocol may have a window of the other.
-            key = TASKS[window.feature_set], event.contact
+            key = task_of(window.feature_set), event.contact
             group = found.setdefault(key, LabelledWindows())
             group.windows.append(window)
             group.events.append(event)

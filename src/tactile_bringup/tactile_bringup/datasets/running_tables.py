@@ -71,7 +71,7 @@ def read_running_tables(table: FeatureTable, seconds: Sequence[float]) -> dict[i
     sources = sorted(set(zip(table.column('bag'), table.column('namespace'), strict=True)))
     for path, namespace in sources:
         with TactileBag(Path(path)) as bag:
-            config = recorded_config(bag)
+            config = dataclasses.replace(recorded_config(bag), **table.spec.config_values())
             counts = count_samples(seconds, config)
             config = dataclasses.replace(config, running_samples=counts, measures=False)
             for window in replay_windows(bag, config, namespace):

@@ -31,7 +31,8 @@ from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import EVENT, EVENT_TOPIC, STRAIN, TactileBag
 from tactile_bringup.recording.host_clock import EVENT_DELAY_S, HostClock, SpanCounts, Unstepped
 from tactile_bringup.recording.stream_counts import SampleRun
-from tactile_features.phase_window import describe_clock_step, RATE_TOLERANCE
+from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
+from tactile_features.phase_window import describe_clock_step
 from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_DONE,

@@ -20,7 +20,7 @@ from collections import deque
 from typing import NamedTuple
 
 from tactile_bringup.recording.stream_counts import SampleRun, StreamCounts
-from tactile_features.phase_window import RATE_TOLERANCE
+from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.records import STATUS_CLOCK_STEP
 
 EVENT_DELAY_S = 10.0

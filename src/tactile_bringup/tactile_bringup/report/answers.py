@@ -32,7 +32,10 @@ from tactile_classifier.errors import ClassifierError
 from tactile_classifier.open_set_evaluation import evaluate_open_set, OpenSetEvaluation
 from tactile_classifier.plans import Task
 from tactile_classifier.stopping_evaluation import evaluate_stopping, StoppingEvaluation
-from tactile_features.records import Measure, PROTOCOL_TEXTURE, SET_TEXTURE_SPECTRUM
+from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets import find_feature_set
+from tactile_features.records import Measure, PROTOCOL_TEXTURE
+from tactile_features.spec import spec_for
 
 CLASSIFIER = 'knn'
 """What `tactile train` takes when not told otherwise, with the scaling it takes then."""
@@ -153,8 +156,12 @@ def _evaluate_stopping(table: FeatureTable, hold_out: Sequence[str]) -> Stopping
         raise BringupError('a hold is answered when it is over; only texture has running answers')
     _need_bag(table)
     spec = table.spec
-    if spec.feature_set != SET_TEXTURE_SPECTRUM or len(spec.names) != spec.sample_count // 2 + 1:
-        raise BringupError('only the whole spectrum over time has running answers')
+    found = find_feature_set(spec.feature_set)
+    if found is None or not found.has_parts:
+        raise BringupError(f'{spec.feature_set} has no running answers')
+    config = FeatureConfig(**spec.config_values(), buffer_s=600.0)
+    if spec.names != spec_for(table.task, config).names:
+        raise BringupError('some of the features alone have no running answers')
     full_s = spec.sample_count / spec.rate_hz
     seconds = [full_s * step / STEPS for step in range(1, STEPS)]
     running = read_running_tables(table, seconds)

@@ -42,7 +42,7 @@ from tactile_bringup.simulation.trial_picture import (
     TrialPicture,
 )
 from tactile_features.config import FeatureConfig
-from tactile_features.spectrum import compute_spectrum
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import HeldObject
 from tactile_sim.physics.surface import compute_plate_profile

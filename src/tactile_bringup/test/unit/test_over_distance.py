@@ -28,7 +28,6 @@ from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.errors import BringupError
 from tactile_classifier.inference import TactileModel
 from tactile_features.config import FeatureConfig
-from tactile_features.spatial import SpatialWindow
 from tactile_features.spec import spec_for
 
 SPEEDS_MM_S = (10, 30)
@@ -47,7 +46,7 @@ def bags(tmp_path_factory):
 
 def test_each_speed_has_a_bag_whose_events_state_it(bags):
     for mm_s, bag in zip(SPEEDS_MM_S, bags, strict=True):
-        table = read_tables([bag], SpatialWindow(0.045, 0.0005)).tables['texture', 'flexion']
+        table = read_tables([bag], parse_over('45:0.5')).tables['texture', 'flexion']
         assert len(table) == 32
         assert set(table.column('glide_speed_m_s')) == {mm_s / 1e3}
         assert table.spec.feature_set == 'texture_spatial'

@@ -32,8 +32,8 @@ from tactile_bringup.report.recordings import array_examples, bag_sets, Recordin
 from tactile_bringup.report.sentences import summarise_comparison, summarise_set
 from tactile_classifier.dataset import FeatureTable
 from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
-from tactile_features.spectrum import compute_spectrum
 
 
 def make_holds(values, labels, **columns):

@@ -167,7 +167,7 @@ def test_running_answers_of_chosen_features_are_not_compared_with_the_whole(text
     (answers,) = run_plans([AnswersPlan(few, ('trial_block',))])
     assert answers.stopping is None
     assert answers.not_done == (
-        'running answers: only the whole spectrum over time has running answers',
+        'running answers: some of the features alone have no running answers',
     )
     assert len(answers.measures) == 8
 

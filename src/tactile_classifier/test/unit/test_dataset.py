@@ -18,9 +18,10 @@ import numpy as np
 import pytest
 
 from tactile_classifier.archive import LabelledTrials
-from tactile_classifier.dataset import FeatureTable, table_from_trials, table_over_distance
+from tactile_classifier.dataset import FeatureTable, table_from_trials
 from tactile_classifier.errors import DatasetError
-from tactile_features.spatial import compute_spatial, SpatialWindow
+from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets.texture_spatial import compute_spatial, SpatialWindow
 
 
 def test_table_refuses_what_does_not_fit(small_table):
@@ -81,7 +82,7 @@ def test_stiffness_features_of_straight_lines():
 def test_trial_without_features_is_named():
     x = np.ones((2, 1, 50))
     x[0, 0, 10] = 2.0
-    with pytest.raises(DatasetError, match=r'no features from these trials: .*1 is constant'):
+    with pytest.raises(DatasetError, match=r'no features from these .*trial 1: .*constant'):
         table_from_trials('stiffness', trials_of(x, ['a', 'b']))
 
 
@@ -89,11 +90,14 @@ def test_features_over_distance_take_each_glide_at_its_speed():
     x = np.random.default_rng(0).normal(size=(3, 2, 400))
     trials = trials_of(x, ['a', 'b', 'a'])
     window, speeds = SpatialWindow(0.03, 0.001), np.array([0.01, 0.02, 0.03])
-    table = table_over_distance(trials, window, speeds, channel=1)
+    config = FeatureConfig(
+        texture_features='texture_spatial', spatial_length_m=0.03, spatial_finest_m=0.001
+    )
+    table = table_from_trials('texture', trials, 1, config=config, speeds_m_s=speeds)
     assert table.task == 'texture'
     assert table.spec.parameters == {'spatial_length_m': 0.03, 'spatial_finest_m': 0.001}
     first = (400 - window.sample_count(0.02, 100.0)) // 2
     middle = x[1, 1, first : first + window.sample_count(0.02, 100.0)]
     assert table.values[1].tobytes() == compute_spatial(middle, 0.02, 100.0, window).tobytes()
     with pytest.raises(DatasetError, match=r'trial 2: at 0\.2 m/s'):
-        table_over_distance(trials, window, np.array([0.01, 0.02, 0.2]))
+        table_from_trials('texture', trials, config=config, speeds_m_s=np.array([0.01, 0.02, 0.2]))

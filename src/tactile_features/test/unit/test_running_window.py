@@ -27,7 +27,7 @@ from tactile_features import (
     TrialEvent,
     TrialFeatureExtractor,
 )
-from tactile_features.running_window import compute_running_spectrum
+from tactile_features.feature_sets.texture_spectrum import compute_running_spectrum
 
 S = 1_000_000_000
 PERIOD_NS = S // 50

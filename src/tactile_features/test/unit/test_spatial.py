@@ -23,9 +23,9 @@ import pytest
 
 from tactile_features import (
     compute_spatial,
-    compute_spatial_trials,
     FeatureConfig,
     FeatureError,
+    features_from_trials,
     FeatureSpec,
     Outcome,
     SpatialWindow,
@@ -118,19 +118,30 @@ def test_a_batch_gives_the_bits_of_single_windows():
     assert batch.shape == (2, 3, len(NAMES))
 
 
+def over_distance(x, speeds_m_s):
+    config = FeatureConfig(
+        texture_features='texture_spatial',
+        spatial_length_m=WINDOW.length_m,
+        spatial_finest_m=WINDOW.finest_m,
+    )
+    return features_from_trials('texture', x, RATE_HZ, config=config, speeds_m_s=speeds_m_s)
+
+
 def test_ready_cut_glides_give_their_middle_each_at_its_own_speed():
     x = np.random.default_rng(0).normal(5.0, 1.0, (3, 400))
     speeds = [0.01, 0.02, 0.0080]
-    values = compute_spatial_trials(x, RATE_HZ, speeds, WINDOW)
+    values, _ = over_distance(x, speeds)
     for row, speed, got in zip(x, speeds, values, strict=True):
         count = WINDOW.sample_count(speed, RATE_HZ)
         first = (400 - count) // 2
         want = compute_spatial(row[first : first + count], speed, RATE_HZ, WINDOW)
         assert got.tobytes() == want.tobytes()
     with pytest.raises(FeatureError, match='trial 1: it has 400 samples, and its window 601'):
-        compute_spatial_trials(x, RATE_HZ, [0.01, 0.005, 0.01], WINDOW)
+        over_distance(x, [0.01, 0.005, 0.01])
     with pytest.raises(FeatureError, match='shape'):
-        compute_spatial_trials(x, RATE_HZ, [0.01], WINDOW)
+        over_distance(x, [0.01])
+    with pytest.raises(FeatureError, match='needs the sliding speed'):
+        over_distance(x, None)
 
 
 @pytest.mark.parametrize(
@@ -171,6 +182,7 @@ def test_what_is_no_number_is_refused(bad):
 
 # In the stream: a glide from 1 s on at 62.5 Hz, 9 mm left out, then 45 mm.
 CONFIG = FeatureConfig(rate_hz=RATE_HZ, texture_features='texture_spatial')
+STRETCH = SpatialWindow(CONFIG.spatial_length_m, CONFIG.spatial_finest_m)
 TENSION_N = np.random.default_rng(1).normal(5.0, 1.0, 1200)
 
 
@@ -213,7 +225,7 @@ def test_a_glide_gives_one_window_of_its_own_duration(speed_m_s):
     assert (window.first_sequence, window.sample_count) == (first, end - first)
     assert (window.feature_set, window.feature_set_version) == ('texture_spatial', 1)
     assert window.speed_m_s == speed_m_s
-    want = compute_spatial(TENSION_N[first:end], speed_m_s, RATE_HZ, CONFIG.spatial_window())
+    want = compute_spatial(TENSION_N[first:end], speed_m_s, RATE_HZ, STRETCH)
     assert window.values.tobytes() == want.tobytes()
 
 
@@ -256,7 +268,7 @@ def test_blocks_of_any_size_give_the_same_bits(cuts):
 def test_the_specification_says_what_was_cut():
     spec = spec_for('texture', CONFIG)
     assert spec == FeatureSpec.from_dict(spec.to_dict())
-    assert spec.names == CONFIG.spatial_window().names()
+    assert spec.names == STRETCH.names()
     assert len(set(spec.names)) == len(spec.names)
     assert set(spec.units) == {'N'}
     for name, value in (

@@ -135,7 +135,10 @@ def test_a_config_made_from_a_specification_yields_it_again(task, config):
 
 def test_a_specification_sets_what_windows_depend_on_and_nothing_else():
     odd = dataclasses.replace(spec_for('stiffness', CONFIG), parameters={'buffer_s': 600.0})
-    assert odd.config_values() == {'rate_hz': 60.0}
+    assert odd.config_values() == {
+        'rate_hz': 60.0,
+        'stiffness_features': 'stiffness_regression',
+    }
     assert set(array_spec('texture', 90, 50.0).config_values()) == {
         'rate_hz',
         'texture_features',

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from tactile_features import compute_spectrum, FeatureError
-from tactile_features.spectrum import spectrum_names
+from tactile_features.feature_sets.texture_spectrum import spectrum_names
 
 PI = np.longdouble('3.14159265358979323846264338327950288')
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The straight line through a window of tension: ordinary least squares against time."""
+"""``stiffness_regression``: the straight line through the tension of a hold, by least squares."""
 
 from __future__ import annotations
 
@@ -23,8 +23,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.errors import FeatureError, UndefinedFeatureError
-
-FloatArray = NDArray[np.float64]
+from tactile_features.feature_sets.feature_set import (
+    Feature,
+    FeatureSet,
+    FloatArray,
+    WindowSamples,
+)
+from tactile_features.records import PHASE_HOLD, SET_STIFFNESS_REGRESSION
 
 REGRESSION_NAMES = (
     'tension__regression__slope',
@@ -40,6 +45,21 @@ _BLOCK_WINDOWS = 240
 _MOST_CANCELLED = 3.0
 # Sums of squares beyond these would overflow or vanish on the way.
 _LEAST, _MOST = 1e-200, 1e200
+
+
+class StiffnessRegression(FeatureSet):
+    """Slope, intercept and correlation of a hold: those of the paper."""
+
+    name = SET_STIFFNESS_REGRESSION
+    version = 2
+    phase = PHASE_HOLD
+    cut = ('stiffness_settle_s', 'stiffness_crop_end_s', 'max_gap_samples')
+
+    def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        return tuple(map(Feature, REGRESSION_NAMES, REGRESSION_UNITS))
+
+    def compute(self, samples: WindowSamples) -> FloatArray:
+        return compute_regression(samples.time_ns, samples.tension_n)
 
 
 def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:

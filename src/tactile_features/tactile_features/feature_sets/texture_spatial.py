@@ -12,20 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a glide feels like over millimetres instead of seconds, so that its speed may change."""
+"""``texture_spatial``: features over millimetres, not seconds, so that the speed may change."""
 
 from __future__ import annotations
 
 import dataclasses
 from functools import lru_cache
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import (
+    Feature,
+    FeatureSet,
+    glide_window,
+    WindowSamples,
+    WindowSpec,
+)
+from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
+
+if TYPE_CHECKING:
+    from tactile_features.config import FeatureConfig
 
 QUANTILES = 13
 """How many quantiles describe a distribution, from the least to the largest value."""
@@ -125,6 +136,36 @@ class SpatialWindow:
 
 
 _DIFFERENCES = ('change', 'bend')
+
+
+class TextureSpatial(FeatureSet):
+    """What a stretch of surface holds, at any sliding speed that trial events state."""
+
+    name = SET_TEXTURE_SPATIAL
+    version = 1
+    phase = PHASE_GLIDE
+    needs_speed = True
+    cut = ('spatial_crop_m', 'max_gap_samples')
+    options = ('spatial_length_m', 'spatial_finest_m')
+
+    def __init__(self, config: FeatureConfig) -> None:
+        super().__init__(config)
+        self._stretch = SpatialWindow(config.spatial_length_m, config.spatial_finest_m)
+
+    def window(self, rate_hz: float, speed_m_s: float) -> WindowSpec:
+        count = self._stretch.sample_count(speed_m_s, rate_hz)
+        return dataclasses.replace(
+            glide_window(self.config, count, rate_hz),
+            crop_start_s=self.config.spatial_crop_m / speed_m_s,
+        )
+
+    def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        return tuple(Feature(name, 'N') for name in self._stretch.names())
+
+    def compute(self, samples: WindowSamples) -> NDArray[np.float64]:
+        return compute_spatial(
+            samples.tension_n, samples.speed_m_s, samples.rate_hz, self._stretch
+        )
 
 
 def compute_spatial(
@@ -241,56 +282,6 @@ def _compute_one(
         parts += [value[2 * lag :] - 2.0 * value[lag:-lag] + value[: -2 * lag] for lag in lags]
         quantiles = [_quantiles(part) for part in parts]
     return np.concatenate([amplitude, *quantiles])
-
-
-def compute_spatial_trials(
-    x: ArrayLike, rate_hz: float, speeds_m_s: ArrayLike, window: SpatialWindow
-) -> NDArray[np.float64]:
-    """Return the features of the middle of ready-cut glides, each at its own speed.
-
-    Parameters
-    ----------
-    x : array_like of shape (trials, samples)
-        Tension of each glide [N].
-    rate_hz : float
-        Sample rate [Hz].
-    speeds_m_s : array_like of shape (trials,)
-        Sliding speed of each [m/s].
-    window : SpatialWindow
-
-    Returns
-    -------
-    ndarray of shape (trials, k)
-
-    Raises
-    ------
-    FeatureError
-        When the shapes do not fit, a glide is shorter than the window or its speed does not
-        fit; the message names the trial.
-    """
-    tension = np.asarray(x, dtype=np.float64)
-    speeds = np.asarray(speeds_m_s, dtype=np.float64)
-    if tension.ndim != 2 or not len(tension) or speeds.shape != tension.shape[:1]:
-        raise FeatureError(
-            f'the trials have shape {tension.shape} and their speeds {speeds.shape}; '
-            'they must be (trials, samples) and (trials,)'
-        )
-    rows: list[NDArray[np.float64]] = []
-    try:
-        for row, speed_m_s in zip(tension, speeds.tolist(), strict=True):
-            middle = _middle(row, window.sample_count(speed_m_s, rate_hz))
-            rows.append(compute_spatial(middle, speed_m_s, rate_hz, window))
-    except FeatureError as error:
-        raise FeatureError(f'trial {len(rows)}: {error}') from error
-    return np.array(rows)
-
-
-def _middle(tension_n: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    if count > len(tension_n):
-        raise FeatureError(f'it has {len(tension_n)} samples, and its window {count}')
-    first = (len(tension_n) - count) // 2
-    middle: NDArray[np.float64] = tension_n[first : first + count]
-    return middle
 
 
 def _quantiles(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,222 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a set of features is: the interface that training, replay and the live node see."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple, TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.errors import FeatureError
+from tactile_features.records import PHASE_GLIDE
+
+if TYPE_CHECKING:
+    from tactile_features.config import FeatureConfig
+
+FloatArray = NDArray[np.float64]
+
+RATE_TOLERANCE = 0.02
+"""How far the mean rate of a window may be off its nominal rate [1]: less than two bins
+at the upper end of the spectrum of 180 samples."""
+
+
+class Feature(NamedTuple):
+    """Name and unit of one feature."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class WindowSpec:
+    """Which samples of a phase are its window.
+
+    Attributes
+    ----------
+    crop_start_s, crop_end_s : float
+        What is left out at the start of the phase and at its end [s].
+    shortest_s : float
+        The window is refused when the phase leaves less between its crops [s].
+    sample_count : int
+        The window is so many samples, the first ones after the crop; 0: all between the crops.
+    """
+
+    crop_start_s: float
+    crop_end_s: float
+    shortest_s: float
+    sample_count: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class WindowSamples:
+    """The samples of one window, or of many windows that share their times.
+
+    Attributes
+    ----------
+    time_ns : ndarray of int, shape (n,)
+        Times of the samples [ns].
+    tension_n : ndarray of shape (..., n)
+        Tension [N]; finite.
+    rate_hz : float
+        Nominal sample rate [Hz].
+    speed_m_s : float
+        Sliding speed [m/s]; 0 where the set does not need it.
+    """
+
+    time_ns: NDArray[np.int64]
+    tension_n: FloatArray
+    rate_hz: float
+    speed_m_s: float = 0.0
+
+
+class FeatureSet(ABC):
+    """A set of features, bound to the parameters of one configuration.
+
+    A set in a package of yours is a subclass that its ``setup.py`` names in the entry point group
+    ``tactile.feature_sets``, under the set's ``name``. See docs/feature_sets.md.
+
+    Parameters
+    ----------
+    config : FeatureConfig
+
+    Attributes
+    ----------
+    name : str
+    version : int
+        Changes when values of the same name would come out different.
+    phase : str
+        The phase that holds the window: ``glide`` or ``hold``.
+    needs_speed : bool
+        Whether the features depend on the sliding speed.
+    has_parts : bool
+        Whether `compute_part` gives features of a window that still fills.
+    cut : tuple of str
+        Fields of `FeatureConfig` which say what part of the phase the window is. Ready-cut
+        windows do not state them.
+    options : tuple of str
+        Fields of `FeatureConfig` which say what is computed.
+    unstated : mapping of str to str
+        Of the options: the value that a specification means when it does not state one. An option
+        that was added to a set later has one, so that older specifications keep their digest.
+    count_field : str
+        The field of `FeatureConfig` with the number of samples in a window; empty: there is none,
+        because the phase or the speed decides.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[int]
+    phase: ClassVar[str]
+    needs_speed: ClassVar[bool] = False
+    has_parts: ClassVar[bool] = False
+    cut: ClassVar[tuple[str, ...]] = ()
+    options: ClassVar[tuple[str, ...]] = ()
+    unstated: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    count_field: ClassVar[str] = ''
+
+    def __init__(self, config: FeatureConfig) -> None:
+        self.config = config
+
+    def window(self, rate_hz: float, speed_m_s: float) -> WindowSpec:
+        """Return which samples of a phase are its window.
+
+        Unless a set says otherwise: of a glide, ``sample_count`` samples between the crops of a
+        texture window; of a hold, all between those of a stiffness window.
+
+        Parameters
+        ----------
+        rate_hz : float
+            Nominal sample rate [Hz].
+        speed_m_s : float
+            Sliding speed of the phase; 0: not known [m/s].
+
+        Raises
+        ------
+        FeatureError
+            When there is no window at that speed.
+        """
+        if self.phase == PHASE_GLIDE:
+            return glide_window(self.config, self.sample_count, rate_hz)
+        return WindowSpec(
+            self.config.stiffness_settle_s,
+            self.config.stiffness_crop_end_s,
+            self.config.stiffness_min_s,
+            self.sample_count,
+        )
+
+    @abstractmethod
+    def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        """Return names and units of the features, in their order.
+
+        Parameters
+        ----------
+        sample_count : int
+            Samples in a window; 0 where that is not fixed.
+        rate_hz : float
+            Nominal sample rate [Hz].
+        """
+
+    @abstractmethod
+    def compute(self, samples: WindowSamples) -> FloatArray:
+        """Return the features of windows, of shape (..., k).
+
+        A window must give the same bits alone and in a batch.
+
+        Raises
+        ------
+        UndefinedFeatureError
+            When a window has no value; of a batch, its ``windows`` are their places.
+        FeatureError
+            When the samples do not fit.
+        """
+
+    def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
+        """Return the features of the first part of windows, under the names of the whole ones.
+
+        Parameters
+        ----------
+        samples : WindowSamples
+            The first samples of each window.
+        sample_count : int
+            Samples in the whole window.
+
+        Raises
+        ------
+        FeatureError
+            When the set has none, or the samples do not fit.
+        """
+        raise FeatureError(f'{self.name} has no running windows; leave running_samples empty')
+
+    @property
+    def sample_count(self) -> int:
+        """Samples in a window of this configuration; 0: the phase or the speed decides."""
+        return int(getattr(self.config, self.count_field)) if self.count_field else 0
+
+
+def glide_window(config: FeatureConfig, sample_count: int, rate_hz: float) -> WindowSpec:
+    """Return a window of a glide, between the crops of a texture window.
+
+    Without a number of samples it is all between them, and at least ``texture_samples``.
+    """
+    count = sample_count or config.texture_samples
+    shortest_s = (count - 1) / rate_hz * (1 - RATE_TOLERANCE)
+    return WindowSpec(
+        config.texture_crop_start_s, config.texture_crop_end_s, shortest_s, sample_count
+    )

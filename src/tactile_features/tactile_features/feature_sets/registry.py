@@ -1,0 +1,126 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The sets of features that are there: those of this package, and those of others.
+
+A new set of this package is one module here and one line in `BUILT_IN`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib.metadata import entry_points
+from types import MappingProxyType
+from typing import Any
+
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import FeatureSet
+from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
+from tactile_features.feature_sets.texture_spatial import TextureSpatial
+from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
+from tactile_features.records import (
+    PHASE_GLIDE,
+    PHASE_HOLD,
+    PROTOCOL_STIFFNESS,
+    PROTOCOL_TEXTURE,
+)
+
+GROUP = 'tactile.feature_sets'
+"""The entry point group in which other packages name their sets."""
+
+BUILT_IN: tuple[type[FeatureSet], ...] = (
+    TextureSpectrum,
+    TextureSpatial,
+    StiffnessRegression,
+)
+
+PHASE_OF_TASK: Mapping[str, str] = MappingProxyType(
+    {PROTOCOL_TEXTURE: PHASE_GLIDE, PROTOCOL_STIFFNESS: PHASE_HOLD}
+)
+"""The phase whose window answers a task."""
+
+CHOOSER: Mapping[str, str] = MappingProxyType(
+    {PHASE_GLIDE: 'texture_features', PHASE_HOLD: 'stiffness_features'}
+)
+"""The field of `FeatureConfig` that names the set of a phase."""
+
+
+@lru_cache(maxsize=64)
+def find_feature_set(name: str) -> type[FeatureSet] | None:
+    """Return the set of that name, or None when no installed package has one.
+
+    Raises
+    ------
+    FeatureError
+        When a package names one that cannot be used.
+    """
+    for feature_set in BUILT_IN:
+        if feature_set.name == name:
+            return feature_set
+    for entry in entry_points(group=GROUP, name=name):
+        return _load(entry)
+    return None
+
+
+def _load(entry: Any) -> type[FeatureSet]:
+    package = entry.dist.name if entry.dist else 'an installed package'
+    try:
+        found = entry.load()
+    except Exception as error:
+        raise FeatureError(
+            f'the feature set {entry.name} of {package} cannot be loaded from {entry.value}: '
+            f'{error}'
+        ) from error
+    if not (isinstance(found, type) and issubclass(found, FeatureSet)):
+        raise FeatureError(f'{entry.value} of {package} is not a subclass of FeatureSet')
+    name, phase = getattr(found, 'name', ''), getattr(found, 'phase', '')
+    if name != entry.name or phase not in CHOOSER:
+        raise FeatureError(
+            f'{entry.value} of {package} has the name "{name}" and the phase "{phase}"; the name '
+            f'must be that of its entry point, "{entry.name}", and the phase glide or hold'
+        )
+    return found
+
+
+def list_feature_sets(phase: str) -> tuple[str, ...]:
+    """Return the names of the sets of a phase, those of this package first."""
+    others = [entry.name for entry in entry_points(group=GROUP)]
+    names = dict.fromkeys([*(each.name for each in BUILT_IN), *sorted(others)])
+    found = [(name, find_feature_set(name)) for name in names]
+    return tuple(name for name, each in found if each is not None and each.phase == phase)
+
+
+def check_choice(parameter: str, name: str, phase: str) -> type[FeatureSet]:
+    """Return the set that a parameter names.
+
+    Raises
+    ------
+    FeatureError
+        When no installed package has a set of that name for that phase.
+    """
+    found = find_feature_set(name)
+    if found is None or found.phase != phase:
+        raise FeatureError(
+            f'{parameter} is "{name}"; it must be {" or ".join(list_feature_sets(phase))}, or a '
+            f'set of the {phase} that an installed package names in {GROUP}'
+        )
+    return found
+
+
+def task_of(name: str) -> str:
+    """Return the task of a set, ``texture`` or ``stiffness``; empty: there is no such set."""
+    found = find_feature_set(name)
+    tasks = {phase: task for task, phase in PHASE_OF_TASK.items()}
+    return tasks[found.phase] if found else ''
