@@ -87,6 +87,14 @@ def find_cells(table: FeatureTable) -> Cells | None:
     return Cells(tuple(columns), cell)
 
 
+def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
+    """Return the session of each trial, for tests within sessions; None where there is one."""
+    codes = np.unique(table.columns.get('session_id', np.zeros(len(table))), return_inverse=True)[
+        1
+    ]
+    return codes if codes.max() > 0 else None
+
+
 def find_tied_labels(table: FeatureTable, columns: Sequence[str] = ()) -> list[str]:
     """Return a warning for each grouping column in which labels and groups coincide.
 

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.conditions import find_cells
+from tactile_classifier.conditions import find_cells, find_strata
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import CLASSIFIERS, RANDOM_STATE, SCALINGS
 from tactile_classifier.evaluation import predict_folds
@@ -121,11 +121,11 @@ class SelectionPlan:
 
     def tasks(self) -> list[Task]:
         """Return one task a fold."""
-        table = self._table
+        table, strata = self._table, find_strata(self._table)
         return [
             (
                 compare_selection,
-                (self._pairs, table.values, table.labels, fold, inner, self.counts),
+                (self._pairs, table.values, table.labels, fold, inner, self.counts, strata),
             )
             for fold, inner in zip(self._folds, self._inner, strict=True)
         ]
@@ -191,14 +191,18 @@ def compare_selection(
     fold: Fold,
     inner: Sequence[Fold],
     counts: Sequence[int],
+    strata: npt.NDArray[np.intp] | None = None,
 ) -> list[FoldSelection]:
     """Return what selection does in one fold, for each classifier and scaling.
 
     The count with the best accuracy over the inner folds is kept, the smallest of the best.
     """
     train, test = fold
-    ranked = rank_features(values[train], labels[train])
-    inner_ranked = [rank_features(values[a], labels[a]) for a, _ in inner]
+    strata = np.zeros(len(labels), dtype=np.intp) if strata is None else strata
+    ranked, *inner_ranked = (
+        rank_features(values[part], labels[part], strata[part])
+        for part in (train, *(some for some, _ in inner))
+    )
     results = []
     for pair in pairs:
         right_counts = [

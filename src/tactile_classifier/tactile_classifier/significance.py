@@ -45,14 +45,19 @@ class RankSum:
     mean_p : ndarray of shape (k,)
         Mean over the pairs of two different classes: the paper's significance measure of
         a feature. Low where the feature tells most pairs apart.
+    strata : int
+        Sessions that trials were compared within; 1: all trials with all.
     """
 
     labels: tuple[str, ...]
     p: FloatArray
     mean_p: FloatArray
+    strata: int = 1
 
 
-def rank_sum_p_values(values: ArrayLike, labels: ArrayLike) -> RankSum:
+def rank_sum_p_values(
+    values: ArrayLike, labels: ArrayLike, strata: ArrayLike | None = None
+) -> RankSum:
     """Return the p-value of Wilcoxon's rank-sum test of all pairs of classes, per feature.
 
     The normal approximation with the corrections for ties and for continuity, which is
@@ -66,7 +71,12 @@ def rank_sum_p_values(values: ArrayLike, labels: ArrayLike) -> RankSum:
     diagonal no average could be below one over the number of classes, so the mean here
     is that of the pairs.
 
-    One sort per feature serves all pairs: with ``c_b(x)`` the number of values of class b
+    With strata it is van Elteren's (1960) test: trials are compared within their stratum alone,
+    and a stratum of n trials of the two classes weighs 1 / (n + 1). What all trials of a
+    session share then neither hides a difference nor makes one. The correction for continuity is
+    half the smallest weight. Two classes that share no stratum are not compared, and p is 1.
+
+    One sort per feature and stratum serves all pairs: with ``c_b(x)`` the number of values of class b
     below x, and half of those equal to it, ``U_ab`` is the sum of ``c_b`` over class a.
 
     Parameters
@@ -74,6 +84,8 @@ def rank_sum_p_values(values: ArrayLike, labels: ArrayLike) -> RankSum:
     values : array_like of shape (trials, k)
         Features.
     labels : array_like of str, shape (trials,)
+    strata : array_like of shape (trials,), optional
+        Such as the session of each trial.
 
     Returns
     -------
@@ -86,29 +98,36 @@ def rank_sum_p_values(values: ArrayLike, labels: ArrayLike) -> RankSum:
     """
     table = np.asarray(values, dtype=np.float64)
     names = np.asarray(labels)
-    if table.ndim != 2 or names.shape != table.shape[:1]:
+    strata = np.zeros(len(names)) if strata is None else np.asarray(strata)
+    if table.ndim != 2 or not names.shape == strata.shape == table.shape[:1]:
         raise DatasetError(
-            'rank sums need a table of trials by features and one label a trial; '
-            f'the shapes are {table.shape} and {names.shape}'
+            'rank sums need a table of trials by features, and one label and one stratum a trial; '
+            f'the shapes are {table.shape}, {names.shape} and {strata.shape}'
         )
     if not np.isfinite(table).all():
         raise DatasetError('the features hold values that are not finite; leave those trials out')
-    found, index, sizes = np.unique(names, return_inverse=True, return_counts=True)
+    found, index = np.unique(names, return_inverse=True)
+    stratum = np.unique(strata, return_inverse=True)[1]
     if len(found) < 2:
         raise DatasetError(f'rank sums compare two classes or more; there are {len(found)}')
     step = max(1, _BLOCK_NUMBERS // (len(table) * len(found)))
     blocks = [
-        _test_pairs(np.ascontiguousarray(table[:, at : at + step].T), index, sizes)
+        _test_pairs(np.ascontiguousarray(table[:, at : at + step].T), index, stratum)
         for at in range(0, table.shape[1], step)
     ]
     p = np.concatenate([np.empty((0, len(found), len(found))), *blocks])
     pairs = np.triu_indices(len(found), 1)
     return RankSum(
-        labels=tuple(str(name) for name in found), p=p, mean_p=p[:, pairs[0], pairs[1]].mean(1)
+        labels=tuple(str(name) for name in found),
+        p=p,
+        mean_p=p[:, pairs[0], pairs[1]].mean(1),
+        strata=int(stratum.max()) + 1,
     )
 
 
-def rank_features(values: ArrayLike, labels: ArrayLike) -> IntArray:
+def rank_features(
+    values: ArrayLike, labels: ArrayLike, strata: ArrayLike | None = None
+) -> IntArray:
     """Return the columns of ``values`` from the most to the least telling, by their mean p.
 
     Columns with the same mean keep their order. Inside a cross-validation this belongs
@@ -119,25 +138,55 @@ def rank_features(values: ArrayLike, labels: ArrayLike) -> IntArray:
     DatasetError
         As `rank_sum_p_values`.
     """
-    return np.argsort(rank_sum_p_values(values, labels).mean_p, kind='stable')
+    return np.argsort(rank_sum_p_values(values, labels, strata).mean_p, kind='stable')
 
 
-def _test_pairs(values: FloatArray, index: IntArray, sizes: IntArray) -> FloatArray:
+def _test_pairs(values: FloatArray, index: IntArray, stratum: IntArray) -> FloatArray:
     """Return p of shape (k, classes, classes) for values of shape (k, trials)."""
+    classes = index.max() + 1
+    sizes = np.array(
+        [np.bincount(index[stratum == h], minlength=classes) for h in range(stratum.max() + 1)]
+    )
+    pooled = sizes[:, :, None] + sizes[:, None, :]
+    weights = np.where(sizes[:, :, None] * sizes[:, None, :] > 0, 1.0 / (pooled + 1.0), 0.0)
+    # Of a single stratum the weight is 1, and the result SciPy's to the last digit.
+    weights /= np.maximum(weights.max(axis=0), 1e-300)
+    surplus = np.zeros((len(values), classes, classes))
+    variance = np.zeros_like(surplus)
+    for h, weight in enumerate(weights):
+        inside = stratum == h
+        u, ties = _count_pairs(values[:, inside], index[inside], classes)
+        product, n = np.multiply.outer(sizes[h], sizes[h]), pooled[h]
+        surplus += weight * (u - product / 2)
+        # In the order of SciPy's operations, for the same last digits.
+        variance += weight**2 * (product / 12 * ((n + 1) - ties / np.maximum(n * (n - 1), 1)))
+    smallest = np.where(weights > 0.0, weights, np.inf).min(axis=0)
+    step = np.where(np.isfinite(smallest), smallest, 1.0)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        z = (np.abs(surplus) - 0.5 * step) / np.sqrt(variance)
+    p = np.minimum(2.0 * ndtr(-z), 1.0)
+    p[:, np.arange(classes), np.arange(classes)] = 1.0
+    return np.asarray(p)
+
+
+def _count_pairs(
+    values: FloatArray, index: IntArray, classes: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return U and the sums over ties, both (k, classes, classes), of (k, trials) values."""
     k, n = values.shape
     order = np.argsort(values, axis=1)
     ordered = np.take_along_axis(values, order, axis=1)
-    member = (index[order][:, :, None] == np.arange(len(sizes))).astype(np.float64)
-    below = np.zeros((k, n + 1, len(sizes)))
+    member = (index[order][:, :, None] == np.arange(classes)).astype(np.float64)
+    below = np.zeros((k, n + 1, classes))
     np.cumsum(member, axis=1, out=below[:, 1:])
 
     counts = below[:, :-1]
-    ties = np.zeros((k, len(sizes), len(sizes)))
+    ties = np.zeros((k, classes, classes))
     new = ordered[:, 1:] != ordered[:, :-1]
     tied = np.flatnonzero(~new.all(axis=1))
     if len(tied):
         counts[tied], ties[tied] = _count_ties(below[tied], new[tied])
-    return _approximate(member.transpose(0, 2, 1) @ counts, ties, sizes)
+    return member.transpose(0, 2, 1) @ counts, ties
 
 
 def _count_ties(below: FloatArray, new: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
@@ -169,16 +218,3 @@ def _count_ties(below: FloatArray, new: NDArray[np.bool_]) -> tuple[FloatArray, 
     terms = cubes[:, :, None] + cubes[:, None, :] + 3.0 * (mixed + mixed.transpose(0, 2, 1))
     starts = np.searchsorted(owner, np.arange(k))
     return counts, np.add.reduceat(terms, starts, axis=0)
-
-
-def _approximate(u: FloatArray, ties: FloatArray, sizes: IntArray) -> FloatArray:
-    product = np.multiply.outer(sizes, sizes)
-    n = np.add.outer(sizes, sizes)
-    largest = np.maximum(u, u.transpose(0, 2, 1))
-    # In the order of SciPy's operations, for the same last digits.
-    with np.errstate(divide='ignore', invalid='ignore'):
-        spread = np.sqrt(product / 12 * ((n + 1) - ties / (n * (n - 1))))
-        z = (largest - product / 2 - 0.5) / spread
-    p = np.minimum(2.0 * ndtr(-z), 1.0)
-    p[:, np.arange(len(sizes)), np.arange(len(sizes))] = 1.0
-    return np.asarray(p)

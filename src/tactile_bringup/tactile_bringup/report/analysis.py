@@ -24,6 +24,7 @@ import numpy as np
 
 from tactile_bringup.report.answers import Answers, AnswersPlan
 from tactile_bringup.report.recordings import RecordingSet
+from tactile_classifier.conditions import find_strata
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation import AccuracyPlan, Evaluation
@@ -96,6 +97,7 @@ class SetResult:
             'feature_selection': [selection.to_dict() for selection in self.selections],
             'rank_sum': {
                 'labels': list(self.significance.labels),
+                'strata': self.significance.strata,
                 'mean_p': self.significance.mean_p.tolist(),
                 'p': self.significance.p.tolist() if self.units else None,
             },
@@ -173,7 +175,7 @@ class _SetPlans:
             evaluations,
             curves,
             selections,
-            rank_sum_p_values(table.values, table.labels),
+            rank_sum_p_values(table.values, table.labels, find_strata(table)),
             units,
             (*self._not_done, *(found.not_done if found else ())),
             found,

@@ -48,12 +48,20 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
         draw,
         (6.2, 2.6),
         f'{result.recordings.title}: rank-sum test of every two classes, mean p-value of each '
-        f'Fourier component, over all {len(result.recordings.table)} trials. '
+        f'Fourier component, {tell_comparison(result)}. '
         f'{int(above.sum())} of the {len(mean_p)} components above zero lie over 0.05 '
         '(dashes; red). Low means that between most pairs of classes the amplitude is shifted by '
         'more than chance, which many trials show even where single trials overlap.',
         simulated=result.recordings.simulated,
     )
+
+
+def tell_comparison(result: SetResult) -> str:
+    """Return which trials the tests compare, in words."""
+    trials, strata = len(result.recordings.table), result.significance.strata
+    if strata == 1:
+        return f'over all {trials} trials'
+    return f'of {trials} trials within their {strata} sessions (van Elteren)'
 
 
 def explain_mean_p(result: SetResult, components: Components) -> str:
@@ -103,7 +111,7 @@ def draw_p_matrices(result: SetResult) -> Drawing:
         draw,
         (1.6 + 1.9 * len(names), 3.4),
         f'{result.recordings.title}: p-values of the rank-sum test between every two objects, '
-        'dark where they differ. '
+        f'{tell_comparison(result)}; dark where they differ. '
         + (f'Over 0.05: {"; ".join(pairs)}.' if pairs else 'Every pair differs in each feature.'),
         simulated=result.recordings.simulated,
     )

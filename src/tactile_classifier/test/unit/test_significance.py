@@ -12,14 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from fractions import Fraction
 import itertools
+import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-from scipy.stats import mannwhitneyu
+from scipy.stats import mannwhitneyu, norm
 
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.significance import rank_features, rank_sum_p_values
@@ -113,3 +115,70 @@ def test_features_are_ranked_from_the_most_telling():
 def test_refuses_what_cannot_be_tested(values, labels, message):
     with pytest.raises(DatasetError, match=message):
         rank_sum_p_values(values, labels)
+
+
+def compute_van_elteren(values, labels, strata):
+    """Return statistic and variance of two classes in exact fractions."""
+    surplus, variance = Fraction(0), Fraction(0)
+    for stratum in set(strata):
+        inside = [
+            (Fraction(value), label)
+            for value, label, its in zip(values, labels, strata, strict=True)
+            if its == stratum
+        ]
+        one, other = ([value for value, label in inside if label == name] for name in 'ab')
+        n = len(one) + len(other)
+        if not one or not other:
+            continue
+        u = sum(Fraction(int(a > b)) + Fraction(int(a == b), 2) for a in one for b in other)
+        counts = [(one + other).count(v) for v in set(one + other)]
+        ties = sum(t**3 - t for t in counts)
+        spread = Fraction(len(one) * len(other), 12) * (n + 1 - Fraction(ties, n * (n - 1)))
+        surplus += Fraction(1, n + 1) * (u - Fraction(len(one) * len(other), 2))
+        variance += Fraction(1, n + 1) ** 2 * spread
+    return surplus, variance
+
+
+@pytest.mark.parametrize('step', [0.0, 0.5])
+def test_stratified_p_is_van_elteren_s(step):
+    rng = np.random.default_rng(8)
+    labels = np.array([*'aaaabbb', *'aaabbbbbb', *'aabb', *'aaaa'])
+    strata = np.repeat([3, 1, 2, 9], [7, 9, 4, 4])
+    values = rng.normal(size=24) + 1e3 * strata + 0.8 * (labels == 'b')
+    values = np.round(values / step) * step if step else values
+    found = rank_sum_p_values(values[:, None], labels, strata)
+    surplus, variance = compute_van_elteren(values.tolist(), labels.tolist(), strata.tolist())
+    smallest = Fraction(1, 10)  # weight of the largest stratum that has both
+    z = (abs(surplus) - smallest / 2) / Fraction(math.sqrt(variance))
+    assert found.strata == 4
+    assert found.p[0, 0, 1] == pytest.approx(2 * norm.sf(float(z)), rel=1e-12)
+
+
+def test_one_stratum_is_no_stratum_to_the_last_bit():
+    rng = np.random.default_rng(9)
+    labels = np.repeat(['a', 'b', 'c'], [5, 9, 30])
+    values = np.round(rng.normal(size=(44, 5)), 1)
+    plain = rank_sum_p_values(values, labels)
+    assert np.array_equal(rank_sum_p_values(values, labels, np.full(44, 's')).p, plain.p)
+
+
+def test_stratified_p_is_right_in_size_where_sessions_shift_all_trials():
+    rng = np.random.default_rng(10)
+    labels = np.tile(np.repeat(['a', 'b'], 10), 6)
+    # One of two classes is tried more often in some sessions: the session is no difference.
+    keep = rng.random((120,)) < np.where(labels == 'a', np.repeat([1, 0.4], 60), 0.8)
+    session = np.repeat(np.arange(6), 20)[keep]
+    shift = 3.0 * (session < 3)
+    values = rng.normal(size=(keep.sum(), 2000)) + shift[:, None]
+    p = rank_sum_p_values(values, labels[keep], session).p[:, 0, 1]
+    assert (p < 0.05).mean() == pytest.approx(0.05, abs=0.015)
+    assert (rank_sum_p_values(values, labels[keep]).p[:, 0, 1] < 0.05).mean() > 0.1
+
+
+def test_classes_that_share_no_session_are_not_compared():
+    labels = np.repeat(['a', 'b', 'c'], 8)
+    session = np.r_[np.zeros(8), np.ones(8), np.tile([0, 1], 4)]
+    values = np.random.default_rng(11).normal(size=(24, 3)) + 9.0 * (labels == 'b')[:, None]
+    found = rank_sum_p_values(values, labels, session)
+    assert (found.p[:, 0, 1] == 1.0).all()
+    assert (found.p[:, 1, 2] < 0.05).all()
