@@ -14,7 +14,7 @@
 
 """Share of 95 % intervals that hold the true accuracy of a new session, by simulation.
 
-Usage: ./tactile run python benchmarks/coverage.py [--quick]
+Usage: ./tactile run python benchmarks/interval_coverage.py [--quick]
 
 The accuracies of sessions are normal on the logit scale, and trials are binomial. Beside the
 intervals of `tactile evaluate` stands the bootstrap of session means.
