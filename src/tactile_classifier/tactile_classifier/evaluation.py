@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+import contextlib
 import dataclasses
 from typing import Any
 
@@ -25,6 +27,7 @@ import numpy.typing as npt
 
 from tactile_classifier.conditions import find_cells, find_tied_labels
 from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import EvaluationError
 from tactile_classifier.estimators import build_estimator, CLASSIFIERS, RANDOM_STATE, SCALINGS
 from tactile_classifier.intervals import accuracy_interval, Interval
 from tactile_classifier.neighbours import predict_neighbours
@@ -92,6 +95,37 @@ class Score:
 
 
 @dataclasses.dataclass(frozen=True)
+class NestedChoice:
+    """How well the best classifier and scaling do when each fold picks them without its tests.
+
+    The largest of several means is too good on average, because chance decided too. Here folds
+    inside each fold's training trials pick, and the fold's tests only judge (nested
+    cross-validation; Varma and Simon 2006).
+
+    Attributes
+    ----------
+    picks : tuple of (str, str, int)
+        Classifier, scaling, and how many folds picked them; the most frequent first.
+    mean : float
+        Mean accuracy of the folds [1].
+    interval : Interval
+        As in `Score`.
+    """
+
+    picks: tuple[tuple[str, str, int], ...]
+    mean: float
+    interval: Interval
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the choice as what JSON can hold."""
+        picks = [
+            {'classifier': classifier, 'scaling': scaling, 'folds': folds}
+            for classifier, scaling, folds in self.picks
+        ]
+        return {'picks': picks, 'mean': self.mean, 'interval': self.interval.to_dict()}
+
+
+@dataclasses.dataclass(frozen=True)
 class Evaluation:
     """The scores of several classifiers and scalings under one split.
 
@@ -101,6 +135,8 @@ class Evaluation:
         Accuracy of always naming the commonest label [1].
     warnings : tuple of str
         What the columns of the table say against these numbers, one sentence each.
+    nested : NestedChoice or None
+        None where it was not asked for, or too few trials are left to choose by.
     """
 
     split: str
@@ -110,6 +146,7 @@ class Evaluation:
     chance: float
     scores: tuple[Score, ...]
     warnings: tuple[str, ...] = ()
+    nested: NestedChoice | None = None
 
     def score(self, classifier: str, scaling: str) -> Score:
         """Return the score of one classifier with one scaling; KeyError when not evaluated."""
@@ -128,6 +165,7 @@ class Evaluation:
             'chance': self.chance,
             'scores': [score.to_dict() for score in self.scores],
             'warnings': list(self.warnings),
+            'nested': None if self.nested is None else self.nested.to_dict(),
         }
 
 
@@ -140,6 +178,8 @@ class AccuracyPlan:
     split : Split
     classifiers, scalings : sequence of str
         All their combinations are evaluated. The scaling is fitted inside each fold.
+    random_state : int or None
+        Of the folds inside the folds for the nested choice; None: no such choice.
 
     Raises
     ------
@@ -153,21 +193,30 @@ class AccuracyPlan:
         split: Split,
         classifiers: Sequence[str] = CLASSIFIERS,
         scalings: Sequence[str] = SCALINGS,
+        random_state: int | None = None,
     ) -> None:
         self._table = table
         self._split = split
+        self._inner: list[list[Fold]] = []
+        if random_state is not None:
+            with contextlib.suppress(EvaluationError):  # too few trials: no choice
+                self._inner = [
+                    split.divide_again(train, table.labels, random_state)
+                    for train, _ in split.deals[0]
+                ]
         self._cells = find_cells(table) if split.groups is None else None
         self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
         for pair in self._pairs:
             build_estimator(*pair)  # a wrong name fails here, not in a worker
 
     def tasks(self) -> list[Task]:
-        """Return one task a classifier, scaling and repetition."""
+        """Return one task a classifier, scaling and repetition, and those of the nested choice."""
         table = self._table
+        tests = [(pair, deal) for pair in self._pairs for deal in self._split.deals]
+        inner = [fold for folds in self._inner for fold in folds]
+        tests += [(pair, tuple(inner)) for pair in self._pairs if inner]
         return [
-            (predict_folds, (*pair, table.values, table.labels, deal))
-            for pair in self._pairs
-            for deal in self._split.deals
+            (predict_folds, (*pair, table.values, table.labels, folds)) for pair, folds in tests
         ]
 
     def finish(self, answers: Sequence[Answers]) -> Evaluation:
@@ -188,7 +237,41 @@ class AccuracyPlan:
             float(counts.max() / counts.sum()),
             tuple(scores),
             (*near_copies, *find_tied_labels(table)),
+            self._choose(answers) if self._inner else None,
         )
+
+    def _choose(self, answers: Sequence[Answers]) -> NestedChoice:
+        """Return what the first repetition's folds pick, and how that does on their tests."""
+        true, deals = self._table.labels, len(self._split.deals)
+        inner = [iter(said) for said in answers[len(self._pairs) * deals :]]
+        right, accuracies, picks = np.zeros(len(true)), [], []
+        for i, ((_, test), folds) in enumerate(
+            zip(self._split.deals[0], self._inner, strict=True)
+        ):
+            counts = [
+                sum(int(np.sum(next(said) == true[held_out])) for _, held_out in folds)
+                for said in inner
+            ]
+            pick = int(np.argmax(counts))
+            right[test] = answers[pick * deals][i] == true[test]
+            accuracies.append(right[test].mean())
+            picks.append(self._pairs[pick])
+        return NestedChoice(
+            tuple((*pair, folds) for pair, folds in Counter(picks).most_common()),
+            float(np.mean(accuracies)),
+            self._interval(right, np.array(accuracies)),
+        )
+
+    def _interval(
+        self, right: npt.NDArray[np.float64], accuracies: npt.NDArray[np.float64]
+    ) -> Interval:
+        """Return the interval of a mean, from the trials' accuracies or those of the groups."""
+        if self._split.groups is not None:
+            return accuracy_interval(accuracies, 'groups')
+        if self._cells is not None:
+            share, sizes = self._cells.average(right)
+            return accuracy_interval(share, 'cells of near copies', sizes)
+        return accuracy_interval(right, 'trials')
 
     def _score(
         self, classifier: str, scaling: str, labels: tuple[str, ...], answers: Sequence[Answers]
@@ -204,15 +287,7 @@ class AccuracyPlan:
                 right[test] += is_right
                 rows, columns = (np.searchsorted(labels, y) for y in (true[test], answer))
                 np.add.at(confusion, (rows, columns), 1)
-        grouped = split.groups is not None
-        parts = accuracies[0] if grouped else accuracies.mean(axis=1)
-        if grouped:
-            interval = accuracy_interval(parts, 'groups')
-        elif self._cells is not None:
-            share, sizes = self._cells.average(right / len(split.deals))
-            interval = accuracy_interval(share, 'cells of near copies', sizes)
-        else:
-            interval = accuracy_interval(right / len(split.deals), 'trials')
+        parts = accuracies[0] if split.groups is not None else accuracies.mean(axis=1)
         return Score(
             classifier,
             scaling,
@@ -222,7 +297,7 @@ class AccuracyPlan:
             float(accuracies.mean()),
             float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
             split.spread_of,
-            interval,
+            self._interval(right / len(split.deals), accuracies[0]),
             confusion,
         )
 

@@ -76,8 +76,8 @@ def rank_sum_p_values(
     session share then neither hides a difference nor makes one. The correction for continuity is
     half the smallest weight. Two classes that share no stratum are not compared, and p is 1.
 
-    One sort per feature and stratum serves all pairs: with ``c_b(x)`` the number of values of class b
-    below x, and half of those equal to it, ``U_ab`` is the sum of ``c_b`` over class a.
+    One sort per feature and stratum serves all pairs: with ``c_b(x)`` the number of values of
+    class b below x, and half of those equal to it, ``U_ab`` is the sum of ``c_b`` over class a.
 
     Parameters
     ----------

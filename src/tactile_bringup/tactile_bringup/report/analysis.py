@@ -125,7 +125,9 @@ class _SetPlans:
         self._not_done: list[str] = []
         splits = [stratified_split(table, folds, repetitions, random_state)]
         splits += [grouped_split(table, columns) for columns in recordings.hold_out]
-        self._accuracy = [AccuracyPlan(table, split) for split in splits]
+        self._accuracy = [
+            AccuracyPlan(table, split, random_state=random_state) for split in splits
+        ]
         self._learning = [
             plan
             for split in splits

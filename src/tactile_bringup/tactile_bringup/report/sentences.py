@@ -24,7 +24,7 @@ from tactile_bringup.report.answers import Answers
 from tactile_bringup.report.figures_accuracy import distance_shares
 from tactile_bringup.report.published import AGREES, Comparison, DISAGREES, UNTESTED
 from tactile_classifier.estimators import CLASSIFIERS
-from tactile_classifier.evaluation import Score
+from tactile_classifier.evaluation import Evaluation, Score
 from tactile_classifier.intervals import Interval
 
 
@@ -43,13 +43,30 @@ def tell_score(score: Score) -> str:
     )
 
 
+def tell_choice(evaluation: Evaluation) -> str:
+    """Return how well a classifier does that was chosen inside the folds, and which that was."""
+    chance = f'chance {100 * evaluation.chance:.1f} %'
+    nested = evaluation.nested
+    if nested is None:
+        return (
+            f'{evaluation.split}: too few trials to choose a classifier inside the folds; the best '
+            f'of {len(evaluation.scores)} afterwards would flatter ({chance}).'
+        )
+    folds = sum(count for *_, count in nested.picks)
+    picks = ', '.join(
+        f'{CLASSIFIER_TITLES[classifier]}, {short_scaling(scaling)} ({count} of {folds})'
+        for classifier, scaling, count in nested.picks
+    )
+    return (
+        f'Chosen inside the folds, {evaluation.split}: {100 * nested.mean:.1f} % (95 % interval '
+        f'{tell_interval(nested.interval)}; {chance}); chosen: {picks}.'
+    )
+
+
 def summarise_set(result: SetResult) -> list[str]:
     """Return the findings on one set: best, scaling, groups, selection."""
     best = max(result.plain.scores, key=lambda score: score.mean)
-    found = [
-        f'Best under {result.plain.split}: {tell_score(best)} (95 % '
-        f'interval {tell_interval(best.interval)}; chance {100 * result.plain.chance:.1f} %).'
-    ]
+    found = [tell_choice(evaluation) for evaluation in result.evaluations]
     changes = {
         name: result.plain.score(name, 'standard').mean - result.plain.score(name, 'none').mean
         for name in CLASSIFIERS

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from collections import Counter
 import json
 
 import numpy as np
@@ -21,9 +22,12 @@ from sklearn.svm import SVC
 
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.evaluation import evaluate
+from tactile_classifier.estimators import build_estimator
+from tactile_classifier.evaluation import AccuracyPlan, evaluate
+from tactile_classifier.plans import run_plans
+from tactile_classifier.splits import grouped_split, stratified_split
 from tactile_features.config import FeatureConfig
-from tactile_features.spec import spec_for
+from tactile_features.spec import array_spec, spec_for
 
 
 @pytest.fixture
@@ -148,3 +152,48 @@ def test_what_cannot_be_held_out_is_refused(noisy_table):
 def test_wrong_name_fails_before_any_work(noisy_table):
     with pytest.raises(ValueError, match='classifier is "forest"'):
         evaluate(noisy_table, ['knn', 'forest'])
+
+
+def test_choice_inside_the_folds_is_that_done_by_hand(noisy_table):
+    split = grouped_split(noisy_table, ['session_id'])
+    plan = AccuracyPlan(noisy_table, split, ['knn', 'tree'], ['none'], random_state=3)
+    (evaluation,) = run_plans([plan], 1)
+    pairs = [(score.classifier, score.scaling) for score in evaluation.scores]
+    accuracies, picks = [], []
+    for train, test in split.deals[0]:
+        inner = split.divide_again(train, noisy_table.labels, 3)
+        right = [
+            sum(
+                np.sum(build_estimator(*pair).fit(x[a], y[a]).predict(x[b]) == y[b])
+                for a, b in inner
+            )
+            for pair in pairs
+            for x, y in [(noisy_table.values, noisy_table.labels)]
+        ]
+        picks.append(pairs[int(np.argmax(right))])
+        x, y = noisy_table.values, noisy_table.labels
+        chosen = build_estimator(*picks[-1]).fit(x[train], y[train])
+        accuracies.append(np.mean(chosen.predict(x[test]) == y[test]))
+        assert not any(np.isin(test, part).any() for fold in inner for part in fold)
+    nested = evaluation.nested
+    assert nested.mean == pytest.approx(np.mean(accuracies), abs=1e-15)
+    assert {pick[:2]: pick[2] for pick in nested.picks} == dict(Counter(picks))
+    assert nested.interval.method.endswith('groups')
+    assert evaluation.to_dict()['nested']['mean'] == nested.mean
+
+
+def test_the_best_of_classifiers_that_know_nothing_is_chance_when_chosen_inside():
+    generator = np.random.default_rng(4)
+    best, inside = [], []
+    for _ in range(12):
+        table = FeatureTable(
+            generator.normal(size=(60, 3)),
+            generator.permutation(np.repeat(['a', 'b'], 30)),
+            array_spec('stiffness', 50, 60.0),
+        )
+        split = stratified_split(table, 6, 1)
+        (found,) = run_plans([AccuracyPlan(table, split, random_state=0)], 1)
+        best.append(max(score.mean for score in found.scores))
+        inside.append(found.nested.mean)
+    assert np.mean(best) > 0.55
+    assert np.mean(inside) == pytest.approx(0.5, abs=0.05)
