@@ -14,14 +14,16 @@
 
 """Other people's features beside ours on the same trials, in the same run.
 
-MiniRocket comes from aeon and many statistics from tsfresh: ``pip install aeon tsfresh`` into the
-environment that runs this. What is not installed is left out, with a sentence.
+MiniRocket and MultiRocket come from aeon and many statistics from tsfresh: ``pip install aeon
+tsfresh`` into the environment that runs this. What is not installed is left out, with a sentence.
+All methods get the same signals, with their level.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 import importlib.util
 import time
 from typing import Any
@@ -40,9 +42,9 @@ from speeds import (
     FOLDER,
     Glides,
     over_distance,
+    resample,
     simulate,
     SIMULATED_FINEST_M,
-    waveform,
 )
 
 from tactile_classifier.archive import load_archive
@@ -55,6 +57,8 @@ from tactile_features import (
 )
 
 Array = NDArray[Any]
+
+ROCKETS = ('MiniRocket', 'MultiRocket')
 
 
 @dataclass(frozen=True)
@@ -76,19 +80,13 @@ def fixed(compute: Callable[[Array], Array]) -> Callable[[Array], Callable[[Arra
     return lambda _: compute
 
 
-def zero_mean(x: Array) -> Array:
-    """Return the signals without their means."""
-    values: Array = x - x.mean(axis=1, keepdims=True)
-    return values
+def fit_aeon(name: str, x: Array) -> Callable[[Array], Array]:
+    """Return a transformation of aeon's with biases from the training signals."""
+    from aeon.transformations.collection import convolution_based
 
-
-def fit_minirocket(x: Array) -> Callable[[Array], Array]:
-    """Return MiniRocket with biases from the training signals."""
-    from aeon.transformations.collection.convolution_based import MiniRocket
-
-    rocket = MiniRocket(random_state=0)
-    rocket.fit(zero_mean(x)[:, None].astype(np.float32))
-    return lambda rows: np.asarray(rocket.transform(zero_mean(rows)[:, None].astype(np.float32)))
+    rocket = getattr(convolution_based, name)(random_state=0)
+    rocket.fit(x[:, None].astype(np.float32))
+    return lambda rows: np.asarray(rocket.transform(rows[:, None].astype(np.float32)))
 
 
 def compute_tsfresh(x: Array) -> Array:
@@ -123,10 +121,13 @@ def ridge() -> Any:
 def peers() -> list[Method]:
     """Return the peers that are installed, and neighbours of the raw signal."""
     methods = [
-        Method('raw neighbour', fixed(zero_mean), lambda: KNeighborsClassifier(n_neighbors=1))
+        Method('raw neighbour', fixed(lambda x: x), lambda: KNeighborsClassifier(n_neighbors=1))
     ]
     if importlib.util.find_spec('aeon'):
-        methods.append(Method('MiniRocket, ridge', fit_minirocket, ridge, learns=True))
+        methods += [
+            Method(f'{name}, ridge', partial(fit_aeon, name), ridge, learns=True)
+            for name in ROCKETS
+        ]
     if importlib.util.find_spec('tsfresh'):
         methods.append(
             Method(
@@ -267,15 +268,18 @@ def _fabrics() -> list[Row]:
         fixed(by_speed(over_distance())),
         lambda: build_estimator('svm_linear', 'none'),
     )
-    resampled = by_speed(waveform)
+    resampled = by_speed(resample)
+
+    def fit_over_mm(name: str, rows: Array) -> Callable[[Array], Array]:
+        transform = fit_aeon(name, resampled(rows))
+        return lambda others: transform(resampled(others))
+
     methods = [spectrum, spatial]
     if importlib.util.find_spec('aeon'):
-
-        def fit(rows: Array) -> Callable[[Array], Array]:
-            transform = fit_minirocket(resampled(rows))
-            return lambda others: transform(resampled(others))
-
-        methods.append(Method('MiniRocket over mm, ridge', fit, ridge, learns=True))
+        methods += [
+            Method(f'{name} over mm, ridge', partial(fit_over_mm, name), ridge, learns=True)
+            for name in ROCKETS
+        ]
     return compare('fabrics, channel 0', methods, x, label, splits)
 
 

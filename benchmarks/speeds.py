@@ -129,8 +129,8 @@ def spectrum_over_distance(glides: Glides) -> Array:
     return over_distance()(glides)[:, : window.component_count]
 
 
-def waveform(glides: Glides) -> Array:
-    """Return the smoothed signal itself over the middle of the path: it knows where it is."""
+def resample(glides: Glides) -> Array:
+    """Return the smoothed signal itself, with its level, over the middle of the path."""
     count = glides.x.shape[1]
     at_s = (np.arange(count) - (count - 1) / 2) / glides.rate_hz
     grid_m = ((np.arange(24) + 0.5) / 24 - 0.5) * FABRIC_LENGTH_M
@@ -139,7 +139,12 @@ def waveform(glides: Glides) -> Array:
         apart = (grid_m[:, None] - speed_m_s * at_s) / FABRIC_FINEST_M
         weights = np.exp(-0.5 * apart**2)
         rows.append(weights @ row / weights.sum(axis=1))
-    values = np.array(rows)
+    return np.array(rows)
+
+
+def waveform(glides: Glides) -> Array:
+    """Return the smoothed signal without its mean: it knows where it is."""
+    values: Array = resample(glides)
     return values - values.mean(axis=1, keepdims=True)
 
 

@@ -1,0 +1,296 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Random convolutions of a signal: the features of MiniRocket.
+
+Dempster, Schmidt and Webb (2021), "MiniRocket", KDD, doi:10.1145/3447548.3467231. Each of 84
+kernels of nine weights, three of them 2 and six of them -1, is laid over the signal at several
+dilations. A feature is the share of samples at which the result exceeds a bias.
+
+The weights of a kernel add up to zero, so the level of a signal counts at its ends only, where
+the kernel reaches over them and meets zeros.
+
+Convolutions are computed in single precision with the additions in a fixed order, those of the
+library aeon: a share is a count, and a last digit can change a count. Biases are those of aeon's
+`MiniRocket` of the same seed to the last bit. Shares are its shares in double precision.
+docs/decisions/0007-random-convolutions.md says why aeon itself is not used.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.errors import DatasetError
+
+__all__ = ['KERNELS', 'MIN_SAMPLES', 'TAPS', 'RandomConvolutions']
+
+TAPS = 9
+MIN_SAMPLES = TAPS
+"""Fewest samples of a signal: those of a kernel without dilation."""
+
+KERNELS = np.array(list(combinations(range(TAPS), 3)))
+"""Which three of the nine weights are 2, for each of the 84 kernels."""
+
+FEATURES = 10_000
+MAX_DILATIONS = 32
+MAX_CHANNELS = 9
+"""Most channels that one kernel adds up."""
+
+_BLOCK_VALUES = 2**18
+"""Most values of one array of convolutions [1]."""
+
+_ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
+"""The order in which the weights of -1 are added to that in the middle."""
+
+Single = npt.NDArray[np.float32]
+Matrix = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RandomConvolutions:
+    """Kernels with dilations and biases, fitted to signals of one length.
+
+    The features are in the order of aeon: by dilation, then kernel, then bias.
+
+    Attributes
+    ----------
+    samples, channels : int
+        Shape of a signal.
+    dilations : ndarray of int, shape (dilations,)
+    biases : tuple of ndarray of float32, each of shape (84, biases)
+        The biases of each dilation [unit of the signal].
+    sources : tuple of ndarray of int, each of shape (84, 9)
+        The channels that each kernel adds up, at each dilation; -1 from where there are no more.
+    """
+
+    samples: int
+    channels: int
+    dilations: Indices
+    biases: tuple[Single, ...]
+    sources: tuple[Indices, ...]
+
+    @property
+    def feature_count(self) -> int:
+        """How many features a signal has."""
+        return sum(biases.size for biases in self.biases)
+
+    @classmethod
+    def fit(
+        cls, signals: npt.ArrayLike, features: int = FEATURES, random_state: int = 0
+    ) -> RandomConvolutions:
+        """Choose channels by chance, and biases as quantiles of what training signals give.
+
+        Parameters
+        ----------
+        signals : array_like of shape (trials, channels, samples)
+        features : int
+            Rounded down to a multiple of 84.
+        random_state : int
+
+        Raises
+        ------
+        DatasetError
+            When a signal is too short or a value is not finite in single precision.
+        """
+        x = _check(signals)
+        trials, channels, samples = x.shape
+        dilations, counts = _choose_dilations(samples, features // len(KERNELS))
+        quantiles = _golden(len(KERNELS) * int(counts.sum()))
+        sources = _choose_channels(channels, len(dilations), random_state)
+        # A generator of its own, from the same seed, as in aeon.
+        chosen = np.random.RandomState(random_state).randint(
+            trials, size=(len(dilations), len(KERNELS))
+        )
+        biases, first = [], 0
+        for dilation, count, rows, source in zip(dilations, counts, chosen, sources, strict=True):
+            size = len(KERNELS) * count
+            share = quantiles[first : first + size].reshape(-1, count)
+            first += size
+            values = np.stack(
+                [
+                    _add(*_shift(x[[row]], dilation), source[[i]], KERNELS[[i]], fitting=True)[
+                        0, 0
+                    ]
+                    for i, row in enumerate(rows)
+                ]
+            )
+            biases.append(_quantiles(values, share))
+        return cls(samples, channels, dilations, tuple(biases), sources)
+
+    def transform(self, signals: npt.ArrayLike) -> Matrix:
+        """Return the features of signals, shape (trials, features).
+
+        A signal gives the same bits alone and among others.
+
+        Parameters
+        ----------
+        signals : array_like of shape (trials, channels, samples)
+
+        Raises
+        ------
+        DatasetError
+            When the shape is not that of the fit or a value is not finite in single precision.
+        """
+        x = _check(signals)
+        if x.shape[1:] != (self.channels, self.samples):
+            raise DatasetError(
+                f'the signals have {x.shape[1]} channels of {x.shape[2]} samples; the '
+                f'convolutions were fitted to {self.channels} of {self.samples}'
+            )
+        values = np.empty((len(x), self.feature_count))
+        block = max(1, _BLOCK_VALUES // (len(KERNELS) * self.samples))
+        for first in range(0, len(x), block):
+            some = slice(first, first + block)
+            self._count(x[some], values[some])
+        return values
+
+    def _count(self, x: Single, values: Matrix) -> None:
+        """Write the shares of samples above each bias, shape (trials, features)."""
+        first = 0
+        for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
+            found = values[:, first : first + biases.size].reshape(len(x), *biases.shape)
+            first += biases.size
+            common, extra = _shift(x, dilation)
+            edge = (TAPS // 2) * dilation
+            for kernels, cut in (
+                (slice(i % 2, None, 2), slice(None)),
+                (slice(1 - i % 2, None, 2), slice(edge, -edge)),
+            ):
+                sums = _add(
+                    common[..., cut], extra[..., cut], self.sources[i][kernels], KERNELS[kernels]
+                )
+                for j, bias in enumerate(biases[kernels].T):
+                    above = (sums > bias[:, np.newaxis]).view(np.uint8)
+                    count = np.add.reduce(above, axis=2, dtype=np.uint32)
+                    found[:, kernels, j] = count / sums.shape[2]
+
+
+def _check(signals: npt.ArrayLike) -> Single:
+    with np.errstate(over='ignore'):
+        x = np.asarray(signals).astype(np.float32)
+    if x.ndim != 3 or not x.size or x.shape[2] < MIN_SAMPLES:
+        raise DatasetError(
+            f'the signals have shape {x.shape}; random convolutions need '
+            f'(trials, channels, samples) with {MIN_SAMPLES} samples or more'
+        )
+    # The largest sum: nine weights with a magnitude of 12 in all, over nine channels.
+    if not np.abs(x).max() < np.finfo(np.float32).max / (12 * MAX_CHANNELS):
+        raise DatasetError('the signals hold values that are not finite in single precision')
+    return x
+
+
+def _shift(x: Single, dilation: int) -> tuple[Single, Single]:
+    """Return what all kernels have in common, and what a weight of 2 adds to it.
+
+    Parameters
+    ----------
+    x : ndarray of float32, shape (trials, channels, samples)
+    dilation : int
+
+    Returns
+    -------
+    common : ndarray of float32, shape (trials, channels, samples)
+        The sum with each of the nine weights -1.
+    extra : ndarray of float32, shape (trials, channels, 9, samples)
+        Three times the sample under each weight; zero beyond the ends.
+    """
+    trials, channels, samples = x.shape
+    edge = (TAPS // 2) * dilation
+    padded = np.zeros((trials, channels, samples + 2 * edge), dtype=np.float32)
+    padded[:, :, edge : edge + samples] = x
+    extra = np.stack(
+        [padded[:, :, i * dilation : i * dilation + samples] for i in range(TAPS)], axis=2
+    )
+    common = -x
+    for i in _ADDED:
+        common -= extra[:, :, i]
+    extra *= np.float32(3)
+    return common, extra
+
+
+def _add(
+    common: Single, extra: Single, sources: Indices, kernels: Indices, *, fitting: bool = False
+) -> Single:
+    """Return the sums of kernels over their channels, shape (trials, kernels, samples).
+
+    Parameters
+    ----------
+    common, extra : ndarrays of float32
+        From `_shift`.
+    sources, kernels : ndarrays of int, shapes (kernels, 9) and (kernels, 3)
+    fitting : bool
+        Whether to add in the order of aeon's fit, which is not that of its transformation.
+    """
+    sums = np.zeros((len(common), len(kernels), common.shape[2]), dtype=np.float32)
+    for source in sources.T:
+        used = np.flatnonzero(source >= 0)
+        if not len(used):
+            break
+        channel = source[used]
+        term = common[:, channel]
+        first, second, third = (extra[:, channel, tap] for tap in kernels[used].T)
+        if fitting:
+            term += first + second + third
+        else:
+            term += first
+            term += second
+            term += third
+        sums[:, used] += term
+    return sums
+
+
+def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:
+    """Return the dilations, and how many biases a kernel has at each; ``count`` in all."""
+    exponents = np.logspace(
+        0, np.log2((samples - 1) / (TAPS - 1)), min(count, MAX_DILATIONS), base=2
+    )
+    dilations, counts = np.unique(exponents.astype(np.intp), return_counts=True)
+    counts = (counts * (count / min(count, MAX_DILATIONS))).astype(np.intp)
+    rest = count - int(counts.sum())
+    counts += rest // len(counts)
+    counts[: rest % len(counts)] += 1
+    return dilations, counts
+
+
+def _choose_channels(channels: int, dilations: int, random_state: int) -> tuple[Indices, ...]:
+    """Return the channels of each kernel at each dilation, shapes (84, 9), filled up by -1."""
+    random = np.random.RandomState(random_state)
+    size = dilations * len(KERNELS)
+    counts = 2 ** random.uniform(0, np.log2(min(channels, MAX_CHANNELS) + 1), size)
+    sources = np.full((size, MAX_CHANNELS), -1)
+    for row, count in zip(sources, counts.astype(np.intp), strict=True):
+        row[:count] = random.choice(channels, count, replace=False)
+    return tuple(sources.reshape(dilations, len(KERNELS), MAX_CHANNELS))
+
+
+def _golden(count: int) -> Single:
+    """Return a low-discrepancy sequence of shares between 0 and 1, by the golden ratio."""
+    golden = (np.sqrt(5) + 1) / 2
+    return np.array([(i * golden) % 1 for i in range(1, count + 1)], dtype=np.float32)
+
+
+def _quantiles(values: Single, share: Single) -> Single:
+    """Return quantiles of each row by linear interpolation, shape (rows, quantiles)."""
+    ordered = np.sort(values, axis=1).astype(np.float64)
+    rank = (values.shape[1] - 1) * share.astype(np.float64)
+    low = rank.astype(np.intp)
+    rest = rank - low
+    high = np.minimum(low + 1, values.shape[1] - 1)
+    below, above = (np.take_along_axis(ordered, at, axis=1) for at in (low, high))
+    return (below * (1 - rest) + above * rest).astype(np.float32)
