@@ -25,6 +25,7 @@ from measuring import measure_ratio, Report, Row
 import numpy as np
 from numpy.typing import NDArray
 import scipy.fft
+import scipy.signal
 import scipy.stats
 
 from tactile_features import (
@@ -35,6 +36,7 @@ from tactile_features import (
     TrialEvent,
     TrialFeatureExtractor,
 )
+from tactile_features.feature_sets.texture_spectrum import WINDOWS
 
 PERIOD_NS = 16_666_667
 EPOCH_NS = 1_760_000_000_123_456_789
@@ -57,6 +59,17 @@ def run_spectrum(quick: bool) -> Report:
         for count in (1, 480, many)
     ]
     rows.append(_spectrum_row('offset 1e6 N', trials[:50] + 1e6, None))
+    some = trials[:480]
+    for window in WINDOWS:
+        ratio = measure_ratio(
+            lambda window=window: compute_spectrum(some, 'linear', window),
+            lambda: np.abs(scipy.fft.rfft(some)),
+            5 if quick else 15,
+        )
+        name = 'linear' if window == 'none' else f'linear, {window}'
+        rows.append(_spectrum_row(f'480 x 180, {name}', trials[:50], ratio, 'linear', window))
+    hard = 1e6 + 1e-6 * time_s + waves[:50]
+    rows.append(_spectrum_row('offset 1e6 N, 1e-6 N/s, linear', hard, None, 'linear'))
     return Report(
         'spectrum: compute_spectrum',
         'abs(scipy.fft.rfft(x)), which neither removes the mean, nor scales, nor checks',
@@ -74,19 +87,24 @@ def _time_spectra(trials: Array, rounds: int) -> Row:
     return _spectrum_row(f'{len(trials)} x 180', trials[:: max(1, len(trials) // 50)], ratio)
 
 
-def _spectrum_row(case: str, tension_n: Array, ratio: Any) -> Row:
-    exact = _exact_spectrum(tension_n)
-    bare = np.abs(scipy.fft.rfft(tension_n)) * (2.0 / tension_n.shape[1])
+def _spectrum_row(
+    case: str, tension_n: Array, ratio: Any, detrend: str = 'mean', window: str = 'none'
+) -> Row:
+    exact = _exact_spectrum(tension_n, detrend, window)
+    peer = scipy.signal.detrend(tension_n) if detrend == 'linear' else tension_n
+    weight = scipy.signal.get_window(window, tension_n.shape[1]) if window != 'none' else 1.0
+    bare = np.abs(scipy.fft.rfft(peer * weight)) * (2.0 / tension_n.shape[1] / np.mean(weight))
     bare[:, -1] /= 2.0
 
     def error(amplitude: Array) -> float:
         deviation = np.abs(amplitude - exact)[:, 1:].max(axis=1)
         return float((deviation / exact[:, 1:].max(axis=1)).max())
 
-    return Row(case, ratio, error(compute_spectrum(tension_n)), 2e-15, error(bare))
+    ours = compute_spectrum(tension_n, detrend, window)
+    return Row(case, ratio, error(ours), 2e-15 if detrend == 'mean' else 1e-13, error(bare))
 
 
-def _exact_spectrum(tension_n: Array) -> NDArray[Any]:
+def _exact_spectrum(tension_n: Array, detrend: str, window: str) -> NDArray[Any]:
     """Return the amplitudes of an even number of samples by the sum that defines them."""
     n = tension_n.shape[1]
     pi = np.longdouble('3.14159265358979323846264338327950288')
@@ -94,8 +112,16 @@ def _exact_spectrum(tension_n: Array) -> NDArray[Any]:
     turns = np.outer(np.arange(n), np.arange(n // 2 + 1)) % n
     angle = 2 * pi * turns.astype(np.longdouble) / n
     x = tension_n.astype(np.longdouble)
+    x = x - x[:, :1]  # exact
     x = x - x.mean(axis=1, keepdims=True)
-    amplitude = np.hypot(x @ np.cos(angle), x @ np.sin(angle)) * 2 / n
+    if detrend == 'linear':
+        index = np.arange(n).astype(np.longdouble) - np.longdouble(n - 1) / 2
+        x = x - (x @ index)[:, None] / (index @ index) * index
+    weight = np.ones(n, np.longdouble)
+    if window == 'hann':
+        weight = np.sin(pi * np.arange(n).astype(np.longdouble) / n) ** 2
+    x = x * weight
+    amplitude = np.hypot(x @ np.cos(angle), x @ np.sin(angle)) * 2 / weight.sum()
     amplitude[:, -1] /= 2
     return np.asarray(amplitude)
 

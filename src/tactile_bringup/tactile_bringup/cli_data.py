@@ -27,6 +27,7 @@ from tactile_bringup.cli_options import (
     Classifier,
     Contact,
     Design,
+    DetrendOption,
     JsonOption,
     Protocol,
     refusals,
@@ -168,6 +169,7 @@ def train(
             'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
         ),
     ] = None,
+    detrend: DetrendOption = None,
     force: Annotated[
         bool, typer.Option('--force', help='Replace model files of an earlier training.')
     ] = False,
@@ -203,6 +205,7 @@ def train(
                 stop_error_rate=stop_error,
                 force=force,
                 over=over,
+                detrend=detrend.value if detrend else None,
             ),
             as_json=json_output,
         )
@@ -280,6 +283,7 @@ def evaluate(
             'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
         ),
     ] = None,
+    detrend: DetrendOption = None,
     speed_column: Annotated[
         Optional[str],
         typer.Option(
@@ -347,6 +351,7 @@ def evaluate(
                 seed=seed,
                 report=report,
                 over=over,
+                detrend=detrend.value if detrend else None,
                 speed_column=speed_column,
                 answers=answers,
             ),

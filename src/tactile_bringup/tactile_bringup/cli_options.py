@@ -64,6 +64,24 @@ ParamsOption = Annotated[
 ]
 
 
+class Detrend(str, Enum):
+    """What is subtracted before the Fourier transform."""
+
+    none = 'none'
+    mean = 'mean'
+    linear = 'linear'
+
+
+DetrendOption = Annotated[
+    Optional[Detrend],
+    typer.Option(
+        help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
+        'the paper, or the least-squares line. Default: as recorded; for an archive as the '
+        'features node does.'
+    ),
+]
+
+
 class Protocol(str, Enum):
     """The two kinds of trial."""
 

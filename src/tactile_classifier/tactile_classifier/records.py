@@ -139,6 +139,8 @@ class ClassifierConfig:
     texture_samples: int = _feature_parameter('texture_samples')
     texture_crop_start_s: float = _feature_parameter('texture_crop_start_s')
     texture_features: str = _feature_parameter('texture_features')
+    spectrum_detrend: str = _feature_parameter('spectrum_detrend')
+    spectrum_window: str = _feature_parameter('spectrum_window')
     spatial_crop_m: float = _feature_parameter('spatial_crop_m')
     spatial_length_m: float = _feature_parameter('spatial_length_m')
     spatial_finest_m: float = _feature_parameter('spatial_finest_m')

@@ -58,7 +58,10 @@ def describe_mismatch(
             'the features do not state the specification that made them: '
             "update the feature node to the classifier's release"
         )
-    values = ', '.join(f'{name} {value:g}' for name, value in sorted(expected.parameters.items()))
+    values = ', '.join(
+        f'{name} {value if isinstance(value, str) else format(value, "g")}'
+        for name, value in sorted(expected.stated.items())
+    )
     return (
         'the features were made by another specification than the model was trained on '
         f'(digest {window.specification_digest} instead of {expected.digest}): '

@@ -25,6 +25,7 @@ from typing import Any
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet
 from tactile_features.feature_sets.registry import check_choice, CHOOSER
+from tactile_features.feature_sets.texture_spectrum import DETRENDS, WINDOWS
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
@@ -102,6 +103,17 @@ class FeatureConfig:
         'features of a glide: texture_spectrum, amplitudes over a fixed time; texture_spatial, '
         'over a stretch of surface at any sliding speed, which trial events must then state; or '
         'a set of another package',
+    )
+    spectrum_detrend: str = parameter(
+        'mean',
+        'with texture_spectrum: what is subtracted before the transform, the mean or the '
+        'least-squares line; mean is what the paper does',
+        choices=DETRENDS,
+    )
+    spectrum_window: str = parameter(
+        'none',
+        'with texture_spectrum: window function before the transform',
+        choices=WINDOWS,
     )
     spatial_crop_m: float = parameter(
         0.009,

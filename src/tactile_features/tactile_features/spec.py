@@ -84,8 +84,14 @@ class FeatureSpec:
     def missing_parameters(self) -> tuple[str, ...]:
         """What a feature node's specification states and this one does not."""
         found = find_feature_set(self.feature_set)
-        stated = _stated(found, self.parameters)
+        stated = self.stated
         return tuple(n for n in (*found.cut, *found.options) if n not in stated) if found else ()
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """All parameters, with the options that are left out at their ``unstated`` value."""
+        found = find_feature_set(self.feature_set)
+        return {**(found.unstated if found else {}), **self.parameters}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the specification as plain JSON types."""
@@ -141,7 +147,7 @@ class FeatureSpec:
         values[CHOOSER[found.phase]] = self.feature_set
         if found.count_field:
             values[found.count_field] = self.sample_count
-        stated = _stated(found, self.parameters)
+        stated = self.stated
         for name in (*found.cut, *found.options):
             if name in stated:
                 value = stated[name]
@@ -155,9 +161,7 @@ class FeatureSpec:
         windows do not know how they were cut. An option that neither states has its ``unstated``
         value, see `FeatureSet`.
         """
-        found = find_feature_set(self.feature_set)
-        mine_stated = _stated(found, self.parameters)
-        theirs_stated = _stated(found, other.parameters)
+        my_stated, their_stated = self.stated, other.stated
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
             ('version of the feature set', self.version, other.version),
@@ -165,9 +169,9 @@ class FeatureSpec:
             ('window in samples', self.sample_count, other.sample_count),
         ]
         pairs += [
-            (f'window ({name})', mine_stated[name], theirs_stated[name])
-            for name in mine_stated
-            if name in theirs_stated
+            (f'window ({name})', my_stated[name], their_stated[name])
+            for name in my_stated
+            if name in their_stated
         ]
         for what, mine, theirs in pairs:
             if mine != theirs:
@@ -180,12 +184,6 @@ class FeatureSpec:
 def _plain(value: float | str) -> float | str:
     # The sum takes the sign from a zero.
     return value if isinstance(value, str) else float(value) + 0.0
-
-
-def _stated(
-    found: type[FeatureSet] | None, parameters: Mapping[str, float | str]
-) -> dict[str, Any]:
-    return {**(found.unstated if found else {}), **parameters}
 
 
 def _describe(

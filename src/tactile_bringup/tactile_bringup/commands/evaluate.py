@@ -26,7 +26,12 @@ from numpy.typing import NDArray
 
 from tactile_bringup.commands.output import Output
 from tactile_bringup.datasets.bag_tables import read_tables
-from tactile_bringup.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
+from tactile_bringup.datasets.tables import (
+    accuracy_caption,
+    accuracy_table,
+    describe_features,
+    tell_warnings,
+)
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report.analysis import analyse, SetResult
 from tactile_bringup.report.build import report_path, write_report
@@ -38,6 +43,7 @@ from tactile_classifier.evaluation import evaluate, Evaluation
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.texture_spatial import SpatialWindow
+from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.records import PROTOCOL_TEXTURE, SET_TEXTURE_SPATIAL
 
 
@@ -58,6 +64,7 @@ class EvaluateRequest:
     report: Path | None = None
     over: str | None = None
     speed_column: str | None = None
+    detrend: str | None = None
     answers: bool = False
 
     @property
@@ -121,13 +128,15 @@ def _print_result(result: SetResult, output: Output) -> None:
     for evaluation in result.evaluations:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
         output.say(accuracy_caption(evaluation, intervals=True))
+    output.say(f'  {describe_features(result.recordings.table.spec)}')
     for line in (*summarise_set(result), *result.not_done, *tell_warnings(result.evaluations)):
         output.say(f'  {line}')
     output.say()
 
 
 def _settings(request: EvaluateRequest) -> dict[str, str]:
-    names = ('task', 'channel', 'where', 'static_phase', 'over', 'speed_column', 'features')
+    names = ['task', 'channel', 'where', 'static_phase', 'over', 'speed_column', 'detrend']
+    names.append('features')
     given = {name: getattr(request, name) for name in names}
     return {
         'folds': f'{request.folds}, dealt {request.repetitions} times',
@@ -146,15 +155,32 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
         if getattr(request, name) is not None:
             option = name.replace('_', '-')
             raise BringupError(f'--{option} is for archives; a bag says itself what a trial is')
-    over = parse_over(request.over)
+    chosen = choose_features(request.over, request.detrend)
     tables = {
         key: select_features(table, request.features)
-        for key, table in read_tables(request.recordings, over).tables.items()
+        for key, table in read_tables(request.recordings, chosen).tables.items()
         if request.task in (None, key[0])
     }
     if not tables:
         raise BringupError(f'the bags hold no {request.task} trials')
-    return bag_sets(tables, request.hold_out or None)
+    sets = bag_sets(tables, request.hold_out or None)
+    if request.report is None or not any(map(_is_unlike_paper, tables.values())):
+        return sets
+    published = read_tables(request.recordings, dict(TextureSpectrum.unstated)).tables
+    return [
+        replace(each, published=select_features(published[key], request.features))
+        if _is_unlike_paper(table)
+        else each
+        for each, (key, table) in zip(sets, tables.items(), strict=True)
+    ]
+
+
+def _is_unlike_paper(table: FeatureTable) -> bool:
+    """Return whether a spectrum is not detrended as the paper does it."""
+    spec = table.spec
+    if spec.feature_set != TextureSpectrum.name:
+        return False
+    return any(spec.stated[name] != value for name, value in TextureSpectrum.unstated.items())
 
 
 def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
@@ -172,13 +198,18 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         start_s, stop_s = parse_span(request.static_phase)
         trials = trials.between(start_s, stop_s)
         title.append(f'{start_s:g} to {stop_s:g} s')
-    over = parse_over(request.over)
+    config = FeatureConfig(**choose_features(request.over, request.detrend))
     speeds_m_s = None
-    if over:
+    if request.over:
         title.append(f'over {request.over} mm')
         speeds_m_s = _speeds_m_s(request, trials)
-    config = FeatureConfig(**over)
     table = table_from_trials(request.task, trials, channel, config=config, speeds_m_s=speeds_m_s)
+    published = None
+    if request.report is not None and _is_unlike_paper(table):
+        config = replace(config, **TextureSpectrum.unstated)
+        published = select_features(
+            table_from_trials(request.task, trials, channel, config=config), request.features
+        )
     if request.features is not None:
         title.append(request.features)
     return RecordingSet(
@@ -189,6 +220,7 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         hold_out=request.hold_out,
         unit='raw',
         examples=array_examples(table, trials.signal(channel), trials.rate_hz),
+        published=published,
     )
 
 
@@ -206,6 +238,21 @@ def _speeds_m_s(request: EvaluateRequest, trials: LabelledTrials) -> NDArray[np.
         if name.endswith(ending):
             return trials.columns[name].astype(np.float64) * unit_m_s
     raise BringupError(f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s')
+
+
+def choose_features(over: str | None, detrend: str | None) -> dict[str, Any]:
+    """Return the fields of `FeatureConfig` that ``--over`` and ``--detrend`` say.
+
+    Raises
+    ------
+    BringupError
+        When they do not go together, or ``--over`` is no window.
+    """
+    if detrend is None:
+        return parse_over(over)
+    if over is not None:
+        raise BringupError('--detrend is for the spectrum over time: leave --over or it out')
+    return {'spectrum_detrend': detrend}
 
 
 def parse_over(text: str | None) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from tactile_bringup.commands.evaluate import evaluate_with_progress, parse_over
+from tactile_bringup.commands.evaluate import choose_features, evaluate_with_progress
 from tactile_bringup.commands.output import make_output_folder, Output
 from tactile_bringup.datasets.bag_tables import BagTables, read_tables
 from tactile_bringup.datasets.running_tables import read_running_tables
@@ -30,6 +30,7 @@ from tactile_bringup.datasets.tables import (
     accuracy_caption,
     accuracy_table,
     CLASSIFIER_TITLES,
+    describe_features,
     SCALING_TITLES,
     tell_warnings,
 )
@@ -92,6 +93,7 @@ class TrainRequest:
     stop_error_rate: float = 0.05
     force: bool = False
     over: str | None = None
+    detrend: str | None = None
 
     def running_seconds(self) -> list[float]:
         """Return ``running`` as numbers.
@@ -113,10 +115,10 @@ class TrainRequest:
 def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
     """Train on bags and print what came out."""
     output = Output(as_json)
-    over = parse_over(request.over)
-    if request.running_seconds() and over:  # wrong texts fail before the work
+    chosen = choose_features(request.over, request.detrend)
+    if request.running_seconds() and request.over:  # wrong texts fail before the work
         raise BringupError('features over distance have no running answers: leave --running out')
-    trained = train_models(read_with_progress(bags, output, over), request, output)
+    trained = train_models(read_with_progress(bags, output, chosen), request, output)
     output.result({'models': [model.to_dict() for model in trained]})
 
 
@@ -155,6 +157,7 @@ def train_models(found: BagTables, request: TrainRequest, output: Output) -> lis
         simulated = ', SIMULATED trials' if table.column('simulated').any() else ''
         output.say(accuracy_table(evaluation, f'{task}, {contact}{simulated}'))
         output.say(accuracy_caption(evaluation))
+        output.say(describe_features(table.spec))
         for warning in tell_warnings([evaluation]):
             output.say(warning)
         chosen = request.scaling or DEFAULT_SCALING[task]

@@ -21,6 +21,8 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from tactile_classifier.evaluation import Evaluation
+from tactile_features.feature_sets import find_feature_set
+from tactile_features.spec import FeatureSpec
 
 CLASSIFIER_TITLES = {
     'knn': '3 nearest neighbours',
@@ -38,6 +40,13 @@ SCALING_TITLES = {
 def short_scaling(scaling: str) -> str:
     """Return ``scaled`` or ``not scaled``."""
     return SCALING_TITLES[scaling].partition(' (')[0]
+
+
+def describe_features(spec: FeatureSpec) -> str:
+    """Return which feature set it is, with its options."""
+    found = find_feature_set(spec.feature_set)
+    options = [f'{name} {spec.stated[name]}' for name in (found.options if found else ())]
+    return f'features: {", ".join([spec.feature_set, *options])}'
 
 
 def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:

@@ -35,6 +35,7 @@ from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.extractor import TrialFeatureExtractor
+from tactile_features.feature_sets.registry import unstated_options
 from tactile_features.records import FeatureWindow, PHASES_STATED, TrialEvent
 from tactile_features.spec import spec_for
 
@@ -68,10 +69,13 @@ class TactileResults:
 
 
 def recorded_config(bag: TactileBag) -> FeatureConfig:
-    """Return the feature parameters that the recording was made with."""
-    values = bag.facts.get('feature_config', {})
+    """Return the feature parameters that the recording was made with.
+
+    Options that its release did not have yet have the values which they had implicitly.
+    """
+    values = bag.facts.get('feature_config')
     try:
-        return FeatureConfig(**values)
+        return FeatureConfig() if values is None else FeatureConfig(**unstated_options() | values)
     except (TypeError, FeatureError) as error:
         raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
 

@@ -66,6 +66,9 @@ class SetResult:
         One sentence for each analysis that the trials do not allow.
     answers : Answers or None
         What a model says besides a label; None where it was not asked for.
+    published : SetResult or None
+        Random folds and significance with the features that the paper computes, where
+        ``recordings`` has others.
     """
 
     recordings: RecordingSet
@@ -76,6 +79,12 @@ class SetResult:
     units: tuple[UnitPoint, ...]
     not_done: tuple[str, ...]
     answers: Answers | None = None
+    published: SetResult | None = None
+
+    @property
+    def as_published(self) -> SetResult:
+        """The result to compare with the paper's statements."""
+        return self.published or self
 
     @property
     def plain(self) -> Evaluation:
@@ -91,6 +100,8 @@ class SetResult:
             'contact': recordings.contact,
             'simulated': recordings.simulated,
             'trials': len(recordings.table),
+            'feature_set': recordings.table.spec.feature_set,
+            'feature_parameters': recordings.table.spec.stated,
             'features': list(recordings.table.spec.names),
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
             'learning_curves': [curve.to_dict() for curve in self.curves],
@@ -128,6 +139,12 @@ class _SetPlans:
         self._accuracy = [
             AccuracyPlan(table, split, random_state=random_state) for split in splits
         ]
+        published = recordings.published
+        self._published = (
+            []
+            if published is None
+            else [AccuracyPlan(published, splits[0], random_state=random_state)]
+        )
         self._learning = [
             plan
             for split in splits
@@ -158,7 +175,7 @@ class _SetPlans:
 
     def plans(self) -> list[Plan[Any]]:
         plans: list[Plan[Any]] = [*self._accuracy, *self._learning, *self._selection]
-        return [*plans, *self._units, *self._answers]
+        return [*plans, *self._units, *self._published, *self._answers]
 
     def finish(self, results: Sequence[Any]) -> SetResult:
         answers = iter(results)
@@ -170,9 +187,10 @@ class _SetPlans:
             if self._units
             else ()
         )
+        published = tuple(next(answers) for _ in self._published)
         found = next(answers) if self._answers else None
         table = self._recordings.table
-        return SetResult(
+        result = SetResult(
             self._recordings,
             evaluations,
             curves,
@@ -182,6 +200,23 @@ class _SetPlans:
             (*self._not_done, *(found.not_done if found else ())),
             found,
         )
+        return replace(result, published=_publish(result, published)) if published else result
+
+
+def _publish(result: SetResult, evaluations: tuple[Evaluation, ...]) -> SetResult | None:
+    """Return what was found with the features that the paper computes."""
+    table = result.recordings.published
+    if table is None:
+        return None
+    return replace(
+        result,
+        recordings=replace(result.recordings, table=table),
+        evaluations=evaluations,
+        significance=rank_sum_p_values(table.values, table.labels, find_strata(table)),
+        curves=(),
+        selections=(),
+        answers=None,
+    )
 
 
 def in_unit(table: FeatureTable, factor: float) -> FeatureTable:

@@ -19,7 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tactile_bringup.datasets.tables import CLASSIFIER_TITLES, short_scaling, tell_warnings
+from tactile_bringup.datasets.tables import (
+    CLASSIFIER_TITLES,
+    describe_features,
+    short_scaling,
+    tell_warnings,
+)
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report import figures_accuracy, figures_signals, sentences
 from tactile_bringup.report.analysis import SetResult
@@ -89,18 +94,30 @@ def build_page(
         What the numbers depend on besides.
     """
     page = Page(TITLE, simulated=any(result.recordings.simulated for result in results))
-    comparisons = compare_with_paper(results)
+    comparisons = compare_with_paper([result.as_published for result in results])
     page.heading('In short')
     page.paragraph(sentences.summarise_comparison(comparisons))
     for result in results:
         page.subheading(result.recordings.title)
-        page.items([*sentences.summarise_set(result), *tell_warnings(result.evaluations)])
+        page.items(
+            [
+                describe_features(result.recordings.table.spec),
+                *sentences.summarise_set(result),
+                *tell_warnings(result.evaluations),
+            ]
+        )
     _add_accuracy(page, results)
     page.heading('Beside the paper')
     page.paragraph(
         'Cheng et al., "Tactile Sensing with a Tendon-Driven Soft Robotic Finger", section IV: '
         'what its text states, and whether these trials agree by the rule beside it. The paper '
         'does not say whether it scaled its features.'
+        + (
+            ' It subtracts the mean before the Fourier transform, and so do the texture features '
+            'of this comparison; those of the other sections are detrended as they say.'
+            if any(result.published for result in results)
+            else ''
+        )
     )
     page.table(
         f'accuracies in %: {results[0].plain.split}',

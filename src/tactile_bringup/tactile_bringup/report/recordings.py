@@ -78,6 +78,8 @@ class RecordingSet:
         One a label.
     trial : TrialExample or None
         A trial with its phases, where recordings have them.
+    published : FeatureTable or None
+        The features of the same trials as the paper computes them, where ``table`` has others.
     """
 
     title: str
@@ -88,6 +90,7 @@ class RecordingSet:
     unit: str
     examples: tuple[Example, ...] = ()
     trial: TrialExample | None = None
+    published: FeatureTable | None = None
 
 
 def choose_rows(table: FeatureTable) -> list[int]:

@@ -23,9 +23,13 @@ import pytest
 from typer.testing import CliRunner
 
 from tactile_bringup.cli import app
-from tactile_bringup.commands.evaluate import EvaluateRequest, parse_over, run_evaluate
+from tactile_bringup.commands.evaluate import _read_sets, EvaluateRequest, parse_over, run_evaluate
 from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.errors import BringupError
+from tactile_bringup.report.analysis import analyse
+from tactile_classifier.archive import load_archive
+from tactile_classifier.dataset import table_from_trials
+from tactile_classifier.evaluation import evaluate
 from tactile_classifier.inference import TactileModel
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
@@ -118,6 +122,38 @@ def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive, ca
     (result,) = json.loads(capsys.readouterr().out)['sets']
     assert 'over 30:0.5 mm' in result['title']
     assert result['features'][0] == 'tension__spatial_spectrum__per_m_33.333'
+
+
+def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, capsys, tmp_path):
+    fields = {'over': None, 'speed_column': None, 'detrend': 'linear'}
+    page = tmp_path / 'report.html'
+    run_evaluate(request_for(archive, **fields, report=page), as_json=True)
+    (result,) = json.loads(capsys.readouterr().out)['sets']
+    assert result['feature_parameters'] == {
+        'spectrum_detrend': 'linear',
+        'spectrum_window': 'none',
+    }
+    text = page.read_text()
+    assert 'features: texture_spectrum, spectrum_detrend linear, spectrum_window none' in text
+    assert 'so do the texture features of this comparison' in text
+    run_evaluate(request_for(archive, **{**fields, 'detrend': 'mean'}, report=page), as_json=True)
+    assert 'so do the texture features of this comparison' not in page.read_text()
+
+
+def test_the_comparison_with_the_paper_is_made_with_the_mean_alone(archive, tmp_path):
+    request = request_for(archive, over=None, speed_column=None, detrend='linear', report=tmp_path)
+    (recordings,) = _read_sets(request)
+    trials = load_archive(archive)
+    want = table_from_trials('texture', trials, 0, config=FeatureConfig(spectrum_detrend='mean'))
+    assert recordings.published.compute_sha256() == want.compute_sha256()
+    (result,) = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)
+    published = result.as_published
+    expected = evaluate(want, folds=2, repetitions=1, random_state=0)
+    assert published.plain.to_dict()['scores'] == expected.to_dict()['scores']
+    assert published.recordings.table is recordings.published
+    assert not np.array_equal(published.significance.mean_p, result.significance.mean_p)
+    mean = dataclasses.replace(request, detrend='mean')
+    assert _read_sets(mean)[0].published is None
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,16 @@ def test_unusable_feature_parameters_are_refused(stiffness_bag):
                 recorded_config(bag)
 
 
+def test_a_recording_of_before_an_option_has_what_it_meant_then(stiffness_bag):
+    with TactileBag(stiffness_bag) as bag:
+        values = dict(bag.facts['feature_config'], spectrum_detrend='linear')
+        bag.facts['feature_config'] = values
+        assert recorded_config(bag).spectrum_detrend == 'linear'
+        del values['spectrum_detrend'], values['spectrum_window']
+        config = recorded_config(bag)
+        assert (config.spectrum_detrend, config.spectrum_window) == ('mean', 'none')
+
+
 def timed(results, end_ns, **made_at_ns):
     """Return results, all made long before the end but for those whose place is given."""
     results = TactileResults(list(results.windows), list(results.classifications))

@@ -14,12 +14,19 @@
 
 """What `tactile train` makes of a small simulated recording of texture."""
 
+import dataclasses
+
 import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bringup.commands.output import Output
-from tactile_bringup.commands.train import describe_answers, train_models, TrainRequest
+from tactile_bringup.commands.train import (
+    describe_answers,
+    run_train,
+    train_models,
+    TrainRequest,
+)
 from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.datasets.running_tables import read_running_tables
 from tactile_bringup.errors import BagError, BringupError
@@ -28,8 +35,10 @@ from tactile_bringup.recording.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.simulation.simulated_bags import write_simulated_bag
 from tactile_bringup.simulation.simulated_trials import SimulationPlan
+from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
 from tactile_features.config import FeatureConfig
+from tactile_features.spec import spec_for
 
 
 @pytest.fixture(scope='module')
@@ -88,6 +97,39 @@ def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_
     with pytest.raises(BringupError, match='would be replaced: give another folder'):
         train_models(found, request, Output(as_json=True))
     assert trained.path.read_bytes() == before
+
+
+@pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
+def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, detrend):
+    request = TrainRequest(
+        tmp_path, cross_validation={'folds': 3, 'repetitions': 1}, running='1', detrend=detrend
+    )
+    run_train([bag], request, as_json=False)
+    assert f'spectrum_detrend {detrend}' in ' '.join(capsys.readouterr().out.split())
+    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    with TactileBag(bag) as opened:
+        config = dataclasses.replace(
+            recorded_config(opened), spectrum_detrend=detrend, running_samples=(60,)
+        )
+        windows = replay_windows(opened, config)
+    assert model.spec == spec_for('texture', config)
+    assert model.manifest.feature_values()['spectrum_detrend'] == detrend
+    others = {'none', 'mean', 'linear'} - {detrend}
+    for other in others:
+        with pytest.raises(ModelFileError, match='spectrum_detrend'):
+            model.expect(spec_for('texture', dataclasses.replace(config, spectrum_detrend=other)))
+    (table,) = read_tables([bag], {'spectrum_detrend': detrend}).tables.values()
+    parts = read_running_tables(table, [1.0])[60]
+    for window in windows:
+        (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
+        assert not model.describe_mismatch(window)
+        values = parts.values if window.running else table.values
+        assert values[row].tobytes() == window.values.tobytes()
+
+
+def test_detrending_is_for_the_spectrum_over_time(tmp_path):
+    with pytest.raises(BringupError, match='--detrend is for the spectrum over time'):
+        run_train([], TrainRequest(tmp_path, over='45:0.5', detrend='linear'), as_json=True)
 
 
 def test_text_that_is_no_seconds_is_refused(tmp_path):

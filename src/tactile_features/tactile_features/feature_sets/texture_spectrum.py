@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import rfft
@@ -29,28 +31,43 @@ from tactile_features.feature_sets.feature_set import (
 )
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPECTRUM
 
+DETRENDS = ('none', 'mean', 'linear')
+"""What may be subtracted before the transform."""
+
+WINDOWS = ('none', 'hann')
+"""What the samples may be weighted with."""
+
 _BLOCK_WINDOWS = 128
 """Windows at a time, so that they stay in the cache."""
 
 
 class TextureSpectrum(FeatureSet):
-    """Amplitudes over a fixed time of the glide: those of the paper."""
+    """Amplitudes over a fixed time of the glide.
+
+    The paper's are those with ``mean`` and without a window.
+    """
 
     name = SET_TEXTURE_SPECTRUM
     version = 2
     phase = PHASE_GLIDE
     has_parts = True
     cut = ('texture_crop_start_s', 'max_gap_samples')
+    options = ('spectrum_detrend', 'spectrum_window')
+    unstated = MappingProxyType({'spectrum_detrend': 'mean', 'spectrum_window': 'none'})
     count_field = 'texture_samples'
 
     def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
         return tuple(Feature(name, 'N') for name in spectrum_names(sample_count, rate_hz))
 
     def compute(self, samples: WindowSamples) -> FloatArray:
-        return compute_spectrum(samples.tension_n)
+        return compute_spectrum(samples.tension_n, *self._prepared)
 
     def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
-        return compute_running_spectrum(samples.tension_n, sample_count)
+        return compute_running_spectrum(samples.tension_n, sample_count, *self._prepared)
+
+    @property
+    def _prepared(self) -> tuple[str, str]:
+        return self.config.spectrum_detrend, self.config.spectrum_window
 
 
 def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
@@ -61,19 +78,28 @@ def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:
     )
 
 
-def compute_spectrum(tension_n: ArrayLike) -> FloatArray:
-    """Return the single-sided amplitudes of the Fourier components after the mean is removed.
+def compute_spectrum(
+    tension_n: ArrayLike, detrend: str = 'mean', window: str = 'none'
+) -> FloatArray:
+    """Return the single-sided amplitudes of the Fourier components.
 
     Component ``k`` of ``n`` samples is ``2 / n * |X_k|``, and ``1 / n * |X_k|`` at the Nyquist
-    frequency, so that a sine of amplitude A in the middle of bin ``k`` gives A there.
-    The component at 0 Hz is set to 0: without the mean it holds rounding errors only.
+    frequency, so that a sine of amplitude A in the middle of bin ``k`` gives A there. With a
+    window, its sum takes the place of ``n``. The component at 0 Hz is set to 0: it holds the
+    offset of the sensor, or rounding errors only.
 
-    A window gives the same bits alone and in a batch.
+    A window of samples gives the same bits alone and in a batch.
 
     Parameters
     ----------
     tension_n : array_like of shape (..., n)
         Windows of tension [N], ``n >= 2``.
+    detrend : str
+        ``none``, ``mean``, or ``linear``: what is subtracted before the transform, the mean or
+        the least-squares line, as `scipy.signal.detrend` does. ``none`` differs from ``mean``
+        with a window only, because the component at 0 Hz is set to 0.
+    window : str
+        ``none``, or ``hann``: the periodic Hann window of `scipy.signal.get_window`.
 
     Returns
     -------
@@ -91,35 +117,18 @@ def compute_spectrum(tension_n: ArrayLike) -> FloatArray:
         raise FeatureError(
             f'a spectrum needs windows of at least 2 samples; the shape is {tension.shape}'
         )
-    n = tension.shape[-1]
-    rows = np.ascontiguousarray(tension).reshape(-1, n)
-    amplitude = np.empty((len(rows), n // 2 + 1))
-    with np.errstate(over='ignore', invalid='ignore'):
-        for at in range(0, len(rows), _BLOCK_WINDOWS):
-            some = slice(at, at + _BLOCK_WINDOWS)
-            # Under a large offset the difference to the first sample is exact.
-            change = rows[some] - rows[some, :1]
-            change -= change.mean(axis=1, keepdims=True)
-            np.abs(rfft(change), out=amplitude[some])
-        amplitude *= 2.0 / n
-    amplitude[:, 0] = 0.0
-    if n % 2 == 0:
-        amplitude[:, -1] /= 2.0
-    if not np.isfinite(amplitude).all():
-        if np.isfinite(rows).all():
-            raise FeatureError('the tension is too large for its spectrum to be represented')
-        raise FeatureError('the tension holds values that are not finite')
-    return amplitude.reshape(*tension.shape[:-1], n // 2 + 1)
+    return _amplitudes(tension, tension.shape[-1], detrend, window)
 
 
-def compute_running_spectrum(tension_n: ArrayLike, sample_count: int) -> FloatArray:
+def compute_running_spectrum(
+    tension_n: ArrayLike, sample_count: int, detrend: str = 'mean', window: str = 'none'
+) -> FloatArray:
     """Return the amplitudes of part of a window at the frequencies of the whole one.
 
-    The mean of the samples is removed and the rest of the window filled with zeros, so
-    that component ``k`` means the same frequency as in `compute_spectrum` of
-    ``sample_count`` samples. Amplitudes are scaled by the samples that are there:
-    ``2 / n * |X_k|``, and ``1 / n * |X_k|`` at the Nyquist frequency. A sine of
-    amplitude A whose periods fill the ``n`` samples gives A at its own frequency, and
+    The part is detrended and weighted by itself, and the rest of the window filled with zeros,
+    so that component ``k`` means the same frequency as in `compute_spectrum` of
+    ``sample_count`` samples. Amplitudes are scaled by the ``n`` samples that are there. A sine
+    of amplitude A whose periods fill the ``n`` samples gives A at its own frequency, and
     leaks to frequencies in between, the more the shorter the part is.
 
     Parameters
@@ -128,6 +137,8 @@ def compute_running_spectrum(tension_n: ArrayLike, sample_count: int) -> FloatAr
         Tension [N], ``2 <= n <= sample_count``.
     sample_count : int
         Samples in the whole window.
+    detrend, window : str
+        As for `compute_spectrum`.
 
     Returns
     -------
@@ -137,7 +148,8 @@ def compute_running_spectrum(tension_n: ArrayLike, sample_count: int) -> FloatAr
     Raises
     ------
     FeatureError
-        When the number of samples does not fit or a value is not finite.
+        When the number of samples does not fit, a value is not finite, or an amplitude is too
+        large to be represented.
     """
     tension = np.asarray(tension_n, dtype=np.float64)
     n = tension.shape[-1] if tension.ndim else 0
@@ -146,19 +158,48 @@ def compute_running_spectrum(tension_n: ArrayLike, sample_count: int) -> FloatAr
             f'part of a window of {sample_count} samples must have 2 to {sample_count} samples; '
             f'the shape is {tension.shape}'
         )
-    if not np.isfinite(tension).all():
-        raise FeatureError('the tension holds values that are not finite')
-    rows = tension.reshape(-1, n)
-    out = np.empty((len(rows), sample_count // 2 + 1))
-    # Row by row, so that a window gives the same bits alone and in a batch.
-    for row, amplitude in zip(rows, out, strict=True):
-        with np.errstate(over='ignore', invalid='ignore'):
-            change = row - row[0]  # exact under a large offset, see compute_spectrum
-            change -= change.mean()
-            amplitude[:] = np.abs(np.fft.rfft(change, sample_count)) * (2.0 / n)
-    out[:, 0] = 0.0
+    return _amplitudes(tension, sample_count, detrend, window)
+
+
+def _amplitudes(tension: FloatArray, sample_count: int, detrend: str, window: str) -> FloatArray:
+    if detrend not in DETRENDS or window not in WINDOWS:
+        raise FeatureError(
+            f'detrend is "{detrend}" and window "{window}"; they must be one of '
+            f'{", ".join(DETRENDS)} and of {", ".join(WINDOWS)}'
+        )
+    n = tension.shape[-1]
+    rows = np.ascontiguousarray(tension).reshape(-1, n)
+    amplitude = np.empty((len(rows), sample_count // 2 + 1))
+    # About the middle, an index is exact, and so is the sum of squares while doubles hold it.
+    index = np.arange(n) - (n - 1) / 2.0
+    square = n * (n * n - 1) / 12.0
+    weight = np.sin(np.pi * np.arange(n) / n) ** 2 if window == 'hann' else None
+    # The mean of a whole window without weights is in the component at 0 Hz alone.
+    is_raw = detrend == 'none' and (weight is not None or n < sample_count)
+    with np.errstate(over='ignore', invalid='ignore'):
+        for at in range(0, len(rows), _BLOCK_WINDOWS):
+            some = rows[at : at + _BLOCK_WINDOWS]
+            if is_raw:
+                change = some.copy()
+            else:
+                # Under a large offset the difference to the first sample is exact.
+                change = some - some[:, :1]
+                change -= change.mean(axis=1, keepdims=True)
+                # The second time takes off what the rounding of a steep line has left.
+                for _ in range(2 if detrend == 'linear' else 0):
+                    # Each row's sum in an order that its length decides, unlike a matrix product.
+                    slope = np.add.reduce(change * index, axis=1, keepdims=True) / square
+                    change -= slope * index
+                    change -= change.mean(axis=1, keepdims=True)
+            if weight is not None:
+                change *= weight
+            np.abs(rfft(change, sample_count), out=amplitude[at : at + _BLOCK_WINDOWS])
+        amplitude *= 2.0 / (n if weight is None else weight.sum())
+    amplitude[:, 0] = 0.0
     if sample_count % 2 == 0:
-        out[:, -1] /= 2.0
-    if not np.isfinite(out).all():
-        raise FeatureError('the tension is too large for its spectrum to be represented')
-    return out.reshape(*tension.shape[:-1], sample_count // 2 + 1)
+        amplitude[:, -1] /= 2.0
+    if not np.isfinite(amplitude).all():
+        if np.isfinite(rows).all():
+            raise FeatureError('the tension is too large for its spectrum to be represented')
+        raise FeatureError('the tension holds values that are not finite')
+    return amplitude.reshape(*tension.shape[:-1], sample_count // 2 + 1)

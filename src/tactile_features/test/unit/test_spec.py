@@ -116,6 +116,8 @@ def test_ready_cut_windows_fit_whatever_they_were_cut_from():
     ('task', 'config'),
     [
         ('texture', FeatureConfig(rate_hz=100.0, texture_samples=90, texture_crop_start_s=0.2)),
+        ('texture', FeatureConfig(spectrum_detrend='mean', spectrum_window='hann')),
+        ('texture', FeatureConfig(spectrum_detrend='linear')),
         (
             'texture',
             FeatureConfig(
@@ -143,6 +145,8 @@ def test_a_specification_sets_what_windows_depend_on_and_nothing_else():
         'rate_hz',
         'texture_features',
         'texture_samples',
+        'spectrum_detrend',
+        'spectrum_window',
     }
 
 
@@ -231,3 +235,29 @@ def test_a_specification_with_part_of_a_sample_is_refused(value):
     data['parameters']['max_gap_samples'] = value
     with pytest.raises(FeatureError, match='max_gap_samples'):
         FeatureSpec.from_dict(data)
+
+
+def test_the_paper_s_spectrum_has_the_digest_that_it_had_before_it_had_options():
+    config = FeatureConfig(spectrum_detrend='mean', spectrum_window='none')
+    spec = spec_for('texture', config)
+    assert set(spec.parameters) == {'texture_crop_start_s', 'max_gap_samples'}
+    assert spec.digest == 'e9e719ea3df02f10'
+    others = [
+        FeatureConfig(spectrum_detrend=detrend, spectrum_window=window)
+        for detrend in ('none', 'mean', 'linear')
+        for window in ('none', 'hann')
+    ]
+    assert len({spec_for('texture', other).digest for other in others}) == 6
+
+
+def test_a_specification_without_options_means_the_paper_s():
+    data = spec_for('texture', FeatureConfig(spectrum_detrend='mean')).to_dict()
+    old = FeatureSpec.from_dict(data)
+    assert old.missing_parameters == ()
+    assert old.config_values()['spectrum_detrend'] == 'mean'
+    linear = spec_for('texture', FeatureConfig(spectrum_detrend='linear'))
+    for reason in (old.mismatch(linear), linear.mismatch(old)):
+        assert 'window (spectrum_detrend) differs' in reason
+    bare = array_spec('texture', 180, 60.0, FeatureConfig(spectrum_detrend='linear'))
+    assert bare.mismatch(linear) == ''
+    assert 'spectrum_detrend' in bare.mismatch(old)

@@ -17,10 +17,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
+import scipy.signal
 
 from tactile_features import compute_spectrum, FeatureError
-from tactile_features.feature_sets.texture_spectrum import spectrum_names
+from tactile_features.feature_sets.texture_spectrum import (
+    compute_running_spectrum,
+    spectrum_names,
+)
 
+RNG = np.random.default_rng(0)
 PI = np.longdouble('3.14159265358979323846264338327950288')
 
 
@@ -169,3 +174,98 @@ def test_one_bad_window_of_a_batch_is_refused():
     x[70, 3] = np.inf
     with pytest.raises(FeatureError, match='not finite'):
         compute_spectrum(x)
+
+
+def reference(x, detrend, window, whole=None):
+    """Detrended, weighted and transformed by their definitions, in extended precision."""
+    x = np.asarray(x, dtype=np.longdouble)
+    n, whole = len(x), whole or len(x)
+    i = np.arange(n).astype(np.longdouble)
+    if detrend != 'none':
+        x = x - x[0]  # exact, or the reference itself would lose digits to the offset
+        x = x - x.sum() / n
+    if detrend == 'linear':
+        about = i - i.sum() / n
+        x = x - (x * about).sum() / (about * about).sum() * about
+    weight = np.sin(PI * i / n) ** 2 if window == 'hann' else np.ones(n, np.longdouble)
+    k = np.arange(whole // 2 + 1)[:, None]
+    angle = 2 * PI * ((k * np.arange(n)) % whole).astype(np.longdouble) / whole
+    y = x * weight
+    amplitude = np.hypot((y * np.cos(angle)).sum(axis=1), (y * np.sin(angle)).sum(axis=1))
+    amplitude *= 2 / weight.sum()
+    if whole % 2 == 0:
+        amplitude[-1] /= 2
+    amplitude[0] = 0
+    return amplitude
+
+
+WAYS = [(d, w) for d in ('none', 'mean', 'linear') for w in ('none', 'hann')]
+
+
+@pytest.mark.parametrize(('detrend', 'window'), WAYS)
+@pytest.mark.parametrize('n', [2, 3, 4, 7, 179, 180, 1009])
+@pytest.mark.parametrize(('offset', 'slope'), [(0.0, 0.0), (5.0, -0.73 / 60), (1e6, 1e-8)])
+def test_each_way_agrees_with_its_definition(detrend, window, n, offset, slope):
+    x = offset + slope * np.arange(n) + 0.01 * np.random.default_rng(n).normal(size=n)
+    expected = reference(x, detrend, window)
+    error = np.abs(compute_spectrum(x, detrend, window) - expected).max()
+    # Where nothing is taken off, the transform has to cancel the offset.
+    largest = max(expected.max(), abs(slope) * 1e-3, offset if detrend == 'none' else 0.0)
+    assert error <= 1e-13 * largest, error / largest
+
+
+@pytest.mark.parametrize('slope', [1e-9, 1e-6, 1.0])
+@pytest.mark.parametrize('offset', [0.0, 1e6, -3e8])
+def test_a_line_under_any_offset_has_no_spectrum_once_it_is_taken_off(offset, slope):
+    x = offset + slope * np.arange(180)
+    rounding = np.spacing(abs(offset) + 180 * slope)
+    assert compute_spectrum(x, 'linear').max() <= rounding
+    assert compute_spectrum(x, 'mean').max() >= 20 * slope - rounding
+
+
+def test_a_line_changes_nothing_but_rounding():
+    wave = 0.02 * np.sin(2 * np.pi * 15 * np.arange(180) / 180) + 0.01 * RNG.normal(size=180)
+    tilted = wave + 5.0 - 0.73 / 60 * np.arange(180)
+    expected = compute_spectrum(wave, 'linear')
+    np.testing.assert_allclose(compute_spectrum(tilted, 'linear'), expected, atol=1e-15)
+
+
+@given(
+    arrays(
+        np.float64, st.tuples(st.integers(1, 6), st.integers(2, 60)), elements=st.floats(-1e9, 1e9)
+    ),
+    st.sampled_from(WAYS),
+)
+def test_each_way_gives_a_row_the_same_bits_alone_and_in_a_batch(x, way):
+    batch = compute_spectrum(x, *way)
+    for row, expected in zip(x, batch, strict=True):
+        assert compute_spectrum(row.copy(), *way).tobytes() == expected.tobytes()
+    parts = compute_running_spectrum(x, 60, *way)
+    for row, expected in zip(x, parts, strict=True):
+        assert compute_running_spectrum(row.copy(), 60, *way).tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize(('detrend', 'window'), WAYS)
+def test_a_part_is_detrended_and_weighted_by_itself(detrend, window):
+    x = 5.0 - 0.02 * np.arange(50) + 0.01 * RNG.normal(size=50)
+    expected = reference(x, detrend, window, 180)
+    got = compute_running_spectrum(x, 180, detrend, window)
+    np.testing.assert_allclose(got, expected.astype(float), atol=1e-13)
+
+
+@pytest.mark.parametrize(('detrend', 'window'), WAYS)
+def test_scipy_means_the_same(detrend, window):
+    x = 5.0 - 0.02 * np.arange(180) + 0.01 * RNG.normal(size=180)
+    kind = {'none': False, 'mean': 'constant', 'linear': 'linear'}[detrend]
+    shape = 'boxcar' if window == 'none' else window
+    power = scipy.signal.periodogram(x, window=shape, detrend=kind, scaling='spectrum')[1]
+    peak = np.sqrt(2 * power)
+    peak[-1] /= np.sqrt(2)
+    peak[0] = 0.0
+    np.testing.assert_allclose(compute_spectrum(x, detrend, window), peak, atol=1e-13)
+
+
+@pytest.mark.parametrize(('detrend', 'window'), [('cubic', 'none'), ('linear', 'hamming')])
+def test_another_way_is_refused(detrend, window):
+    with pytest.raises(FeatureError, match='must be one of none, mean, linear and of none, hann'):
+        compute_spectrum(np.arange(10.0), detrend, window)
