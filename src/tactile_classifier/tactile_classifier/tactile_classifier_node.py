@@ -24,18 +24,20 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.inference import TactileModel
 from tactile_classifier.records import ClassifierConfig
 from tactile_classifier.vision import vision_class, vision_from_msg
-from tactile_features.conversions import feature_window_from_msg
+from tactile_features.conversions import feature_window_from_msg, feature_window_from_record
+from tactile_features.records import FeatureWindow
 from tactile_features.spec import spec_for
 from tactile_msgs.msg import Classification, TactileFeatures
+from tactile_ros.data_node import DataNode
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.local_bus import RecordPublisher, RecordSubscription
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import RESULTS
 
 LOG_PERIOD_S = 10.0
 
 
-class TactileClassifierNode(TactileNode):
+class TactileClassifierNode(DataNode):
     """Publishes ``~/classification`` for every window of features that its model accepts.
 
     With a model that answers running windows, also ``~/running`` for these, while the
@@ -75,19 +77,22 @@ class TactileClassifierNode(TactileNode):
         self._running_publisher: Any = None
         self._vision_publisher: Any = None
         self._diagnostics: Diagnostics | None = None
-        self._inputs: list[Any] = []
+        self._inputs: list[RecordSubscription] = []
         self._decided_trial: tuple[str, int] | None = None
 
     def set_up(self, config: ClassifierConfig) -> None:
         model = self.model = load_fitting_model(config)
-        self._publisher = self.create_result_publisher(Classification, '~/classification')
+        self._publisher = self._add_publisher('~/classification')
         if config.vision_messages:
-            self._vision_publisher = self.create_result_publisher(
-                vision_class(), '~/vision_classification'
+            self._vision_publisher = self.publish_records(
+                vision_class(),
+                '~/vision_classification',
+                lambda result: vision_from_msg(classification_to_msg(result)),
+                RESULTS,
             )
         self._subscribe('tactile_features/features', self._on_features, model)
         if model.running_samples:
-            self._running_publisher = self.create_result_publisher(Classification, '~/running')
+            self._running_publisher = self._add_publisher('~/running')
             self._subscribe('tactile_features/running_features', self._on_running, model)
             counts = ', '.join(map(str, model.running_samples))
             self.get_logger().info(
@@ -103,50 +108,59 @@ class TactileClassifierNode(TactileNode):
                 'node are taken for what it was trained with'
             )
 
+    def _add_publisher(self, topic: str) -> RecordPublisher:
+        return self.publish_records(Classification, topic, classification_to_msg, RESULTS)
+
     def _subscribe(
-        self, topic: str, callback: Callable[[TactileModel, Any], None], model: TactileModel
+        self,
+        topic: str,
+        callback: Callable[[TactileModel, FeatureWindow], None],
+        model: TactileModel,
     ) -> None:
         self._inputs.append(
-            self.create_subscription(
-                TactileFeatures, topic, lambda message: callback(model, message), RESULTS
+            self.subscribe_records(
+                TactileFeatures,
+                topic,
+                lambda window: callback(model, window),
+                from_message=feature_window_from_msg,
+                from_record=feature_window_from_record,
+                profile=RESULTS,
             )
         )
 
     def tear_down(self) -> None:
         while self._inputs:
-            self.destroy_subscription(self._inputs.pop())
+            self._inputs.pop().close()
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
         for publisher in (self._publisher, self._running_publisher, self._vision_publisher):
             if publisher is not None:
-                self.destroy_lifecycle_publisher(publisher)
+                publisher.close()
         self._publisher = self._running_publisher = self._vision_publisher = None
 
-    def _on_features(self, model: TactileModel, message: Any) -> None:
+    def _on_features(self, model: TactileModel, window: FeatureWindow) -> None:
         if not self.is_active:
             return
         self.seen_count += 1
-        window = feature_window_from_msg(message)
         if not model.accepts(window) or not self.config.takes_contact(window.contact):
             self.ignored_count += 1
             return
         self._note_mismatch(model.describe_mismatch(window))
-        answer = classification_to_msg(model.classify(window))
-        self._publisher.publish(answer)
+        result = model.classify(window)
+        self._publisher.publish(result)
         if self._vision_publisher is not None:
-            self._vision_publisher.publish(vision_from_msg(answer))
+            self._vision_publisher.publish(result)
         self.published_count += 1
 
-    def _on_running(self, model: TactileModel, message: Any) -> None:
+    def _on_running(self, model: TactileModel, window: FeatureWindow) -> None:
         if not self.is_active:
             return
-        window = feature_window_from_msg(message)
         if not model.accepts(window) or not self.config.takes_contact(window.contact):
             return
         self._note_mismatch(model.describe_mismatch(window))
         result = model.classify(window)
-        self._running_publisher.publish(classification_to_msg(result))
+        self._running_publisher.publish(result)
         self.running_count += 1
         trial = (result.trial_id, result.window_start_ns)
         if result.decided and trial != self._decided_trial:

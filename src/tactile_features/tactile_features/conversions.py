@@ -74,6 +74,22 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
     )
 
 
+@_checked(find_block_fault)
+def strain_block_from_record(block: Any) -> StrainBlock:
+    """Return the record of a driver's block: the same as from the message of that block."""
+    tension_n = block.tension_n.view()
+    tension_n.flags.writeable = False  # others look at it, too
+    return StrainBlock(
+        stamp_ns=_check_stamp(int(block.stamp_ns)),
+        sequence=int(block.sequence),
+        period_ns=int(block.period_ns),
+        tension_n=tension_n,
+        lost_before=int(block.lost_before),
+        status=int(block.status),
+        stamp_error_s=float(block.stamp_error_s),
+    )
+
+
 @_checked(find_event_fault)
 def event_from_msg(msg: Any) -> TrialEvent:
     """Return the record of a ``tactile_msgs/TrialEvent``."""
@@ -93,6 +109,13 @@ def event_from_msg(msg: Any) -> TrialEvent:
         detected=bool(msg.detected),
         mounting_id=str(msg.mounting_id),
     )
+
+
+@_checked(find_window_fault)
+def feature_window_from_record(window: FeatureWindow) -> FeatureWindow:
+    """Return a window of this process as its message would come: checked, and not to change."""
+    window.values.flags.writeable = False
+    return window
 
 
 def event_to_msg(event: TrialEvent) -> Any:
@@ -219,9 +242,13 @@ def _outcome_from_msg(value: Any) -> Outcome:
 
 
 def _stamp_from_msg(stamp: Any) -> int:
-    stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return _check_stamp(int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec))
+
+
+def _check_stamp(stamp_ns: int) -> int:
     if not 0 <= stamp_ns < END_OF_TIME_NS:
-        raise MessageError(f'a stamp is {stamp.sec} s and {stamp.nanosec} ns; it is no ROS time')
+        sec, nanosec = divmod(stamp_ns, 1_000_000_000)
+        raise MessageError(f'a stamp is {sec} s and {nanosec} ns; it is no ROS time')
     return stamp_ns
 
 

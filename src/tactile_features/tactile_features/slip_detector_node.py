@@ -18,12 +18,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from tactile_features.conversions import event_from_msg, slip_to_msg, strain_block_from_msg
+from tactile_features.conversions import (
+    event_from_msg,
+    slip_to_msg,
+    strain_block_from_msg,
+    strain_block_from_record,
+)
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
+from tactile_features.records import StrainBlock as StrainRecord
 from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
+from tactile_ros.data_node import DataNode
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.local_bus import RecordSubscription
 from tactile_ros.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
@@ -31,7 +38,7 @@ EVENT_TOPICS = ('trial_runner/events', 'tactile_features/detected_events')
 """Where trials are told of; the latest event of either counts."""
 
 
-class SlipDetectorNode(TactileNode):
+class SlipDetectorNode(DataNode):
     """Publishes ``~/slip`` when a held object begins to slide.
 
     It needs no trial; when one is under way, its name is passed on, whether a trial runner
@@ -50,6 +57,7 @@ class SlipDetectorNode(TactileNode):
         super().__init__(node_name, SlipConfig, **node_options)
         self.detector: SlipDetector | None = None
         self._publisher: Any = None
+        self._strain: RecordSubscription | None = None
         self._subscriptions_made: list[Any] = []
         self._diagnostics: Diagnostics | None = None
         self._block_count = self._assessed_blocks = self._slip_count = 0
@@ -59,17 +67,17 @@ class SlipDetectorNode(TactileNode):
         detector = self.detector = SlipDetector(config)
         self.trial_id = ''
         self._publisher = self.create_lifecycle_publisher(Slip, '~/slip', RESULTS)
+        self._strain = self.subscribe_records(
+            StrainBlock,
+            'tendon_sensor/strain',
+            lambda block: self._on_block(detector, block),
+            from_message=strain_block_from_msg,
+            from_record=strain_block_from_record,
+            profile=STREAM,
+        )
         self._subscriptions_made = [
-            self.create_subscription(
-                StrainBlock,
-                'tendon_sensor/strain',
-                lambda msg: self._on_block(detector, msg),
-                STREAM,
-            ),
-            *(
-                self.create_subscription(TrialEvent, topic, self._on_event, EVENTS)
-                for topic in EVENT_TOPICS
-            ),
+            self.create_subscription(TrialEvent, topic, self._on_event, EVENTS)
+            for topic in EVENT_TOPICS
         ]
         self._diagnostics = Diagnostics(self, lambda: '', self._assess)
 
@@ -77,6 +85,9 @@ class SlipDetectorNode(TactileNode):
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
+        if self._strain is not None:
+            self._strain.close()
+            self._strain = None
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
         self._subscriptions_made = []
@@ -89,8 +100,8 @@ class SlipDetectorNode(TactileNode):
         has_ended = event.phase in (PHASE_DONE, PHASE_ABORTED)
         self.trial_id = '' if has_ended else event.trial_id
 
-    def _on_block(self, detector: SlipDetector, msg: Any) -> None:
-        slips = detector.add(strain_block_from_msg(msg))
+    def _on_block(self, detector: SlipDetector, block: StrainRecord) -> None:
+        slips = detector.add(block)
         self._block_count += 1
         for slip in slips:
             self._slip_count += 1

@@ -20,29 +20,30 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import (
     event_from_msg,
     event_to_msg,
     feature_window_to_msg,
     strain_block_from_msg,
+    strain_block_from_record,
 )
 from tactile_features.extractor import TrialFeatureExtractor
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
 from tactile_features.records import StrainBlock as StrainRecord
 from tactile_features.sample_timeout import SampleTimeout
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.data_node import DataNode
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.local_bus import RecordSubscription
 from tactile_ros.node_group import run_node
-from tactile_ros.qos import EVENTS, STREAM
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.worker import Periodic
 
 WATCH_PERIOD_S = 0.25
 
 
-class TactileFeaturesNode(TactileNode):
+class TactileFeaturesNode(DataNode):
     """Publishes ``~/features`` for the trials seen on the strain and event topics.
 
     Windows that still fill go to ``~/running_features``, where nobody takes them for
@@ -66,40 +67,42 @@ class TactileFeaturesNode(TactileNode):
         self._publisher: Any = None
         self._running_publisher: Any = None
         self._event_publisher: Any = None
-        self._subscriptions_made: list[Any] = []
-        self._watch_timer: Any = None
+        self._strain: RecordSubscription | None = None
+        self._events: Any = None
+        self._watch: Periodic | None = None
         self._diagnostics: Diagnostics | None = None
         self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
 
     def set_up(self, config: FeatureConfig) -> None:
         extractor = self.extractor = TrialFeatureExtractor(config)
-        self._publisher = self.create_result_publisher(TactileFeatures, '~/features')
-        self._running_publisher = self.create_result_publisher(
-            TactileFeatures, '~/running_features'
+        self._publisher = self.publish_records(
+            TactileFeatures, '~/features', feature_window_to_msg, RESULTS
+        )
+        self._running_publisher = self.publish_records(
+            TactileFeatures, '~/running_features', feature_window_to_msg, RESULTS
         )
         self._event_publisher = self.create_lifecycle_publisher(
             TrialEvent, '~/detected_events', EVENTS
         )
-        self._subscriptions_made = [
-            self.create_subscription(
-                StrainBlock,
-                'tendon_sensor/strain',
-                lambda msg: self._on_block(extractor, strain_block_from_msg(msg)),
-                STREAM,
-            ),
-            self.create_subscription(
-                TrialEvent,
-                'trial_runner/events',
-                lambda msg: self._publish(extractor.add_event(event_from_msg(msg))),
-                EVENTS,
-            ),
-        ]
+        self._strain = self.subscribe_records(
+            StrainBlock,
+            'tendon_sensor/strain',
+            lambda block: self._on_block(extractor, block),
+            from_message=strain_block_from_msg,
+            from_record=strain_block_from_record,
+            profile=STREAM,
+        )
+        self._events = self.create_subscription(
+            TrialEvent,
+            'trial_runner/events',
+            lambda msg: self._publish(extractor.add_event(event_from_msg(msg))),
+            EVENTS,
+        )
         timeout = SampleTimeout(extractor)
-        self._watch_timer = self.create_timer(
+        self._watch = self.call_every(
             WATCH_PERIOD_S,
             lambda: self._publish(extractor.time_out()) if timeout.is_over() else None,
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
         self._diagnostics = Diagnostics(self, lambda: '', self._assess)
 
@@ -112,15 +115,20 @@ class TactileFeaturesNode(TactileNode):
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
-        if self._watch_timer is not None:
-            self.destroy_timer(self._watch_timer)
-            self._watch_timer = None
-        for subscription in self._subscriptions_made:
-            self.destroy_subscription(subscription)
-        self._subscriptions_made = []
-        for publisher in (self._publisher, self._running_publisher, self._event_publisher):
+        if self._watch is not None:
+            self._watch.cancel()
+            self._watch = None
+        if self._strain is not None:
+            self._strain.close()
+            self._strain = None
+        if self._events is not None:
+            self.destroy_subscription(self._events)
+            self._events = None
+        for publisher in (self._publisher, self._running_publisher):
             if publisher is not None:
-                self.destroy_lifecycle_publisher(publisher)
+                publisher.close()
+        if self._event_publisher is not None:
+            self.destroy_lifecycle_publisher(self._event_publisher)
         self._publisher = self._running_publisher = self._event_publisher = None
 
     def _on_block(self, extractor: TrialFeatureExtractor, block: StrainRecord) -> None:
@@ -140,7 +148,7 @@ class TactileFeaturesNode(TactileNode):
             if not window.running:
                 self._window_counts[window.outcome] += 1
             publisher = self._running_publisher if window.running else self._publisher
-            publisher.publish(feature_window_to_msg(window))
+            publisher.publish(window)
 
     def _assess(self) -> Health:
         extractor = self.extractor

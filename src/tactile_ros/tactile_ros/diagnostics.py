@@ -23,6 +23,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from tactile_ros.data_node import DataNode
+
+PERIOD_S = 1.0
+
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
@@ -50,10 +54,15 @@ class Diagnostics:
         self._node = node
         self._hardware_id = hardware_id
         self._provider = provider
+        self._stop_timer: Callable[[], object]
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Once a second of the computer's time: what is asked about may be why the other stands.
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(1.0, self.publish, clock=clock)
+        if isinstance(node, DataNode):
+            self._stop_timer = node.call_every(PERIOD_S, self.publish).cancel
+        else:
+            clock = Clock(clock_type=ClockType.STEADY_TIME)
+            timer = node.create_timer(PERIOD_S, self.publish, clock=clock)
+            self._stop_timer = lambda: node.destroy_timer(timer)
 
     def publish(self) -> None:
         health = self._with_refused_messages(self._provider())
@@ -81,5 +90,5 @@ class Diagnostics:
         return Health(level, message, {**health.values, **guard.values})
 
     def close(self) -> None:
-        self._node.destroy_timer(self._timer)
+        self._stop_timer()
         self._node.destroy_publisher(self._publisher)

@@ -43,6 +43,9 @@ PEERS_END_S = 0.4
 PARTICIPANT_ENDS_S = 5.0
 """How long the end of the process may take then."""
 
+SPIN_S = 2.0
+"""Longest sleep of an executor. What it waits for, and the end, wake it earlier."""
+
 POLL_S = 0.2
 """How often a process asks whether its node has finished its work."""
 
@@ -172,7 +175,7 @@ class NodeGroup:
 
 def _spin_once(executor: SingleThreadedExecutor) -> None:
     try:
-        executor.spin_once(timeout_sec=0.5)
+        executor.spin_once(timeout_sec=SPIN_S)
     except rclpy_implementation.RCLError as error:
         # rclpy raises here for what a stranger asks amiss. That must not stop the rig.
         _logger().error(f'a request failed: {error}')

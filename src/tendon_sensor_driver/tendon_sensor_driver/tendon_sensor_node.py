@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
@@ -24,9 +25,11 @@ from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros import diagnostics
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.data_node import DataNode
+from tactile_ros.local_bus import RecordPublisher
 from tactile_ros.node_group import run_node
-from tactile_ros.qos import LATEST
+from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.worker import Periodic
 from tendon_sensor_driver import tare
 from tendon_sensor_driver.conversions import (
     assess_health,
@@ -43,7 +46,7 @@ WATCH_PERIOD_S = 0.1
 _NEWS_PERIODS = 10  # what was counted in the last second is news
 
 
-class TendonSensorNode(TactileNode):
+class TendonSensorNode(DataNode):
     """Publishes the tension on one tendon as ``~/strain`` and ``~/wrench``.
 
     configure opens the link, activate lets the samples out, deactivate holds them back
@@ -62,8 +65,14 @@ class TendonSensorNode(TactileNode):
     def set_up(self, config: TendonSensorConfig) -> None:
         self._zero = tare.Tare(config)
         self._drift_n = None
-        self._strain = self._add_stream(StrainBlock, '~/strain')
-        self._wrench = self._add_stream(WrenchStamped, '~/wrench')
+        self._strain = self._add_stream(
+            StrainBlock, '~/strain', lambda block: to_strain_msg(block, config.frame_id)
+        )
+        self._wrench = self._add_stream(
+            WrenchStamped,
+            '~/wrench',
+            lambda block: to_wrench_msg(block, config.frame_id, config.axis, config.scale),
+        )
         # Not held back while inactive: it is a state, and a recorder wants it from the start.
         self._tare_state = self._add(
             self.create_publisher(Tare, '~/tare_state', LATEST), self.destroy_publisher
@@ -79,7 +88,7 @@ class TendonSensorNode(TactileNode):
             lambda: client.identity or (config.host if config.sensor == 'net_ft' else config.port),
             self._assess,
         )
-        self._add(self.create_timer(WATCH_PERIOD_S, self._watch), self.destroy_timer)
+        self._add(self.call_every(WATCH_PERIOD_S, self._watch), Periodic.cancel)
         for name, callback in (('~/tare', self._on_tare), ('~/clear_tare', self._on_clear_tare)):
             self._add(self.create_service(Trigger, name, callback), self.destroy_service)
 
@@ -94,9 +103,9 @@ class TendonSensorNode(TactileNode):
             entity, destroy = self._entities.pop()
             destroy(entity)
 
-    def _add_stream(self, kind: type, topic: str) -> Any:
-        publisher = self.create_stream_publisher(kind, topic)
-        return self._add(publisher, self.destroy_lifecycle_publisher)
+    def _add_stream(self, kind: type, topic: str, to_message: Callable[[Block], Any]) -> Any:
+        publisher = self.publish_records(kind, topic, to_message, STREAM)
+        return self._add(publisher, RecordPublisher.close)
 
     def _add(self, entity: Any, destroy: Any) -> Any:
         self._entities.append((entity, destroy))
@@ -112,9 +121,8 @@ class TendonSensorNode(TactileNode):
         if block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._zero.apply(block)
-        config = self.config
-        self._strain.publish(to_strain_msg(block, config.frame_id))
-        self._wrench.publish(to_wrench_msg(block, config.frame_id, config.axis, config.scale))
+        self._strain.publish(block)
+        self._wrench.publish(block)
 
     def _forget_after_restart(self) -> None:
         if self._zero.note_restart(self._now_ns()):
@@ -122,7 +130,7 @@ class TendonSensorNode(TactileNode):
             self._drift_n = None
             self._publish_tare(self._zero.bias)
 
-    # -- on the executor's thread ------------------------------------------------------
+    # -- on the executor's and the worker's thread -------------------------------------
 
     def _on_tare(self, _: Any, response: Any) -> Any:
         try:

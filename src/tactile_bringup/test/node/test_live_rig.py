@@ -93,7 +93,8 @@ def truth_at_rest(rig):
 
 
 def test_stiffness_trial_is_felt_and_named(context, trained):
-    with running_rig(context, find_models(trained)) as (rig, operator, watcher, _):
+    with running_rig(context, find_models(trained)) as (rig, operator, watcher, nodes):
+        assert nodes['tactile_features']._strain.is_local  # not one sample in a message
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
         request = TrialRequest('stiffness', 'flexion', 'none', 'first')

@@ -1,0 +1,75 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A block of the driver reaches features as the same record, in memory or in a message."""
+
+import dataclasses
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from tactile_features.conversions import strain_block_from_msg, strain_block_from_record
+from tactile_ros.errors import MessageError
+from tendon_sensor_driver.conversions import to_strain_msg
+from tendon_sensor_driver.records import Block, StrainStatus
+
+BLOCKS = st.builds(
+    Block,
+    stamp_ns=st.integers(0, 2**31 * 10**9 + 10**9),
+    sequence=st.integers(0, 2**64 - 1),
+    period_ns=st.integers(-1, 2**40),
+    tension_n=st.lists(
+        st.floats(allow_nan=True, allow_infinity=True)
+        | st.floats(-100.0, 100.0)
+        | st.sampled_from([1e9, 1.1e9, -0.0, 5e-324]),
+        min_size=0,
+        max_size=20,
+    ).map(lambda values: np.array(values, dtype=np.float64)),
+    lost_before=st.integers(0, 2**64 - 1),
+    stamp_error_s=st.floats(allow_nan=True, allow_infinity=True),
+    status=st.integers(0, 255).map(StrainStatus),
+)
+
+
+def convert(convert_one, given_one):
+    """Return the fields, arrays as bytes, or the reason why there are none."""
+    try:
+        record = convert_one(given_one)
+    except MessageError as error:
+        return str(error)
+    fields = {f.name: getattr(record, f.name) for f in dataclasses.fields(record)}
+    assert all(type(fields[n]) is int for n in ('stamp_ns', 'sequence', 'lost_before', 'status'))
+    fields['tension_n'] = fields['tension_n'].tobytes()
+    return repr(fields)
+
+
+@settings(deadline=None, max_examples=300)
+@given(BLOCKS)
+def test_a_block_is_the_same_record_either_way(block):
+    try:
+        message = to_strain_msg(block, 'sensor')
+    except AssertionError:  # rclpy refuses a stamp that does not fit
+        assert block.stamp_ns >= 2**31 * 10**9
+        return
+    assert convert(strain_block_from_record, block) == convert(strain_block_from_msg, message)
+
+
+def test_nobody_can_change_what_others_see_too():
+    block = Block(0, 0, 1, np.ones(3), 0, 0.0, StrainStatus.OK)
+    record = strain_block_from_record(block)
+    with pytest.raises(ValueError, match='read-only'):
+        record.tension_n[0] = 2.0
+    block.tension_n[0] = 2.0  # the driver's own view stays as it was
