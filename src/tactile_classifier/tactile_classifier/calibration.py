@@ -36,7 +36,13 @@ from tactile_classifier.estimators import (
     RANDOM_STATE,
     SCORE_KINDS,
 )
-from tactile_classifier.novelty import choose_metric, compute_threshold, NoveltyMeasure
+from tactile_classifier.novelty import (
+    choose_metric,
+    compute_session_threshold,
+    compute_threshold,
+    NoveltyMeasure,
+    rank_of_sessions,
+)
 from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6
@@ -59,13 +65,23 @@ class Deal:
         In words.
     fold : ndarray of int, shape (trials,)
         The part that each trial is held out with.
-    groups : int
-        Sessions; 0 when single trials are dealt.
+    session : ndarray of int, shape (trials,), or None
+        The group of each trial; None when single trials are dealt.
     """
 
     split: str
     fold: Indices
-    groups: int
+    session: Indices | None
+
+    @property
+    def groups(self) -> int:
+        """Sessions; 0 when single trials are dealt."""
+        return 0 if self.session is None else int(self.session.max()) + 1
+
+    @property
+    def session_share(self) -> float:
+        """Share of new sessions in which thresholds by sessions hold [1]; negative: none."""
+        return rank_of_sessions(self.groups) / (self.groups + 1) if self.groups else -1.0
 
 
 def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
@@ -100,7 +116,7 @@ def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
         parts = int(part_of_group.max()) + 1
         name = ' and '.join(column.removesuffix('_id') for column in columns)
         words = f'one {name} held out' if groups == parts else f'{name} held out in {parts} parts'
-        return Deal(words, fold, groups)
+        return Deal(words, fold, group)
     if counts.min() < 2:
         raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
     parts = min(MAX_FOLDS, int(counts.min()))
@@ -108,7 +124,7 @@ def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
     fold = np.zeros(len(table), dtype=np.intp)
     for i, (_, held_out) in enumerate(folds.split(table.values, table.labels)):
         fold[held_out] = i
-    return Deal(f'stratified {parts}-fold over trials', fold, 0)
+    return Deal(f'stratified {parts}-fold over trials', fold, None)
 
 
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
@@ -173,18 +189,26 @@ def hold_out_novelty(table: FeatureTable, fold: Indices, metric: str) -> Matrix:
 
 
 def fit_novelty(
-    table: FeatureTable, fold: Indices, false_alarm_rate: float
+    table: FeatureTable, dealt: Deal, false_alarm_rate: float
 ) -> tuple[NoveltyMeasure, Matrix, float]:
     """Return the measure fitted to all trials, the held-out novelties, and their threshold.
+
+    This is not split conformal prediction: each part has a measure of its own, the one that is
+    returned is fitted to all, and the metric was chosen on the same trials. More references
+    bring the nearest closer, so that novelties of new trials are lower rather than higher.
 
     Raises
     ------
     TooFewTrialsError
         When there are too few for the rate.
     """
+    fold = dealt.fold
     metric = choose_metric(table.values, table.labels, fold)
     novelty = hold_out_novelty(table, fold, metric)
-    threshold = compute_threshold(novelty, false_alarm_rate)
+    if dealt.session is None:
+        threshold = compute_threshold(novelty, false_alarm_rate)
+    else:
+        threshold = compute_session_threshold(novelty, dealt.session, false_alarm_rate)
     return NoveltyMeasure.fit(table.values, table.labels, fold, metric), novelty, threshold
 
 
@@ -299,7 +323,7 @@ class CalibratedPart:
 
 
 def calibrate_part(
-    table: FeatureTable, classifier: str, scaling: str, fold: Indices, false_alarm_rate: float
+    table: FeatureTable, classifier: str, scaling: str, dealt: Deal, false_alarm_rate: float
 ) -> CalibratedPart:
     """Hold out each part of the trials in turn; return what follows.
 
@@ -308,8 +332,9 @@ def calibrate_part(
     TooFewTrialsError
         When there are too few for the rate, or for the classifier.
     """
+    fold = dealt.fold
     scores, true = hold_out_scores(table, classifier, scaling, fold)
-    measure, novelty, threshold = fit_novelty(table, fold, false_alarm_rate)
+    measure, novelty, threshold = fit_novelty(table, dealt, false_alarm_rate)
     probabilities = np.zeros(scores.shape)
     for i in np.unique(fold):
         others = Calibration.fit(scores[fold != i], true[fold != i])

@@ -105,7 +105,8 @@ class Manifest:
         The whole window, then the running ones by rising sample count.
     calibration : mapping
         ``split``, ``groups`` and ``trials`` of the held-out trials behind the thresholds and
-        probabilities, or ``reason`` why there are none.
+        probabilities, and ``session_share``, the share of new sessions in which the thresholds
+        hold (negative: there were no sessions), or ``reason`` why there are none.
     false_alarm_rate : float
         Share of windows of known labels that the thresholds turn away [1]; negative: no
         thresholds.

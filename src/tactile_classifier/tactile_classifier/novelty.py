@@ -205,5 +205,52 @@ def compute_threshold(novelty: Matrix, false_alarm_rate: float) -> float:
             f'{len(novelty)} trials cannot bound false alarms at {false_alarm_rate:g}; '
             f'{trials_needed(false_alarm_rate)} are needed'
         )
+    return _conformal_quantile(novelty, false_alarm_rate)
+
+
+SESSIONS_BEYOND = 0.1
+"""Share of new sessions that a threshold by sessions may fail in, where sessions are enough."""
+
+
+def rank_of_sessions(count: int) -> int:
+    """Return which of the sorted values of so many sessions bounds a new session's.
+
+    A further session, exchangeable with them, has a value at most that one with probability
+    ``rank / (count + 1)``: 1 - `SESSIONS_BEYOND` where there are nine sessions or more, and
+    ``count / (count + 1)``, by the largest, where there are fewer.
+    """
+    return min(count, math.ceil(round((count + 1) * (1.0 - SESSIONS_BEYOND), 9)))
+
+
+def compute_session_threshold(novelty: Matrix, session: Indices, false_alarm_rate: float) -> float:
+    """Return a threshold that holds in most new sessions, not only on average over them.
+
+    Each session's own conformal quantile, and of these the one of `rank_of_sessions`: conformal
+    prediction with the session as the unit (Dunn, Wasserman and Ramdas 2022; Duchi, Gupta,
+    Jiang and Sur 2024, over environments). In a share ``rank / (count + 1)`` of new
+    sessions the quantile of their own trials is not above it. A session with fewer trials than
+    `trials_needed` gives its largest novelty.
+
+    Parameters
+    ----------
+    novelty : ndarray of shape (trials,)
+        Of trials whose session the measure was not fitted on.
+    session : ndarray of int, shape (trials,)
+    false_alarm_rate : float
+        Between 0 and 1 [1].
+
+    Raises
+    ------
+    TooFewTrialsError
+        When there are fewer than `trials_needed` in all.
+    """
+    compute_threshold(novelty, false_alarm_rate)  # refuses too few
+    quantiles = [
+        _conformal_quantile(novelty[session == i], false_alarm_rate) for i in np.unique(session)
+    ]
+    return float(np.sort(quantiles)[rank_of_sessions(len(quantiles)) - 1])
+
+
+def _conformal_quantile(novelty: Matrix, false_alarm_rate: float) -> float:
     rank = math.ceil(round((len(novelty) + 1) * (1.0 - false_alarm_rate), 9))
-    return float(np.sort(novelty)[rank - 1])
+    return float(np.sort(novelty)[min(rank, len(novelty)) - 1])

@@ -229,7 +229,7 @@ def _evaluate_part(
 def _fit_novelty(
     train: FeatureTable, test: FeatureTable, columns: Sequence[str], rate: float
 ) -> tuple[npt.NDArray[np.float64], float]:
-    measure, _, threshold = fit_novelty(train, deal(train, columns).fold, rate)
+    measure, _, threshold = fit_novelty(train, deal(train, columns), rate)
     return measure.compute(test.values), threshold
 
 

@@ -20,6 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import binom
 
+from tactile_classifier.novelty import rank_of_sessions
+
 CONFIDENCE = 0.9
 """Probability that the bound holds, over the calibration trials that might have come [1]."""
 
@@ -46,7 +48,12 @@ def find_first_stop(confidence: Matrix, threshold: float) -> npt.NDArray[np.intp
     return np.where(decided.any(axis=0), decided.argmax(axis=0), len(confidence))
 
 
-def fit_stop_threshold(confidence: Matrix, wrong: Flags, error_rate: float) -> float | None:
+def fit_stop_threshold(
+    confidence: Matrix,
+    wrong: Flags,
+    error_rate: float,
+    session: npt.NDArray[np.intp] | None = None,
+) -> float | None:
     """Return the lowest threshold whose early answers are proven good enough, if any is.
 
     Learn then test (Angelopoulos et al. 2021): for each of `THRESHOLDS`, the exact binomial
@@ -54,8 +61,12 @@ def fit_stop_threshold(confidence: Matrix, wrong: Flags, error_rate: float) -> f
     Bonferroni's correction for their number; the same as a one-sided Clopper-Pearson bound
     at most ``error_rate``. An early answer is the first one of a trial that reaches the
     threshold, at whatever stage. The bound holds with probability `CONFIDENCE`
-    for further trials that are drawn as these were, independently: trials of one session
-    are not quite that.
+    for further trials that are drawn as these were, independently.
+
+    Trials of one session are not independent. Where sessions are known, the threshold is no
+    lower than the one that keeps the error in most of them: each session has a lowest threshold
+    from which on its own early answers keep ``error_rate``, and of these the one of
+    `rank_of_sessions` counts. It holds in ``rank / (count + 1)`` of new sessions.
 
     Parameters
     ----------
@@ -65,12 +76,33 @@ def fit_stop_threshold(confidence: Matrix, wrong: Flags, error_rate: float) -> f
         Whether the answer at that stage is wrong.
     error_rate : float
         Share of wrong answers among those given early [1].
+    session : ndarray of int, shape (trials,), optional
+        Session of each trial.
     """
+    lowest = 0.0
+    if session is not None:
+        needed = [
+            _find_safe_threshold(confidence[:, session == i], wrong[:, session == i], error_rate)
+            for i in np.unique(session)
+        ]
+        lowest = np.sort(needed)[rank_of_sessions(len(needed)) - 1]
     level = (1.0 - CONFIDENCE) / len(THRESHOLDS)
     for threshold in THRESHOLDS:
         stage = find_first_stop(confidence, threshold)
         early = np.flatnonzero(stage < len(confidence))
         mistakes = int(np.count_nonzero(wrong[stage[early], early]))
-        if binom.cdf(mistakes, len(early), error_rate) <= level:
+        if threshold >= lowest and binom.cdf(mistakes, len(early), error_rate) <= level:
             return threshold
     return None
+
+
+def _find_safe_threshold(confidence: Matrix, wrong: Flags, error_rate: float) -> float:
+    """Return the lowest threshold from which on a session keeps the error; infinite: none."""
+    safe = np.inf
+    for threshold in reversed(THRESHOLDS):
+        stage = find_first_stop(confidence, threshold)
+        early = np.flatnonzero(stage < len(confidence))
+        if len(early) and wrong[stage[early], early].mean() > error_rate:
+            break
+        safe = threshold
+    return safe

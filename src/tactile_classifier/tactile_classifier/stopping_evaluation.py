@@ -138,9 +138,7 @@ def evaluate_stopping(
             test = outer.fold == i
             inner = deal(table.take(~test), hold_out)
             held_out = [
-                calibrate_part(
-                    stage.take(~test), classifier, scaling, inner.fold, false_alarm_rate
-                )
+                calibrate_part(stage.take(~test), classifier, scaling, inner, false_alarm_rate)
                 for stage in stages
             ]
             confidence = np.zeros((len(stages), int(test.sum())))
@@ -155,6 +153,7 @@ def evaluate_stopping(
                     np.stack([part.confidence for part in held_out]),
                     np.stack([part.wrong for part in held_out]),
                     rate,
+                    inner.session,
                 )
                 without[r] += threshold is None
                 found = np.full(len(confidence[0]), len(stages))

@@ -138,7 +138,9 @@ def train(
         if not np.array_equal(other.labels, table.labels) or table.spec.mismatch(other.spec):
             raise DatasetError(f'the table of {count} samples is not of the same trials')
 
-    calibrated, stated = _calibrate(list(tables.values()), classifier, scaling, false_alarm_rate)
+    calibrated, stated, session = _calibrate(
+        list(tables.values()), classifier, scaling, false_alarm_rate
+    )
     if running and not calibrated:
         raise DatasetError(f'running answers need calibrated ones: {stated["reason"]}')
     parts = [
@@ -151,7 +153,7 @@ def train(
         )
         for (count, part), held_out in zip_longest(tables.items(), calibrated)
     ]
-    stop_threshold = _fit_stop_threshold(calibrated[1:], stop_error_rate)
+    stop_threshold = _fit_stop_threshold(calibrated[1:], stop_error_rate, session)
     manifest = Manifest(
         task=table.task,
         contact=_only_contact(table),
@@ -189,20 +191,27 @@ def train(
 
 def _calibrate(
     tables: list[FeatureTable], classifier: str, scaling: str, false_alarm_rate: float
-) -> tuple[list[CalibratedPart], dict[str, Any]]:
-    """Return the calibrated parts and the manifest's entry; no parts, and why, if it cannot be."""
+) -> tuple[list[CalibratedPart], dict[str, Any], npt.NDArray[np.intp] | None]:
+    """Return calibrated parts, the manifest's entry, and sessions; no parts, and why, if not."""
     try:
         dealt = deal(tables[0])
         parts = [
-            calibrate_part(table, classifier, scaling, dealt.fold, false_alarm_rate)
-            for table in tables
+            calibrate_part(table, classifier, scaling, dealt, false_alarm_rate) for table in tables
         ]
     except TooFewTrialsError as error:
-        return [], {'reason': str(error)}
-    return parts, {'split': dealt.split, 'groups': dealt.groups, 'trials': len(tables[0])}
+        return [], {'reason': str(error)}, None
+    stated = {
+        'split': dealt.split,
+        'groups': dealt.groups,
+        'trials': len(tables[0]),
+        'session_share': dealt.session_share,
+    }
+    return parts, stated, dealt.session
 
 
-def _fit_stop_threshold(running: list[CalibratedPart], error_rate: float) -> float:
+def _fit_stop_threshold(
+    running: list[CalibratedPart], error_rate: float, session: npt.NDArray[np.intp] | None
+) -> float:
     """Return the stopping rule's threshold; -1, which never decides, when none is proven."""
     if not running:
         return -1.0
@@ -210,6 +219,7 @@ def _fit_stop_threshold(running: list[CalibratedPart], error_rate: float) -> flo
         np.stack([part.confidence for part in running]),
         np.stack([part.wrong for part in running]),
         error_rate,
+        session,
     )
     return -1.0 if threshold is None else threshold
 

@@ -194,6 +194,12 @@ def describe_answers(manifest: Manifest) -> list[str]:
         f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false alarms; '
         f'both by {manifest.calibration["split"]}'
     ]
+    share = manifest.calibration.get('session_share', -1.0)
+    sentences.append(
+        f'thresholds hold in {100 * share:.0f} % of new sessions like these'
+        if share > 0.0
+        else 'thresholds hold for trials like these; without several sessions a new one may differ'
+    )
     if running:
         shares = ', '.join(
             f'{part.sample_count / manifest.spec.rate_hz:g} s {100 * part.accuracy:.1f} %'

@@ -49,8 +49,8 @@ def tell_choice(evaluation: Evaluation) -> str:
     nested = evaluation.nested
     if nested is None:
         return (
-            f'{evaluation.split}: too few trials to choose a classifier inside the folds; the best '
-            f'of {len(evaluation.scores)} afterwards would flatter ({chance}).'
+            f'{evaluation.split}: too few trials to choose a classifier inside the folds. The '
+            f'best of {len(evaluation.scores)} afterwards would flatter ({chance}).'
         )
     folds = sum(count for *_, count in nested.picks)
     picks = ', '.join(

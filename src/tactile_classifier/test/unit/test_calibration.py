@@ -162,7 +162,11 @@ def test_no_trial_is_judged_by_a_model_that_knew_it():
 
 
 def test_held_out_part_states_its_own_error(texture_table):
-    part = calibrate_part(texture_table, 'knn', 'none', deal(texture_table).fold, 0.1)
+    part = calibrate_part(texture_table, 'knn', 'none', deal(texture_table), 0.1)
     assert part.error_after < part.error_before + 0.02
-    assert np.mean(part.confidence < 0.0) == pytest.approx(0.1, abs=0.01)
+    dealt = deal(texture_table)
+    shares = [np.mean(part.confidence[dealt.session == i] < 0.0) for i in range(3)]
+    # The threshold is the quantile of the worst session; the others reject less.
+    assert max(shares) == pytest.approx(0.1, abs=0.01)
+    assert dealt.session_share == 0.75
     assert part.wrong.shape == part.confidence.shape == (480,)

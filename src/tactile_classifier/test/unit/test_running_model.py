@@ -116,7 +116,12 @@ def test_running_window_without_features_is_not_decided(model, make_window):
 def test_manifest_states_rates_and_how_they_were_found(trained):
     manifest = Manifest.from_json(trained.manifest.to_json())
     assert manifest == trained.manifest
-    assert manifest.calibration == {'split': 'one session held out', 'groups': 3, 'trials': 240}
+    assert manifest.calibration == {
+        'split': 'one session held out',
+        'groups': 3,
+        'trials': 240,
+        'session_share': 0.75,
+    }
     assert (manifest.false_alarm_rate, manifest.stop_error_rate) == (0.05, 0.05)
     assert manifest.score_kind == 'probability'
     assert [part.sample_count for part in manifest.parts] == [0, 60, 120]

@@ -14,6 +14,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
@@ -42,6 +43,51 @@ def test_threshold_is_the_lowest_that_is_good_enough():
     assert fit_stop_threshold(confidence, wrong, 0.05) == 0.8
     assert fit_stop_threshold(confidence, wrong, 0.3) == 0.5
     assert fit_stop_threshold(confidence, ~wrong, 0.05) is None
+
+
+def test_one_bad_session_raises_the_threshold_for_all():
+    session = np.repeat(np.arange(6), 200)
+    confidence = np.tile(np.linspace(0.5, 0.999, 200), 6)[np.newaxis]
+    wrong = ((session == 4) & (confidence[0] < 0.98))[np.newaxis]
+    # Of all answers a sixth is wrong; from 0.95 on few are, but too many of that session.
+    assert fit_stop_threshold(confidence, wrong, 0.2) == 0.5
+    threshold = fit_stop_threshold(confidence, wrong, 0.2, session)
+    bad = session == 4
+    early = confidence[0, bad] >= threshold
+    assert wrong[0, bad][early].mean() <= 0.2
+    assert threshold > 0.95
+
+
+def test_a_session_that_is_never_right_forbids_early_answers():
+    session = np.repeat(np.arange(6), 200)
+    confidence = np.ones((1, 1200))
+    assert fit_stop_threshold(confidence, (session == 2)[np.newaxis], 0.2) == 0.5
+    assert fit_stop_threshold(confidence, (session == 2)[np.newaxis], 0.2, session) is None
+
+
+def test_errors_stay_below_the_rate_in_as_many_new_sessions_as_stated():
+    rng = np.random.default_rng(13)
+
+    def draw(count):
+        # A session's probabilities are too high or too low by a factor of its own.
+        shift = 0.5 * rng.normal(size=(count, 1))
+        logit = 2.0 + 2.0 * rng.normal(size=(count, 80))
+        return expit(logit), rng.random((count, 80)) > expit(logit + shift)
+
+    kept, found = [], 0
+    session = np.repeat(np.arange(6), 80)
+    for _ in range(150):
+        confidence, wrong = draw(6)
+        threshold = fit_stop_threshold(
+            confidence.reshape(1, -1), wrong.reshape(1, -1), 0.1, session
+        )
+        new, new_wrong = draw(20)
+        early = new >= (np.inf if threshold is None else threshold)
+        found += threshold is not None
+        mistakes = (early & new_wrong).sum(axis=1) / np.maximum(early.sum(axis=1), 1)
+        kept.append(np.mean(mistakes <= 0.1))
+    assert found > 100
+    assert np.mean(kept) >= 6 / 7 - 0.03
 
 
 def test_bound_holds_as_often_as_stated():
