@@ -269,13 +269,39 @@ def evaluate(
             'or has a value, as in --where direction=1.'
         ),
     ] = None,
-    static_phase: Annotated[
+    train_where: Annotated[
         Optional[str],
         typer.Option(
-            help='Part of each trial that counts, in seconds, as in --static-phase 1:5. '
-            'Default: all of it.'
+            help='Train on these trials and test on those of --test-where, beside random folds '
+            'over both. A column that is true, or COLUMN=VALUE, as for --where; bags too.'
         ),
     ] = None,
+    test_where: Annotated[
+        Optional[str], typer.Option(help='Trials to test on; see --train-where.')
+    ] = None,
+    crop: Annotated[
+        Optional[str],
+        typer.Option(
+            '--crop',
+            '--static-phase',
+            help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
+            'Default: all of it.',
+        ),
+    ] = None,
+    resample_hz: Annotated[
+        Optional[float],
+        typer.Option(
+            help='Resample the archive to this rate first, with a low-pass against aliasing.'
+        ),
+    ] = None,
+    skip_bad: Annotated[
+        bool,
+        typer.Option(
+            '--skip-bad',
+            help='Leave out trials of the archive that cannot be used, and list them: values '
+            'that are not finite, too short, no features.',
+        ),
+    ] = False,
     over: Annotated[
         Optional[str],
         typer.Option(
@@ -343,7 +369,11 @@ def evaluate(
                 task=task.value if task else None,
                 channel=channel,
                 where=where,
-                static_phase=static_phase,
+                train_where=train_where,
+                test_where=test_where,
+                crop=crop,
+                resample_hz=resample_hz,
+                skip_bad=skip_bad,
                 groups=tuple(group or ()),
                 folds=folds,
                 repetitions=repetitions,

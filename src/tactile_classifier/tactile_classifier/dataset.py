@@ -28,7 +28,7 @@ import numpy.typing as npt
 from tactile_classifier.archive import LabelledTrials
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
-from tactile_features.errors import FeatureError
+from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extractor import features_from_trials
 from tactile_features.feature_sets import task_of
 from tactile_features.spec import FeatureSpec
@@ -136,6 +136,8 @@ def table_from_trials(
 ) -> FeatureTable:
     """Return the features of one channel of ready-cut trials.
 
+    With ``skip_bad`` set, trials that give none are left out: see `usable_table`.
+
     Parameters
     ----------
     task : str
@@ -155,11 +157,34 @@ def table_from_trials(
     DatasetError
         When the channel does not exist or a trial gives no features.
     """
-    signal = trials.signal(channel)
-    try:
-        values, spec = features_from_trials(
-            task, signal, trials.rate_hz, config=config, speeds_m_s=speeds_m_s
-        )
-    except FeatureError as error:
-        raise DatasetError(f'no features from these trials: {error}') from error
-    return FeatureTable(values, trials.label, spec, trials.columns)
+    return usable_table(task, trials, channel, config=config, speeds_m_s=speeds_m_s)[0]
+
+
+def usable_table(
+    task: str,
+    trials: LabelledTrials,
+    channel: int | None = None,
+    *,
+    config: FeatureConfig | None = None,
+    speeds_m_s: npt.NDArray[Any] | None = None,
+) -> tuple[FeatureTable, LabelledTrials]:
+    """Return the features as `table_from_trials` does, and the trials that gave them."""
+    trials = trials.cut_to_shortest()
+    while True:
+        signal = trials.signal(channel)
+        try:
+            values, spec = features_from_trials(
+                task, signal, trials.rate_hz, config=config, speeds_m_s=speeds_m_s
+            )
+        except UndefinedFeatureError as error:
+            if not error.windows:
+                raise DatasetError(f'no features from these trials: {error}') from error
+            reason = str(error.__cause__ or error).partition(' (window')[0]  # names them all
+            bad = dict.fromkeys(error.windows, reason)
+            if speeds_m_s is not None:
+                speeds_m_s = np.delete(speeds_m_s, list(bad))
+            trials = trials.drop(bad)
+        except FeatureError as error:
+            raise DatasetError(f'no features from these trials: {error}') from error
+        else:
+            return FeatureTable(values, trials.label, spec, trials.columns), trials

@@ -204,7 +204,8 @@ class AccuracyPlan:
                     split.divide_again(train, table.labels, random_state)
                     for train, _ in split.deals[0]
                 ]
-        self._cells = find_cells(table) if split.groups is None else None
+        self._tested = split.tested
+        self._cells = find_cells(table.take(self._tested)) if split.groups is None else None
         self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
         for pair in self._pairs:
             build_estimator(*pair)  # a wrong name fails here, not in a worker
@@ -222,17 +223,18 @@ class AccuracyPlan:
     def finish(self, answers: Sequence[Answers]) -> Evaluation:
         """Return the scores."""
         table, deals = self._table, len(self._split.deals)
-        classes, counts = np.unique(table.labels, return_counts=True)
-        labels = tuple(str(name) for name in classes)
+        labels = tuple(str(name) for name in np.unique(table.labels))
+        counts = np.unique(table.labels[self._tested], return_counts=True)[1]
         scores = [
             self._score(*pair, labels, answers[i * deals : (i + 1) * deals])
             for i, pair in enumerate(self._pairs)
         ]
-        near_copies = [self._cells.warning] if self._cells is not None else []
+        is_random = self._split.groups is None and len(self._tested) == len(table)
+        near_copies = [self._cells.warning] if self._cells is not None and is_random else []
         return Evaluation(
             self._split.name,
             labels,
-            len(table),
+            len(self._tested),
             table.spec.feature_set,
             float(counts.max() / counts.sum()),
             tuple(scores),
@@ -269,9 +271,9 @@ class AccuracyPlan:
         if self._split.groups is not None:
             return accuracy_interval(accuracies, 'groups')
         if self._cells is not None:
-            share, sizes = self._cells.average(right)
+            share, sizes = self._cells.average(right[self._tested])
             return accuracy_interval(share, 'cells of near copies', sizes)
-        return accuracy_interval(right, 'trials')
+        return accuracy_interval(right[self._tested], 'trials')
 
     def _score(
         self, classifier: str, scaling: str, labels: tuple[str, ...], answers: Sequence[Answers]

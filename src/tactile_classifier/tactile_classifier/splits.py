@@ -56,6 +56,11 @@ class Split:
     groups: IndexArray | None = None
 
     @property
+    def tested(self) -> IndexArray:
+        """The trials that each repetition tests, in order."""
+        return np.sort(np.concatenate([test for _, test in self.deals[0]]))
+
+    @property
     def spread_of(self) -> str:
         """``groups``, or ``repetitions``: what a spread of accuracies is over."""
         return 'repetitions' if self.groups is None else 'groups'
@@ -154,6 +159,48 @@ def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
             )
     folds = tuple(LeaveOneGroupOut().split(table.values, table.labels, groups))
     return _checked(Split(f'one {name} held out', (folds,), groups))
+
+
+def stated_split(
+    table: FeatureTable,
+    train: npt.NDArray[np.bool_],
+    test: npt.NDArray[np.bool_],
+    train_is: str,
+    test_is: str,
+) -> Split:
+    """Return a split that trains on some trials and tests on others, once.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    train, test : ndarray of bool, shape (trials,)
+    train_is, test_is : str
+        Which trials these are, in words.
+
+    Raises
+    ------
+    EvaluationError
+        When a trial is in both, a class is in ``test`` only, or there is one class to train on.
+    """
+    both = np.flatnonzero(train & test)
+    if len(both):
+        raise EvaluationError(
+            f'{len(both)} trials are in both: trained on {train_is}, tested on {test_is}'
+        )
+    known = np.unique(table.labels[train])
+    new = np.setdiff1d(table.labels[test], known)
+    if len(new):
+        raise EvaluationError(
+            f'class "{new[0]}" has trials with {test_is} and none with {train_is}: no model can '
+            'know it'
+        )
+    if len(known) < 2:
+        raise EvaluationError(
+            f'the trials with {train_is} are all of one class: nothing to tell apart'
+        )
+    deal = (np.flatnonzero(train), np.flatnonzero(test))
+    name = f'trained on {train_is} ({train.sum()} trials), tested on {test_is}'
+    return _checked(Split(name, ((deal,),)))
 
 
 def _check_classes(table: FeatureTable) -> None:

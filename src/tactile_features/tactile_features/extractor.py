@@ -352,12 +352,14 @@ def _compute_each(
         for row, speed_m_s in zip(tension_n, speeds.tolist(), strict=True):
             count = feature_set.window(rate_hz, speed_m_s).sample_count or len(row)
             if count > len(row):
-                raise FeatureError(f'it has {len(row)} samples, and its window {count}')
+                raise UndefinedFeatureError(f'it has {len(row)} samples, and its window {count}')
             first = (len(row) - count) // 2
             middle = row[first : first + count]
             samples = WindowSamples(_times_ns(count, rate_hz), middle, rate_hz, speed_m_s)
             rows[done] = feature_set.compute(samples)
             done += 1
+    except UndefinedFeatureError as error:
+        raise UndefinedFeatureError(f'trial {done}: {error}', (done,)) from error
     except FeatureError as error:
         raise FeatureError(f'trial {done}: {error}') from error
     return rows

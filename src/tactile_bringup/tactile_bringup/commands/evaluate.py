@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from tactile_bringup.commands.output import Output
 from tactile_bringup.datasets.bag_tables import read_tables
+from tactile_bringup.datasets.selection import select_trials, TrainTest
 from tactile_bringup.datasets.tables import (
     accuracy_caption,
     accuracy_table,
@@ -38,7 +39,7 @@ from tactile_bringup.report.build import report_path, write_report
 from tactile_bringup.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_set
 from tactile_classifier.archive import LabelledTrials, load_archive
-from tactile_classifier.dataset import FeatureTable, table_from_trials
+from tactile_classifier.dataset import FeatureTable, table_from_trials, usable_table
 from tactile_classifier.evaluation import evaluate, Evaluation
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
@@ -55,7 +56,7 @@ class EvaluateRequest:
     task: str | None
     channel: str | None
     where: str | None
-    static_phase: str | None
+    crop: str | None
     groups: tuple[str, ...]
     folds: int
     repetitions: int
@@ -66,6 +67,15 @@ class EvaluateRequest:
     speed_column: str | None = None
     detrend: str | None = None
     answers: bool = False
+    train_where: str | None = None
+    test_where: str | None = None
+    resample_hz: float | None = None
+    skip_bad: bool = False
+
+    @property
+    def train_test(self) -> TrainTest:
+        """The stated split into trials to train on and to test on."""
+        return TrainTest(self.train_where, self.test_where)
 
     @property
     def hold_out(self) -> tuple[tuple[str, ...], ...]:
@@ -82,7 +92,10 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
     file = None if request.report is None else report_path(request.report)
     with output.progress() as progress:
         progress.add_task('reading', total=None)
-        sets = _read_sets(request)
+        sets = [
+            replace(each, splits=request.train_test.splits(each.table))
+            for each in _read_sets(request)
+        ]
     results = analyse_with_progress(
         sets,
         output,
@@ -129,19 +142,27 @@ def _print_result(result: SetResult, output: Output) -> None:
         output.say(accuracy_table(evaluation, result.recordings.title, intervals=True))
         output.say(accuracy_caption(evaluation, intervals=True))
     output.say(f'  {describe_features(result.recordings.table.spec)}')
-    for line in (*summarise_set(result), *result.not_done, *tell_warnings(result.evaluations)):
+    lines = (
+        *result.recordings.tell_preparation(most=10),
+        *summarise_set(result),
+        *result.not_done,
+        *tell_warnings(result.evaluations),
+    )
+    for line in lines:
         output.say(f'  {line}')
     output.say()
 
 
 def _settings(request: EvaluateRequest) -> dict[str, str]:
-    names = ['task', 'channel', 'where', 'static_phase', 'over', 'speed_column', 'detrend']
-    names.append('features')
+    names = (
+        *('task', 'channel', 'where', 'train_where', 'test_where', 'crop', 'resample_hz'),
+        *('over', 'speed_column', 'detrend', 'features'),
+    )
     given = {name: getattr(request, name) for name in names}
     return {
         'folds': f'{request.folds}, dealt {request.repetitions} times',
         'seed of the folds': str(request.seed),
-        **{name.replace('_', '-'): value for name, value in given.items() if value is not None},
+        **{name.replace('_', '-'): str(v) for name, v in given.items() if v is not None},
     }
 
 
@@ -151,13 +172,13 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
         raise BringupError('evaluate one archive at a time, or bags only')
     if archives:
         return [_archive_set(archives[0], request)]
-    for name in ('channel', 'where', 'static_phase', 'speed_column'):
-        if getattr(request, name) is not None:
+    for name in ('channel', 'where', 'crop', 'resample_hz', 'skip_bad', 'speed_column'):
+        if getattr(request, name) not in (None, False):
             option = name.replace('_', '-')
             raise BringupError(f'--{option} is for archives; a bag says itself what a trial is')
     chosen = choose_features(request.over, request.detrend)
     tables = {
-        key: select_features(table, request.features)
+        key: select_features(request.train_test.keep(table), request.features)
         for key, table in read_tables(request.recordings, chosen).tables.items()
         if request.task in (None, key[0])
     }
@@ -168,7 +189,10 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
         return sets
     published = read_tables(request.recordings, dict(TextureSpectrum.unstated)).tables
     return [
-        replace(each, published=select_features(published[key], request.features))
+        replace(
+            each,
+            published=select_features(request.train_test.keep(published[key]), request.features),
+        )
         if _is_unlike_paper(table)
         else each
         for each, (key, table) in zip(sets, tables.items(), strict=True)
@@ -186,16 +210,19 @@ def _is_unlike_paper(table: FeatureTable) -> bool:
 def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
     if request.task is None:
         raise BringupError(f'say what {path.name} is about: --task texture or --task stiffness')
-    trials = load_archive(path, folds=request.folds)
+    trials = load_archive(path, folds=request.folds, skip_bad=request.skip_bad)
     channel = parse_channel(request.channel or '0')
     title = [request.task, path.name]
     title.append('mean of all channels' if channel is None else f'channel {channel}')
     if request.where is not None:
-        column, equals, text = request.where.partition('=')
-        trials = trials.where(column, _value(text, trials.columns, column) if equals else True)
+        trials = trials.take(select_trials(trials.columns, request.where, 'where'))
         title.append(request.where)
-    if request.static_phase is not None:
-        start_s, stop_s = parse_span(request.static_phase)
+    trials = request.train_test.keep(trials)
+    if request.resample_hz is not None:
+        trials = trials.resample(request.resample_hz)
+        title.append(f'at {request.resample_hz:g} Hz')
+    if request.crop is not None:
+        start_s, stop_s = parse_span(request.crop)
         trials = trials.between(start_s, stop_s)
         title.append(f'{start_s:g} to {stop_s:g} s')
     config = FeatureConfig(**choose_features(request.over, request.detrend))
@@ -203,7 +230,9 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
     if request.over:
         title.append(f'over {request.over} mm')
         speeds_m_s = _speeds_m_s(request, trials)
-    table = table_from_trials(request.task, trials, channel, config=config, speeds_m_s=speeds_m_s)
+    table, trials = usable_table(
+        request.task, trials, channel, config=config, speeds_m_s=speeds_m_s
+    )
     published = None
     if request.report is not None and _is_unlike_paper(table):
         config = replace(config, **TextureSpectrum.unstated)
@@ -221,6 +250,8 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         unit='raw',
         examples=array_examples(table, trials.signal(channel), trials.rate_hz),
         published=published,
+        skipped=trials.skipped,
+        steps=trials.steps,
     )
 
 
@@ -281,17 +312,6 @@ def parse_over(text: str | None) -> dict[str, Any]:
     except ValueError as error:
         raise BringupError(f'--over: "{text}" is not LENGTH:FINEST in mm, as in 45:0.5') from error
     return fields
-
-
-def _value(text: str, columns: Any, column: str) -> object:
-    """Return ``text`` as a value of the column's type."""
-    if column not in columns:
-        return text
-    kind = np.asarray(columns[column]).dtype
-    try:
-        return kind.type(text)
-    except ValueError as error:
-        raise BringupError(f'--where: "{text}" is no value of column {column} ({kind})') from error
 
 
 def parse_channel(text: str) -> int | None:

@@ -61,7 +61,9 @@ def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = Fals
         cells = []
         for scaling in scalings:
             score = evaluation.score(classifier, scaling)
-            cell = f'{100 * score.mean:.1f} ± {100 * score.spread:.1f}'
+            cell = f'{100 * score.mean:.1f}'
+            if score.fold_accuracies.size > 1:
+                cell += f' ± {100 * score.spread:.1f}'
             if intervals and not score.interval.reason:
                 low, high = score.interval.low, score.interval.high
                 cell += f'  ({100 * low:.0f} to {100 * high:.0f})'
@@ -75,11 +77,12 @@ def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
     first = evaluation.scores[0]
     parts = [
         f'accuracy in %: {evaluation.split}, {evaluation.trials} trials',
-        f'± standard deviation over {first.spread_of}',
         f'chance {100 * evaluation.chance:.1f}',
     ]
+    if first.fold_accuracies.size > 1:
+        parts.insert(1, f'± standard deviation over {first.spread_of}')
     if intervals and any(not score.interval.reason for score in evaluation.scores):
-        parts.insert(2, 'in brackets the 95 % interval')
+        parts.insert(-1, 'in brackets the 95 % interval')
     return '; '.join(parts)
 
 

@@ -55,7 +55,7 @@ class SetResult:
     ----------
     recordings : RecordingSet
     evaluations : tuple of Evaluation
-        Plain folds first, then one a grouped split.
+        Plain folds first, then one a grouped split, then one a stated split.
     curves : tuple of LearningCurve
     selections : tuple of SelectionResult
     significance : RankSum
@@ -115,6 +115,8 @@ class SetResult:
             'rbf_unscaled_by_unit_of_force': {point.unit: point.accuracy for point in self.units},
             'answers': None if self.answers is None else self.answers.to_dict(),
             'not_done': list(self.not_done),
+            'prepared': list(recordings.steps),
+            'skipped': [{'row': each.row, 'reason': each.reason} for each in recordings.skipped],
         }
 
 
@@ -137,7 +139,8 @@ class _SetPlans:
         splits = [stratified_split(table, folds, repetitions, random_state)]
         splits += [grouped_split(table, columns) for columns in recordings.hold_out]
         self._accuracy = [
-            AccuracyPlan(table, split, random_state=random_state) for split in splits
+            AccuracyPlan(table, split, random_state=random_state)
+            for split in (*splits, *recordings.splits)
         ]
         published = recordings.published
         self._published = (

@@ -286,5 +286,10 @@ def _add_provenance(
     page.items(
         [f'{name}: {value}' for name, value in settings.items()]
         + ['versions: ' + ', '.join(f'{name} {version}' for name, version in versions.items())]
+        + [
+            f'{r.recordings.title}: {line}'
+            for r in results
+            for line in r.recordings.tell_preparation()
+        ]
         + [f'not done: {r.recordings.title}: {line}' for r in results for line in r.not_done]
     )

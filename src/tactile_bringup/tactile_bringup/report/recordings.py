@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 from tactile_bringup.datasets.traces import read_trace, TrialTrace
 from tactile_bringup.recording.bag_records import read_records
 from tactile_bringup.recording.bags import STRAIN, TactileBag
+from tactile_classifier.archive import Skipped
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.splits import grouped_split
+from tactile_classifier.splits import grouped_split, Split
 from tactile_features.records import PROTOCOL_STIFFNESS
 
 
@@ -80,6 +81,12 @@ class RecordingSet:
         A trial with its phases, where recordings have them.
     published : FeatureTable or None
         The features of the same trials as the paper computes them, where ``table`` has others.
+    splits : tuple of Split
+        Stated trials to train on and to test on, beside plain folds and grouped splits.
+    skipped : tuple of Skipped
+        Trials that could not be used.
+    steps : tuple of str
+        What was done to the signals first, in words.
     """
 
     title: str
@@ -91,6 +98,19 @@ class RecordingSet:
     examples: tuple[Example, ...] = ()
     trial: TrialExample | None = None
     published: FeatureTable | None = None
+    splits: tuple[Split, ...] = ()
+    skipped: tuple[Skipped, ...] = ()
+    steps: tuple[str, ...] = ()
+
+    def tell_preparation(self, most: int | None = None) -> list[str]:
+        """Return what was done to the signals and which trials were skipped, ``most`` of them."""
+        lines = list(self.steps)
+        if self.skipped:
+            lines.append(f'skipped {len(self.skipped)} trials; rows count from 0:')
+            lines += [f'row {each.row}: {each.reason}' for each in self.skipped[:most]]
+        if most is not None and len(self.skipped) > most:
+            lines.append(f'and {len(self.skipped) - most} more: see the report, or --json')
+        return lines
 
 
 def choose_rows(table: FeatureTable) -> list[int]:

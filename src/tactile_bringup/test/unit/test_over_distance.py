@@ -163,7 +163,7 @@ def test_the_comparison_with_the_paper_is_made_with_the_mean_alone(archive, tmp_
         ({'speed_column': 'label'}, 'name the column'),
         ({'speed_column': 'speed'}, 'end in its unit'),
         ({'task': 'stiffness'}, 'for texture'),
-        ({'over': '100:0.5'}, 'trial 0: it has 400 samples'),
+        ({'over': '100:0.5'}, 'row 0: it has 400 samples'),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_sentence(archive, fields, sentence):

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+import dataclasses
 import io
 import pickle
 import zipfile
@@ -95,7 +96,15 @@ def test_between_is_exact_where_times_are_not(save):
 
 BAD = [
     ({'remove': ('label', 'rate_hz')}, 'has no label and no rate_hz'),
-    ({'x': np.zeros((12, 100))}, r'of shape \(12, 100\); it must be numbers of shape \(trials,'),
+    ({'remove': ('x',), 'X': np.zeros((12, 1, 9))}, r'has no x; .*savez\(file, x=X, label=label'),
+    ({'x': np.zeros((12, 100))}, r'of shape \(12, 100\); it must be numbers .*x\[:, np.newaxis'),
+    ({'x': np.array([[1], [2, 3]] * 6, dtype=object)}, r'pickled objects.*\n(.*\n)+.*offsets'),
+    ({'label': np.array(['a', 'b'] * 6, dtype=object)}, r'as in label\.astype\(str\)'),
+    ({'label': np.array([b'a', b'\xff'] * 6)}, r"label in .* not UTF-8: b'\\xff'"),
+    ({'length': np.full(12, 101)}, 'length in .* from 1 to 100'),
+    ({'length': np.full(12, 0)}, 'length in .* from 1 to 100'),
+    ({'x': np.zeros((2, 50)), 'offsets': np.arange(12)}, 'rise from 0 to 50'),
+    ({'x': np.zeros((2, 50)), 'offsets': np.r_[np.arange(12), 11, 50]}, 'rise from 0 to 50'),
     ({'x': np.full((12, 2, 5), 'a')}, 'x in .* it must be numbers'),
     ({'x': np.zeros((12, 2, 0))}, 'it must be numbers of shape'),
     ({'label': np.array(['a', 'b'])}, r'it must be strings or integers of shape \(12,\)'),
@@ -119,8 +128,110 @@ def test_bad_archive_is_refused_with_a_sentence(save, change, message):
 def test_values_that_are_not_finite_name_the_trial(save, value):
     x = good_arrays()['x'].astype(float)
     x[7, 1, 3] = value
-    with pytest.raises(DatasetError, match='not finite in 1 of 12 trials, first in trial 7'):
+    with pytest.raises(DatasetError, match=r'1 of 12 trials .* row 7: .*channel 1, sample 3'):
         load_archive(save(x=x))
+
+
+def test_bad_trials_are_skipped_and_listed_when_asked(save):
+    x = good_arrays()['x'].astype(float)
+    x[7, 1, 3] = np.nan
+    x[2, 0, 0] = -1e101
+    trials = load_archive(save(x=x), skip_bad=True)
+    assert [each.row for each in trials.skipped] == [2, 7]
+    assert 'overflow' in trials.skipped[0].reason
+    assert 'channel 1, sample 3' in trials.skipped[1].reason
+    assert trials.rows.tolist() == [0, 1, 3, 4, 5, 6, 8, 9, 10, 11]
+    np.testing.assert_array_equal(trials.x, np.delete(x, (2, 7), axis=0))
+    np.testing.assert_array_equal(trials.columns['balanced'], np.delete(np.arange(12) < 8, (2, 7)))
+    with pytest.raises(DatasetError, match='10 trials, fewer than the 11 folds'):
+        load_archive(save(x=x), 11, skip_bad=True)
+    with pytest.raises(DatasetError, match='no trial of 12 can be used'):
+        load_archive(save(x=np.full(x.shape, np.inf)), skip_bad=True)
+
+
+@pytest.mark.filterwarnings('error')
+def test_float32_gives_no_warning(save):
+    x = good_arrays()['x'].astype(np.float32)
+    x[0, 0, 0] = np.finfo(np.float32).max
+    assert load_archive(save(x=x)).x.dtype == np.float32
+
+
+def test_byte_strings_are_text(save):
+    words = np.array(['drap épais', 'lin'] * 6)
+    place = np.array([b'north', b'south'] * 6)
+    trials = load_archive(save(label=np.char.encode(words, 'utf-8'), place=place))
+    assert trials.label.tolist() == words.tolist()
+    assert trials.columns['place'].tolist() == ['north', 'south'] * 6
+
+
+@pytest.fixture
+def uneven(save):
+    """Return unequal trials as padded and as joined archive, and their lengths."""
+    lengths = np.arange(12) + 80
+    x = good_arrays()['x'].astype(float)
+    joined = np.concatenate(
+        [trial[:, :count] for trial, count in zip(x, lengths, strict=True)], axis=1
+    )
+    for trial, count in zip(x, lengths, strict=True):
+        trial[:, count:] = np.nan  # padding may be anything
+    padded = load_archive(save(x=x, length=lengths))
+    offsets = np.concatenate(([0], np.cumsum(lengths)))
+    return padded, load_archive(save(x=joined, offsets=offsets)), lengths
+
+
+def test_trials_of_unequal_length_are_padded_or_joined(uneven):
+    padded, joined, lengths = uneven
+    for trials in uneven[:2]:
+        np.testing.assert_array_equal(trials.lengths, lengths)
+        assert set(trials.columns) == {'balanced', 'speed_mm_s'}
+        short = trials.cut_to_shortest()
+        assert short.x.shape == (12, 2, 80)
+        np.testing.assert_array_equal(short.x, good_arrays()['x'][:, :, :80])
+        assert short.steps == ('cut to the first 1.6 s, the length of the shortest trial (row 0)',)
+    np.testing.assert_array_equal(joined.signal(1)[11], padded.signal(1)[11, :91])
+
+
+def test_short_trials_are_refused_or_skipped_by_a_crop(uneven):
+    padded = uneven[0]
+    with pytest.raises(DatasetError, match=r'5 of 12 .* row 0: it lasts 1\.6 s, not 1\.7 s'):
+        padded.between(0.5, 1.7)
+    cut = dataclasses.replace(padded, skip_bad=True).between(0.5, 1.7)
+    assert cut.rows.tolist() == list(range(5, 12))
+    np.testing.assert_array_equal(cut.x, good_arrays()['x'][5:, :, 25:85])
+
+
+def test_a_length_that_is_no_sample_count_is_a_column(save):
+    trials = load_archive(save(length=np.full(12, 2.5)))
+    assert 'length' in trials.columns
+
+
+@pytest.mark.parametrize('rate_hz', [20.0, 100.0, 30.0])
+def test_resampling_keeps_what_is_slow_and_drops_what_would_alias(save, rate_hz):
+    t = np.arange(100) / 50.0
+    slow = 3.0 + 0.5 * t + np.sin(2 * np.pi * 2.0 * t)
+    x = np.broadcast_to(slow, (12, 2, 100)).copy()
+    x[:, 1] = np.sin(2 * np.pi * 24.0 * t)  # beyond 15 Hz, half of the lowest but one
+    trials = load_archive(save(x=x, length=np.where(np.arange(12) < 6, 100, 90))).resample(rate_hz)
+    assert trials.rate_hz == rate_hz
+    assert trials.lengths.tolist() == [2 * rate_hz] * 6 + [-(-90 * rate_hz // 50)] * 6
+    for row in (0, 11):
+        at_s = np.arange(trials.lengths[row]) / rate_hz
+        inner = (at_s > 0.6) & (at_s < at_s[-1] - 0.6)
+        truth = 3.0 + 0.5 * at_s + np.sin(2 * np.pi * 2.0 * at_s)
+        count = trials.lengths[row]
+        np.testing.assert_allclose(trials.x[row, 0, :count][inner], truth[inner], atol=0.01)
+        if rate_hz < 48.0:
+            assert np.abs(trials.x[row, 1, :count][inner]).max() < 0.01
+    assert 'resampled from 50 to' in trials.steps[0]
+    assert 'resample_poly' in trials.steps[0]
+
+
+def test_resampling_to_a_rate_without_a_ratio_is_refused(save):
+    trials = load_archive(save())
+    assert trials.resample(50.0) is trials
+    for rate_hz in (50.0 * np.sqrt(2.0), 1e-9, 1e9):
+        with pytest.raises(DatasetError, match='whole numbers'):
+            trials.resample(rate_hz)
 
 
 def test_fewer_trials_than_folds(save):

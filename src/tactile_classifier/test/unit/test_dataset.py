@@ -82,7 +82,7 @@ def test_stiffness_features_of_straight_lines():
 def test_trial_without_features_is_named():
     x = np.ones((2, 1, 50))
     x[0, 0, 10] = 2.0
-    with pytest.raises(DatasetError, match=r'no features from these .*trial 1: .*constant'):
+    with pytest.raises(DatasetError, match=r'1 of 2 .*row 1: .*constant'):
         table_from_trials('stiffness', trials_of(x, ['a', 'b']))
 
 

@@ -19,7 +19,7 @@ import pytest
 
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.splits import grouped_split, stratified_split
+from tactile_classifier.splits import grouped_split, stated_split, stratified_split
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -88,3 +88,28 @@ def test_once_is_the_first_repetition_and_says_so():
     once = held_out.once()
     assert (once.name, len(once.deals)) == (held_out.name, 1)
     assert once.deals[0] is held_out.deals[0]
+
+
+def test_a_stated_split_trains_on_the_one_and_tests_on_the_other():
+    table = make_table(list('abababab'), day=[0, 0, 0, 0, 1, 1, 2, 2])
+    day = table.column('day')
+    split = stated_split(table, day == 0, day == 2, 'day=0', 'day=2')
+    assert split.name == 'trained on day=0 (4 trials), tested on day=2'
+    ((train, test),) = split.deals[0]
+    assert (train.tolist(), test.tolist()) == ([0, 1, 2, 3], [6, 7])
+    assert split.tested.tolist() == [6, 7]
+
+
+@pytest.mark.parametrize(
+    ('labels', 'train', 'test', 'message'),
+    [
+        ('abab', 'yyyn', 'nnyy', '1 trials are in both'),
+        ('ababcb', 'yyyynn', 'nnnnyy', 'class "c" has trials with test and none with train'),
+        ('aaaaaa', 'yyyynn', 'nnnnyy', 'all of one class'),
+        ('abab', 'yynn', 'nnyy', '2 trials would be left'),
+    ],
+)
+def test_a_stated_split_that_cannot_be_is_refused(labels, train, test, message):
+    masks = [np.array([letter == 'y' for letter in text]) for text in (train, test)]
+    with pytest.raises(EvaluationError, match=message):
+        stated_split(make_table(list(labels)), *masks, 'train', 'test')

@@ -1,0 +1,154 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How the arrays of a labelled-trials archive lie: padded, or one after another, or neither."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.errors import DatasetError
+
+Array = npt.NDArray[Any]
+
+LAYOUT = """an archive holds, with one entry a trial where not said otherwise:
+  x        numbers of shape (trials, channels, samples)
+  label    strings or integers
+  rate_hz  one number
+  and any further columns
+For trials of unequal length, either pad x with anything and add
+  length   samples of each trial that count
+or join the trials, one after another, in x of shape (channels, all samples) and add
+  offsets  (trials + 1,): trial i is x[:, offsets[i]:offsets[i + 1]]"""
+
+_OTHER_NAMES = {
+    'x': ('X', 'data', 'signal', 'signals', 'X_train'),
+    'label': ('y', 'Y', 'labels', 'target', 'y_train'),
+    'rate_hz': ('fs', 'rate', 'sample_rate', 'sampling_rate', 'frequency'),
+}
+
+
+def find_arrays(path: Path, arrays: dict[str, Array]) -> tuple[Array, Array, Array]:
+    """Take ``x``, ``label`` and ``rate_hz`` out of the arrays.
+
+    Raises
+    ------
+    DatasetError
+        When one is missing, with the likely name that it has.
+    """
+    wanted = ('x', 'label', 'rate_hz')
+    missing = [key for key in wanted if key not in arrays]
+    if missing:
+        named = {
+            key: next((name for name in _OTHER_NAMES[key] if name in arrays), '...')
+            for key in missing
+        }
+        text = f'{path} has no {" and no ".join(missing)}'
+        if set(named.values()) != {'...'}:
+            given = ', '.join(f'{key}={named.get(key, key)}' for key in wanted)
+            text += f'; save it with these names: np.savez(file, {given})'
+        raise DatasetError(f'{text}\n{LAYOUT}')
+    x, label, rate = (arrays.pop(key) for key in wanted)
+    return x, label, rate
+
+
+def unpack_signals(
+    path: Path, x: Array, arrays: dict[str, Array], largest_bytes: int
+) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Return signals of shape (trials, channels, samples) and the samples of each that count.
+
+    Takes ``length`` and ``offsets`` out of the arrays. A ``length`` that is not of integers is
+    an ordinary column and stays.
+
+    Raises
+    ------
+    DatasetError
+        When shapes or numbers do not fit, or the padded signals take more than
+        ``largest_bytes``.
+    """
+    if 'offsets' in arrays:
+        return _unpack_joined(path, x, arrays.pop('offsets'), largest_bytes)
+    if x.ndim != 3 or x.dtype.kind not in 'fiub' or 0 in x.shape:
+        hint = ''
+        if x.ndim == 2 and x.dtype.kind in 'fiub':
+            hint = '; for one channel, save x[:, np.newaxis, :]'
+        raise DatasetError(
+            f'x in {path} is {x.dtype} of shape {x.shape}; '
+            f'it must be numbers of shape (trials, channels, samples){hint}'
+        )
+    trials, _, samples = x.shape
+    length = arrays.get('length')
+    if length is None or length.dtype.kind not in 'iu':
+        return x, np.full(trials, samples, dtype=np.intp)
+    del arrays['length']
+    if length.shape != (trials,) or length.min() < 1 or length.max() > samples:
+        raise DatasetError(
+            f'length in {path} must be {trials} numbers of samples from 1 to {samples}, one a '
+            'trial; a column of another meaning needs another name'
+        )
+    return x, length.astype(np.intp)
+
+
+def _unpack_joined(
+    path: Path, x: Array, offsets: Array, largest_bytes: int
+) -> tuple[Array, npt.NDArray[np.intp]]:
+    joined = x[np.newaxis] if x.ndim == 1 else x
+    if joined.ndim != 2 or joined.dtype.kind not in 'fiub' or 0 in joined.shape:
+        raise DatasetError(
+            f'x in {path} is {x.dtype} of shape {x.shape}; with offsets it must be numbers of '
+            'shape (channels, all samples)'
+        )
+    fits = offsets.ndim == 1 and len(offsets) > 1 and offsets.dtype.kind in 'iu'
+    bounds = [int(value) for value in offsets] if fits else []
+    lengths = np.diff(bounds)
+    if not fits or bounds[0] != 0 or bounds[-1] != joined.shape[1] or lengths.min() < 1:
+        raise DatasetError(
+            f'offsets in {path} must be integers that rise from 0 to {joined.shape[1]}, the '
+            'samples in x, one more than there are trials'
+        )
+    shape = (len(lengths), len(joined), int(lengths.max()))
+    total = math.prod(shape) * joined.dtype.itemsize
+    if total > largest_bytes:
+        raise DatasetError(
+            f'the trials of {path}, padded to the longest, take {total / 2**20:.0f} MiB; '
+            f'the limit is {largest_bytes / 2**20:.0f} MiB'
+        )
+    padded = np.zeros(shape, dtype=joined.dtype)
+    for row, (first, count) in enumerate(zip(bounds[:-1], lengths.tolist(), strict=True)):
+        padded[row, :, :count] = joined[:, first : first + count]
+    return padded, lengths.astype(np.intp)
+
+
+def decode_text(path: Path, name: str, column: Array) -> Array:
+    """Return a column of byte strings as text; others as they are.
+
+    Raises
+    ------
+    DatasetError
+        When one is not UTF-8.
+    """
+    if column.dtype.kind != 'S':
+        return column
+    try:
+        return np.char.decode(column, 'utf-8')
+    except UnicodeDecodeError as error:
+        raise DatasetError(
+            f'{name} in {path} holds bytes that are not UTF-8: {error.object!r}; '
+            'save it as strings'
+        ) from error
