@@ -35,7 +35,7 @@ from tactile_sim.physics.variation import draw_variation, Variation
 
 FloatArray = NDArray[np.float64]
 
-STEPS_PER_SAMPLE = 12
+STEPS_PER_SAMPLE = 16
 """Of the sensor, while anything moves. docs/benchmarks.md has the error of other choices."""
 
 _RESTING_STEPS_PER_SAMPLE = 2
@@ -154,7 +154,7 @@ def simulate_motion(
 ) -> SimulatedMotion:
     """The physics of `simulate_trials` for given variations.
 
-    While the axes rest there are a sixth as many steps, at least 1 a sample.
+    While the axes rest there are an eighth as many steps, at least 1 a sample.
 
     Raises
     ------

@@ -87,7 +87,8 @@ class Constants(NamedTuple):
     """What all trials of a scene share, in SI units; see `Finger` for the names.
 
     Reciprocals (``per_``) stand beside what they belong to: a division costs as much as
-    several products.
+    several products. ``mass_ij`` is the mass matrix of the modes [kg m^2], zero for a finger
+    without inertia.
     """
 
     length: float
@@ -111,6 +112,12 @@ class Constants(NamedTuple):
     per_weakening: float
     inverse_softening: float
     crosstalk: float
+    mass_00: float = 0.0
+    mass_01: float = 0.0
+    mass_02: float = 0.0
+    mass_11: float = 0.0
+    mass_12: float = 0.0
+    mass_22: float = 0.0
 
 
 def select(condition: Any, yes: Any, no: Any) -> Any:
@@ -255,6 +262,7 @@ def compute_balance(
     place: Any,
     modes: Any,
     bases: Any,
+    swing_bases: Any,
     sliders: Any,
     creep: Any,
     factors: Any,
@@ -277,6 +285,8 @@ def compute_balance(
         Of the tip on the material of what it touches [m].
     modes, bases
         q, and what the rates of change are counted from: q' = (q - base) * rate.
+    swing_bases
+        What the accelerations are counted from: q'' = q * rate^2 - swing base [rad/s^2].
     sliders
         Where the tip [m] and the tendon [rad] stuck before.
     creep
@@ -345,6 +355,11 @@ def compute_balance(
     d0 = c.damping * rate
     k0 = stiff * (c.stiffness + creep_stiffness)
     d1, d2, k1, k2 = d0 / 3, d0 / 5, k0 / 3, k0 / 5
+    swing = rate * rate
+    g0, g1 = q0 * swing - swing_bases[0], q1 * swing - swing_bases[1]
+    g2 = q2 * swing - swing_bases[2]
+    i00, i01, i02 = swing * c.mass_00, swing * c.mass_01, swing * c.mass_02
+    i11, i12, i22 = swing * c.mass_11, swing * c.mass_12, swing * c.mass_22
     weight = c.length
     e0 = d0 * (q0 - bases[0]) + k0 * q0 - stiff * m0 - weight * line[8] - pull * p0
     e1 = d1 * (q1 - bases[1]) + k1 * q1 - stiff * m1 - weight * line[9] - pull * p1
@@ -353,12 +368,16 @@ def compute_balance(
     e1 = e1 + force * n1 + rub * t1
     e2 = e2 + force * n2 + rub * t2
 
+    e0 = e0 + (c.mass_00 * g0 + c.mass_01 * g1 + c.mass_02 * g2)
+    e1 = e1 + (c.mass_01 * g0 + c.mass_11 * g1 + c.mass_12 * g2)
+    e2 = e2 + (c.mass_02 * g0 + c.mass_12 * g1 + c.mass_22 * g2)
+
     # The derivatives: second ones of z and x share their factors.
     a00, a01, a02, a11, a12, a22 = curve_line(
         line, force - rub * incline, force * incline + rub, c.mass, c.tip_mass
     )
-    a00, a01, a02 = c.length * a00, c.length * a01, c.length * a02
-    a11, a12, a22 = c.length * a11, c.length * a12, c.length * a22
+    a00, a01, a02 = c.length * a00 + i00, c.length * a01 + i01, c.length * a02 + i02
+    a11, a12, a22 = c.length * a11 + i11, c.length * a12 + i12, c.length * a22 + i22
     h_n, h_t = bend * force, bend * rub
     b0, b1, b2 = h_n * x0 - h_t * z0, h_n * x1 - h_t * z1, h_n * x2 - h_t * z2
     stop_0 = select(stopped, c.stop_stiffness, 0.0)

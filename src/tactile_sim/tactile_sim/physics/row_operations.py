@@ -41,7 +41,8 @@ def begin_step(z: Any, t: Any, coefficients: Any, second: float) -> None:
     """Start from where the trial is, and guess that it goes on as in the step before.
 
     The rate of change at the step's end is ``(q - base) * RATE``: Euler's in a fresh step,
-    else, for ``second`` 1, that of the second backward difference.
+    else, for ``second`` 1, that of the second backward difference. The acceleration is the
+    same difference of these rates: ``q * RATE^2 - swing base``.
     """
     known = 1.0 - z[at.FRESH, t]
     share = (second / 3.0) * known
@@ -52,6 +53,9 @@ def begin_step(z: Any, t: Any, coefficients: Any, second: float) -> None:
     z[at.BASES + 2, t], z[at.NEW_MODES + 2, t] = q2 + share * d2, q2 + known * d2
     z[at.SQUEEZED_BASE, t] = z[at.SQUEEZED, t] + share * z[at.SQUEEZED_DIFFERENCE, t]
     z[at.RATE, t] = coefficients[at.RATE_COLUMN] * (1.0 + (0.5 * second) * known)
+    for i in range(3):
+        velocity = z[at.VELOCITIES + i, t] + share * z[at.VELOCITY_DIFFERENCES + i, t]
+        z[at.SWING_BASES + i, t] = z[at.RATE, t] * (z[at.RATE, t] * z[at.BASES + i, t] + velocity)
 
 
 def begin_creep(z: Any, t: Any, coefficients: Any, constants: Any) -> None:
@@ -178,6 +182,7 @@ def improve(
         z[at.REACH, t] - material_m,
         (z[at.NEW_MODES, t], z[at.NEW_MODES + 1, t], z[at.NEW_MODES + 2, t]),
         (z[at.BASES, t], z[at.BASES + 1, t], z[at.BASES + 2, t]),
+        (z[at.SWING_BASES, t], z[at.SWING_BASES + 1, t], z[at.SWING_BASES + 2, t]),
         (z[at.TIP_SLIDER, t], z[at.TENDON_SLIDER, t]),
         (
             z[at.CREEP_MOMENTS, t],
@@ -218,6 +223,10 @@ def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> 
         relaxed = keep * z[at.CREEP + i, t] + early * old + late * new
         z[at.CREEP + i, t] = select(done, relaxed, z[at.CREEP + i, t])
         z[at.DIFFERENCES + i, t] = select(done, new - old, z[at.DIFFERENCES + i, t])
+        velocity = (new - z[at.BASES + i, t]) * z[at.RATE, t]
+        change = velocity - z[at.VELOCITIES + i, t]
+        z[at.VELOCITY_DIFFERENCES + i, t] = select(done, change, z[at.VELOCITY_DIFFERENCES + i, t])
+        z[at.VELOCITIES + i, t] = select(done, velocity, z[at.VELOCITIES + i, t])
         z[at.MODES + i, t] = select(done, new, old)
     z[at.FRESH, t] = select(done, 0.0, z[at.FRESH, t])
     damper = constants.tip_damping * z[at.RATE, t]

@@ -28,6 +28,7 @@ from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
 from tactile_sim.descriptions.description import Body, Finger, Rig
 from tactile_sim.errors import ConvergenceError, DescriptionError
 from tactile_sim.physics import layout as at
+from tactile_sim.physics.inertia import compute_mass_matrix
 from tactile_sim.physics.mechanics import Constants
 from tactile_sim.physics.solver import advance_trials
 from tactile_sim.physics.steps import compute_coefficients, EULER
@@ -65,6 +66,8 @@ class Scene:
         Stiffness of what pulls it [N/m].
     weakening_m, healing_s
         Way of sliding over which friction turns kinetic [m], time over which it recovers [s].
+    inertia
+        The finger has inertia: it rings where a plate glides under it.
     """
 
     finger: Finger
@@ -80,10 +83,15 @@ class Scene:
     drive_stiffness_n_m: float = math.inf
     weakening_m: float = math.inf
     healing_s: float = 1.0
+    inertia: bool = False
 
     @cached_property
     def constants(self) -> Constants:
         """What all trials share, for the solvers."""
+        return self._still_constants._replace(**self._masses)
+
+    @cached_property
+    def _still_constants(self) -> Constants:
         f = self.finger
         drive = 0.0 if self.rolls else 1 / self.drive_stiffness_n_m
         softening = self.body.softening_m if self.body else 0.0
@@ -113,8 +121,22 @@ class Scene:
         )
 
     @cached_property
+    def _masses(self) -> dict[str, float]:
+        if not self.inertia:
+            return {}
+        f = self.finger
+        bend_rad = math.radians(f.contact_bend_deg)
+        masses = compute_mass_matrix(f.length_m, f.mass_kg, f.tip_mass_kg, bend_rad)
+        names = ('mass_00', 'mass_01', 'mass_02', 'mass_11', 'mass_12', 'mass_22')
+        return dict(zip(names, masses, strict=True))
+
+    @cached_property
     def parameters(self) -> tuple[Any, ...]:
         """Constants, springs of the object, surface, its grid, and whether anything yields."""
+        return (self.constants, *self._surroundings)
+
+    @cached_property
+    def _surroundings(self) -> tuple[Any, ...]:
         springs = [0.0] * (1 + at.MAX_BRANCHES)
         if self.body:
             springs[0] = self.body.stiffness_n_m
@@ -127,7 +149,7 @@ class Scene:
             # The last cell's end belongs to it.
             last = math.nextafter(float(len(table)), 0.0)
             grid = (self.surface.origin_m, 1 / self.surface.spacing_m, last)
-        return self.constants, tuple(springs), table, grid, self.body is not None
+        return tuple(springs), table, grid, self.body is not None
 
     @cached_property
     def _rest_coefficients(self) -> FloatArray:
@@ -206,7 +228,7 @@ class Scene:
         advance_trials(
             solver,
             fresh,
-            self.parameters,
+            (self._still_constants, *self._surroundings),  # rest needs no inertia
             steps,
             inputs,
             np.tile(inputs, (len(steps), 1)),
@@ -251,6 +273,7 @@ def build_scene(
             place.texture_lead_m,
             place.texture_guide_m,
             math.inf,
+            inertia=True,
         )
     if protocol == 'stiffness':
         body = catalogue.body(object_label)

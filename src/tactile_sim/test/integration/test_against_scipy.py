@@ -51,7 +51,10 @@ class Forces(NamedTuple):
 
 
 class Reference:
-    """Rates of q (3), creep (3), tip slider, tendon slider, tip compression, branches."""
+    """Rates of q (3), creep (3), tip slider, tendon slider, tip compression, branches, q' (3).
+
+    A scene without inertia has no q'.
+    """
 
     def __init__(self, scene, state, tendon_m, guide_m):
         self.scene, self.c = scene, scene.constants
@@ -63,16 +66,32 @@ class Reference:
         branches = scene.body.branches if scene.body else ()
         self.branch_n_m = np.array([b.stiffness_n_m for b in branches])
         self.branch_s = np.array([b.relaxation_time_s for b in branches])
+        self.mass = self._weigh(np.radians(scene.finger.contact_bend_deg))
+
+    def _weigh(self, bend_rad):
+        """Mass matrix of an arc, from complex steps and a sum over many points."""
+        xi = (np.arange(2000) + 0.5) / 2000
+        shapes = np.stack([xi, xi**2 - xi, 2 * xi**3 - 3 * xi**2 + xi])
+        angle = (np.array([bend_rad, 0.0, 0.0]) + STEPS) @ shapes
+        parts = np.stack([np.cos(angle), np.sin(angle)]) * self.c.length / 2000
+        places = (np.cumsum(parts, axis=2) - parts / 2).imag / 1e-30
+        tip = parts.sum(axis=2).imag / 1e-30
+        along = np.einsum('cik,cjk->ij', places, places) * self.c.mass / 2000
+        return along + self.c.tip_mass * np.einsum('ci,cj->ij', tip, tip)
 
     def start(self, state):
         sliders = state[[at.TIP_SLIDER, at.TENDON_SLIDER, at.SQUEEZED]]
         branches = state[at.BRANCHES : at.BRANCHES + len(self.branch_n_m)]
         sliders[0] -= self.started_m
-        return np.concatenate([state[at.MODES : at.MODES + 6], sliders, branches])
+        swing = np.zeros(3 if self.scene.inertia else 0)
+        return np.concatenate([state[at.MODES : at.MODES + 6], sliders, branches, swing])
 
     def evaluate(self, time_s, y):
         c, q, creep = self.c, y[:3], y[3:6]
-        tip_slider, tendon_slider, squeezed, relaxed = y[6], y[7], y[8], y[9:]
+        tip_slider, tendon_slider, squeezed = y[6:9]
+        relaxed = y[9 : 9 + len(self.branch_n_m)]
+        velocity = y[9 + len(self.branch_n_m) :]
+        swinging = velocity[:0]
         # Row 0 of each has the value, the imaginary parts the slopes by the modes.
         angle = (q + STEPS) @ SHAPES
         drop = c.length * np.sin(angle) @ WEIGHT
@@ -108,6 +127,10 @@ class Reference:
             spring = c.tip_stiffness * indentation + c.tip_damping * drift
             damping = damping + c.tip_damping * np.outer(normal_i, nearing_i)
             rates = np.linalg.solve(damping, moments - spring * normal_i)
+            if self.scene.inertia:
+                rates = velocity
+                left = moments - spring * normal_i - damping @ velocity
+                swinging = np.linalg.solve(self.mass, left)
             squeezing = float(nearing_i @ rates) + drift
             force = spring + c.tip_damping * float(nearing_i @ rates)
             relaxing = relaxed
@@ -126,10 +149,11 @@ class Reference:
         over = (ahead - min(max(ahead, -1.0), 1.0)) * c.presliding_rad
         creeping = (q - creep) / self.scene.finger.creep_time_s
         sliding = [beyond_n / TIP_VISCOSITY_N_S_M, over / TENDON_VISCOSITY_S, squeezing]
-        return Forces(np.concatenate([rates, creeping, sliding, relaxing]), tension, force)
+        whole = np.concatenate([rates, creeping, sliding, relaxing, swinging])
+        return Forces(whole, tension, force)
 
     def solve(self, state, times_s, tolerance):
-        scale = np.full(9 + len(self.branch_n_m), 1e-9)
+        scale = np.full(len(self.start(state)), 1e-9)
         solution = solve_ivp(
             lambda t, y: self.evaluate(t, y).rates,
             (0.0, times_s[-1]),
@@ -150,7 +174,7 @@ def compare(scene, tendon_m, guide_m, duration_s, step_s, tolerance):
     """Difference of tension and normal force over their alternating parts (rms), by time."""
     steps = round(duration_s / step_s)
     times_s = step_s * np.arange(steps + 1)
-    result = run(scene, step_s, tendon_m(times_s), guide_m(times_s), tolerance_nm=1e-12)
+    result = run(scene, step_s, tendon_m(times_s), guide_m(times_s), tolerance_nm=1e-10)
     assert result.failed.tolist() == [-1]
     zero = np.zeros(1)
     inputs = scene.compute_inputs(tendon_m(zero), guide_m(zero))[0]

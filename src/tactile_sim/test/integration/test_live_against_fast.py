@@ -89,7 +89,7 @@ def test_texture_trial(plate, contact, pull_m):
     difference = live - fast
     # The live rig takes longer steps; that and nothing else sets them apart.
     assert np.sqrt(np.mean(difference[times > 2.8] ** 2)) < 0.05 * ripple
-    assert np.abs(difference[(times < 0.15) | (times > 1.6)]).max() < 0.02
+    assert np.abs(difference[(times < 0.15) | (times > 1.6)]).max() < 0.04
     assert np.abs(difference).max() < 0.01 * fast.max()
     # And the load cell's lines say the same, with its noise.
     rows = [line.split(b',') for line in driver.lines.split(b'\r\n')[:-1]]

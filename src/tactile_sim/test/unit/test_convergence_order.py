@@ -34,7 +34,7 @@ def compute_error(scene, scheme, steps):
     def sample(count, scheme):
         times_s = np.linspace(0.0, DURATION_S, count + 1)
         tendon_m = 0.0049 + 0.0003 * np.sin(2 * np.pi * times_s / DURATION_S) ** 2
-        result = run(scene, DURATION_S / count, tendon_m, scheme=scheme, tolerance_nm=1e-13)
+        result = run(scene, DURATION_S / count, tendon_m, scheme=scheme, tolerance_nm=1e-11)
         assert result.failed.tolist() == [-1]
         return result.rows[ROWS, 0, :: count // 50]
 
@@ -44,7 +44,7 @@ def compute_error(scene, scheme, steps):
     return error / np.maximum(np.ptp(fine, axis=1), 1e-12)
 
 
-@pytest.mark.parametrize(('scheme', 'within'), [(EULER, 0.15), (BDF2, 0.25)])
+@pytest.mark.parametrize(('scheme', 'within'), [(EULER, 0.15), (BDF2, 0.3)])
 @pytest.mark.parametrize('label', ['rubber_shell', 'F'])
 def test_order_of_convergence_is_the_one_claimed(scheme, within, label):
     protocol = 'texture' if label == 'F' else 'stiffness'

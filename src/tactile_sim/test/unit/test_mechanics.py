@@ -18,6 +18,7 @@ from finger_modes import FINE_WEIGHT, FINE_XI, MASS, shapes, TIP_MASS
 import numpy as np
 import pytest
 
+from tactile_sim.physics.inertia import compute_mass_matrix
 from tactile_sim.physics.mechanics import (
     compute_balance,
     compute_line,
@@ -52,7 +53,14 @@ CONSTANTS = Constants(
     per_weakening=1e4,
     inverse_softening=1e3,
     crosstalk=0.0,
+    mass_00=2e-5,
+    mass_01=-6e-6,
+    mass_02=1e-6,
+    mass_11=3e-6,
+    mass_12=-5e-7,
+    mass_22=4e-7,
 )
+MASS_MATRIX = np.array([[2e-5, -6e-6, 1e-6], [-6e-6, 3e-6, -5e-7], [1e-6, -5e-7, 4e-7]])
 RATE, GRID_LINE = 600.0, np.array(NODE_XI)
 
 
@@ -117,8 +125,10 @@ class Reference:
         stop = np.array([c.stop_stiffness * excess if excess.real > 0 else 0.0, 0.0, 0.0])
         own = c.damping * RATE * (modes - case['bases'])
         own = own + case['stiff'] * (c.stiffness + case['creep_stiffness']) * modes
+        swing = MASS_MATRIX @ (RATE**2 * modes - case['swing_bases'])
         return (
-            share * own
+            swing
+            + share * own
             - hang
             - pull
             + stop
@@ -132,6 +142,7 @@ def random_case(generator, kind):
     case = {
         'modes': modes,
         'bases': modes + generator.normal(0, 1e-3, 3),
+        'swing_bases': RATE**2 * modes + generator.normal(0, 100.0, 3),
         'tendon': CONSTANTS.arm * modes[0] + generator.uniform(2e-5, 3e-4),
         'indentation': generator.uniform(1e-4, 1e-3),
         'held': 0.3,
@@ -158,6 +169,7 @@ def random_case(generator, kind):
     if kind == 'closed':
         more = np.array([1.5, 0.0, 0.0])
         case['modes'], case['bases'] = modes + more, case['bases'] + more
+        case['swing_bases'] += RATE**2 * more
         case['tendon'] += CONSTANTS.arm * 1.5
         case['sliders'][1] += 1.5
     return case
@@ -199,6 +211,7 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
                 case['place'],
                 case['modes'],
                 case['bases'],
+                case['swing_bases'],
                 case['sliders'],
                 (*creep, case['creep_stiffness']),
                 (case['friction'], case['stiff']),
@@ -218,6 +231,27 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
         assert max(abs(np.array(balance(np.full(3, 1e6))[1:4]))) <= MAX_CHANGE_RAD
 
 
+def test_mass_matrix_is_that_of_a_chain_of_points():
+    """Against a sum over many points, whose places are differentiated by complex steps."""
+    length, mass, tip_mass, bend = 0.08, 0.015, 0.003, 0.7
+    count = 4000
+    xi = (np.arange(count) + 0.5) / count
+    exact = np.zeros((3, 3))
+    moved = []
+    for step in 1e-30j * np.eye(3):
+        angle = (np.array([bend, 0.0, 0.0]) + step) @ shapes(xi)
+        slopes = np.stack([np.cos(angle), np.sin(angle)])
+        half = slopes * length / count / 2
+        moved.append((np.cumsum(2 * half, axis=1) - half).imag / 1e-30)
+    tips = [2 * m[:, -1] - m[:, -2] + (m[:, -2] - m[:, -1]) / 2 for m in moved]
+    for i in range(3):
+        for j in range(3):
+            exact[i, j] = mass * (moved[i] * moved[j]).sum(axis=0).mean()
+            exact[i, j] += tip_mass * tips[i] @ tips[j]
+    found = compute_mass_matrix(length, mass, tip_mass, bend)
+    np.testing.assert_allclose(found, exact[np.triu_indices(3)], rtol=1e-5)
+
+
 def test_letting_go_leaves_no_friction():
     case = random_case(np.random.default_rng(1), 'sliding')
     arguments = (
@@ -227,6 +261,7 @@ def test_letting_go_leaves_no_friction():
         case['place'],
         case['modes'],
         case['bases'],
+        case['swing_bases'],
         case['sliders'],
         (0.0, 0.0, 0.0, 0.0),
         (case['friction'], 1.0),
@@ -251,6 +286,7 @@ def test_sliders_stay_behind_by_what_the_springs_bear():
         case['place'],
         case['modes'],
         case['bases'],
+        case['swing_bases'],
         case['sliders'],
         (0.0, 0.0, 0.0, 0.0),
         (0.4, 1.0),
@@ -320,6 +356,7 @@ def test_capstan_series(wrap, bound):
             0.0,
             (1.0, 0.0, 0.0),
             (1.0, 0.0, 0.0),
+            (RATE**2, 0.0, 0.0),
             (0.0, 1.0 - sign),
             (*-exact, 0.0),
             (0.0, 1.0),
