@@ -155,12 +155,13 @@ SlipOption = Annotated[
 
 
 class Classifier(str, Enum):
-    """The paper's four."""
+    """The paper's four, and random convolutions of a waveform."""
 
     knn = 'knn'
     svm_linear = 'svm_linear'
     svm_rbf = 'svm_rbf'
     tree = 'tree'
+    rocket = 'rocket'
 
 
 class Scaling(str, Enum):

@@ -170,7 +170,7 @@ def hold_out_scores(
     classes, true = np.unique(table.labels, return_inverse=True)
     scores = np.zeros((len(table), len(classes)))
     for i in np.unique(fold):
-        estimator = build_estimator(classifier, scaling)
+        estimator = build_estimator(classifier, scaling, table.channels)
         estimator.fit(table.values[fold != i], table.labels[fold != i])
         scores[fold == i] = compute_raw_scores(estimator, table.values[fold == i])
     return scores, true

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 import dataclasses
 import hashlib
 import json
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,15 @@ from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extractor import features_from_trials
-from tactile_features.feature_sets import task_of
+from tactile_features.feature_sets import find_feature_set, task_of
 from tactile_features.spec import FeatureSpec
+
+ALL: Final = 'all'
+"""In place of a channel: every one."""
+
+Channel = int | Literal['all'] | None
+
+_CHANNEL = 'channel_'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,6 +101,20 @@ class FeatureTable:
             raise DatasetError(f'no task uses the feature set "{self.spec.feature_set}"')
         return task
 
+    @property
+    def channels(self) -> int:
+        """How many channels the features are of; those of each stand together."""
+        return (
+            len({name.partition('__')[0] for name in self.spec.names if name.startswith(_CHANNEL)})
+            or 1
+        )
+
+    @property
+    def is_waveform(self) -> bool:
+        """Whether the features of a channel are values of one signal in their order."""
+        found = find_feature_set(self.spec.feature_set)
+        return found is not None and found.is_waveform
+
     def column(self, name: str) -> npt.NDArray[Any]:
         """Return a column.
 
@@ -129,12 +150,12 @@ class FeatureTable:
 def table_from_trials(
     task: str,
     trials: LabelledTrials,
-    channel: int | None = None,
+    channel: Channel = None,
     *,
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> FeatureTable:
-    """Return the features of one channel of ready-cut trials.
+    """Return the features of one channel, or of all, of ready-cut trials.
 
     With ``skip_bad`` set, trials that give none are left out: see `usable_table`.
 
@@ -145,8 +166,9 @@ def table_from_trials(
     trials : LabelledTrials
         Each trial one window: crop with `LabelledTrials.between` before. A feature set over
         distance takes the middle of each.
-    channel : int or None
-        Which channel; None takes the mean of all.
+    channel : int, ``'all'`` or None
+        Which channel. ``'all'`` takes the features of each, one after another; None those of the
+        mean of all.
     config : FeatureConfig, optional
         Names the feature set and its options; the defaults where not given.
     speeds_m_s : ndarray of shape (trials,), optional
@@ -163,19 +185,22 @@ def table_from_trials(
 def usable_table(
     task: str,
     trials: LabelledTrials,
-    channel: int | None = None,
+    channel: Channel = None,
     *,
     config: FeatureConfig | None = None,
     speeds_m_s: npt.NDArray[Any] | None = None,
 ) -> tuple[FeatureTable, LabelledTrials]:
     """Return the features as `table_from_trials` does, and the trials that gave them."""
     trials = trials.cut_to_shortest()
+    channels = range(trials.x.shape[1]) if channel == ALL else [channel]
     while True:
-        signal = trials.signal(channel)
         try:
-            values, spec = features_from_trials(
-                task, signal, trials.rate_hz, config=config, speeds_m_s=speeds_m_s
-            )
+            found = [
+                features_from_trials(
+                    task, trials.signal(one), trials.rate_hz, config=config, speeds_m_s=speeds_m_s
+                )
+                for one in channels
+            ]
         except UndefinedFeatureError as error:
             if not error.windows:
                 raise DatasetError(f'no features from these trials: {error}') from error
@@ -187,4 +212,12 @@ def usable_table(
         except FeatureError as error:
             raise DatasetError(f'no features from these trials: {error}') from error
         else:
-            return FeatureTable(values, trials.label, spec, trials.columns), trials
+            break
+    values, spec = np.hstack([each for each, _ in found]), found[0][1]
+    if channel == ALL:
+        spec = dataclasses.replace(
+            spec,
+            names=tuple(f'{_CHANNEL}{i:03d}__{name}' for i in channels for name in spec.names),
+            units=spec.units * len(found),
+        )
+    return FeatureTable(values, trials.label, spec, trials.columns), trials

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The four classifiers of the paper, by name, each with or without scaling."""
+"""The four classifiers of the paper and random convolutions, by name."""
 
 from __future__ import annotations
 
@@ -28,9 +28,18 @@ from sklearn.svm import SVC
 from sklearn.tree import DecisionTreeClassifier
 
 from tactile_classifier.neighbours import NearestNeighbours
-from tactile_classifier.records import CLASSIFIERS, MARGIN, SCALINGS, VOTES
+from tactile_classifier.random_convolution_classifier import RandomConvolutionClassifier
+from tactile_classifier.records import (
+    ALL_CLASSIFIERS,
+    CLASSIFIERS,
+    MARGIN,
+    ROCKET,
+    SCALINGS,
+    VOTES,
+)
 
 __all__ = [
+    'ALL_CLASSIFIERS',
     'CLASSIFIERS',
     'DEFAULT_SCALING',
     'MAX_SVM_STEPS',
@@ -39,6 +48,7 @@ __all__ = [
     'SCORE_KINDS',
     'build_estimator',
     'compute_raw_scores',
+    'default_scaling',
 ]
 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
@@ -55,7 +65,13 @@ SCALING_REASONS = {
     ),
 }
 
-SCORE_KINDS = {'knn': VOTES, 'svm_linear': MARGIN, 'svm_rbf': MARGIN, 'tree': VOTES}
+SCORE_KINDS = {
+    'knn': VOTES,
+    'svm_linear': MARGIN,
+    'svm_rbf': MARGIN,
+    'tree': VOTES,
+    ROCKET: MARGIN,
+}
 """What the scores of each classifier are before calibration; see Classification.msg."""
 
 RANDOM_STATE = 0
@@ -85,24 +101,33 @@ class SupportVectorMachine(SVC):  # type: ignore[misc]
         return self
 
 
-def build_estimator(classifier: str, scaling: str) -> Pipeline:
+def default_scaling(task: str, classifier: str) -> str:
+    """Return the scaling when none is asked for."""
+    return 'none' if classifier == ROCKET else DEFAULT_SCALING[task]
+
+
+def build_estimator(classifier: str, scaling: str, channels: int = 1) -> Pipeline:
     """Return an unfitted pipeline of scaling and classifier.
 
     Parameters
     ----------
     classifier : str
-        One of `CLASSIFIERS`.
+        One of `ALL_CLASSIFIERS`.
     scaling : str
-        One of `SCALINGS`.
+        One of `SCALINGS`; random convolutions take ``none`` alone.
+    channels : int
+        The features are those of so many channels, one after another.
 
     Raises
     ------
     ValueError
-        When a name is not known.
+        When a name is not known, or the two do not go together.
     """
     if scaling not in SCALINGS:
         raise ValueError(f'scaling is "{scaling}"; it must be one of {", ".join(SCALINGS)}')
-    steps: list[tuple[str, Any]] = [('classify', _classifier(classifier))]
+    if classifier == ROCKET and scaling != 'none':
+        raise ValueError('random convolutions take a waveform as it is: use the scaling "none"')
+    steps: list[tuple[str, Any]] = [('classify', _classifier(classifier, channels))]
     if scaling == 'standard':
         steps.insert(0, ('scale', StandardScaler()))
     return Pipeline(steps)
@@ -119,7 +144,7 @@ def compute_raw_scores(
     return np.stack([-scores, scores], axis=1) if scores.ndim == 1 else scores
 
 
-def _classifier(name: str) -> Any:
+def _classifier(name: str, channels: int) -> Any:
     if name == 'knn':
         return NearestNeighbours()
     if name in ('svm_linear', 'svm_rbf'):
@@ -132,4 +157,6 @@ def _classifier(name: str) -> Any:
         )
     if name == 'tree':
         return DecisionTreeClassifier(random_state=RANDOM_STATE)
-    raise ValueError(f'classifier is "{name}"; it must be one of {", ".join(CLASSIFIERS)}')
+    if name == ROCKET:
+        return RandomConvolutionClassifier(channels, RANDOM_STATE)
+    raise ValueError(f'classifier is "{name}"; it must be one of {", ".join(ALL_CLASSIFIERS)}')

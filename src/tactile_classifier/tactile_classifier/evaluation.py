@@ -28,10 +28,17 @@ import numpy.typing as npt
 from tactile_classifier.conditions import find_cells, find_tied_labels
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.estimators import build_estimator, CLASSIFIERS, RANDOM_STATE, SCALINGS
+from tactile_classifier.estimators import (
+    ALL_CLASSIFIERS,
+    build_estimator,
+    CLASSIFIERS,
+    RANDOM_STATE,
+    SCALINGS,
+)
 from tactile_classifier.intervals import accuracy_interval, Interval
 from tactile_classifier.neighbours import predict_neighbours
 from tactile_classifier.plans import run_plans, Task
+from tactile_classifier.records import ROCKET
 from tactile_classifier.splits import (
     Fold,
     FOLDS,
@@ -177,7 +184,8 @@ class AccuracyPlan:
     table : FeatureTable
     split : Split
     classifiers, scalings : sequence of str
-        All their combinations are evaluated. The scaling is fitted inside each fold.
+        All their combinations are evaluated, unless others are named those of `list_pairs`. The
+        scaling is fitted inside each fold.
     random_state : int or None
         Of the folds inside the folds for the nested choice; None: no such choice.
 
@@ -191,7 +199,7 @@ class AccuracyPlan:
         self,
         table: FeatureTable,
         split: Split,
-        classifiers: Sequence[str] = CLASSIFIERS,
+        classifiers: Sequence[str] | None = None,
         scalings: Sequence[str] = SCALINGS,
         random_state: int | None = None,
     ) -> None:
@@ -206,7 +214,7 @@ class AccuracyPlan:
                 ]
         self._tested = split.tested
         self._cells = find_cells(table.take(self._tested)) if split.groups is None else None
-        self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
+        self._pairs = list_pairs(table, classifiers, scalings)
         for pair in self._pairs:
             build_estimator(*pair)  # a wrong name fails here, not in a worker
 
@@ -217,7 +225,8 @@ class AccuracyPlan:
         inner = [fold for folds in self._inner for fold in folds]
         tests += [(pair, tuple(inner)) for pair in self._pairs if inner]
         return [
-            (predict_folds, (*pair, table.values, table.labels, folds)) for pair, folds in tests
+            (predict_folds, (*pair, table.values, table.labels, folds, table.channels))
+            for pair, folds in tests
         ]
 
     def finish(self, answers: Sequence[Answers]) -> Evaluation:
@@ -306,7 +315,7 @@ class AccuracyPlan:
 
 def evaluate(
     table: FeatureTable,
-    classifiers: Sequence[str] = CLASSIFIERS,
+    classifiers: Sequence[str] | None = None,
     scalings: Sequence[str] = SCALINGS,
     *,
     folds: int = FOLDS,
@@ -324,7 +333,7 @@ def evaluate(
     ----------
     table : FeatureTable
     classifiers, scalings : sequence of str
-        All their combinations are evaluated.
+        All their combinations are evaluated, unless others are named those of `list_pairs`.
     folds, repetitions : int
         Stratified folds, and how often the trials are dealt anew.
     hold_out : sequence of str
@@ -350,19 +359,39 @@ def evaluate(
     return evaluation
 
 
+def list_pairs(
+    table: FeatureTable,
+    classifiers: Sequence[str] | None = None,
+    scalings: Sequence[str] = SCALINGS,
+) -> list[tuple[str, str]]:
+    """Return the pairs of classifier and scaling that go with a table.
+
+    Unless others are named: the four of the paper, and random convolutions where the features are
+    a waveform. These take it without scaling alone.
+    """
+    if classifiers is None:
+        classifiers = ALL_CLASSIFIERS if table.is_waveform else CLASSIFIERS
+    return [
+        (classifier, scaling)
+        for classifier in classifiers
+        for scaling in (scalings if classifier != ROCKET else ('none',))
+    ]
+
+
 def predict_folds(
     classifier: str,
     scaling: str,
     values: npt.NDArray[np.float64],
     labels: npt.NDArray[np.str_],
     folds: Sequence[Fold],
+    channels: int = 1,
 ) -> Answers:
     """Return the answers on the test trials of each fold, fitted to its training trials."""
     if classifier == 'knn':
         return predict_neighbours(values, labels, folds, scaling)
     answers = []
     for train, test in folds:
-        estimator = build_estimator(classifier, scaling)
+        estimator = build_estimator(classifier, scaling, channels)
         estimator.fit(values[train], labels[train])
         answers.append(estimator.predict(values[test]))
     return answers

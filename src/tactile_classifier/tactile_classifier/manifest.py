@@ -25,7 +25,7 @@ from typing import Any
 
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.records import (
-    CLASSIFIERS,
+    ALL_CLASSIFIERS,
     CONTACTS,
     MARGIN,
     PROBABILITY,
@@ -204,7 +204,7 @@ class Manifest:
         for name, value, choices in (
             ('contact', self.contact, ('', *CONTACTS)),
             ('score_kind', self.score_kind, (VOTES, MARGIN, PROBABILITY)),
-            ('classifier', self.classifier, CLASSIFIERS),
+            ('classifier', self.classifier, ALL_CLASSIFIERS),
             ('scaling', self.scaling, SCALINGS),
         ):
             if value not in choices:

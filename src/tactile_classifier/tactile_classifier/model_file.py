@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import os
 from pathlib import Path
 import tempfile
@@ -43,6 +43,8 @@ from tactile_classifier.inference import (
 from tactile_classifier.neighbours_graph import add_neighbours
 from tactile_classifier.onnx_container import seal
 from tactile_classifier.onnx_graph import Graph, Shape
+from tactile_classifier.random_convolutions_graph import add_random_convolutions
+from tactile_classifier.records import ROCKET
 from tactile_classifier.svm_graph import add_svm
 from tactile_classifier.training import FittedPart, Trained
 
@@ -165,7 +167,10 @@ def _add_part(graph: Graph, part: FittedPart, classifier: str) -> list[str]:
         scores = graph.embed(_convert_tree(part.estimator), INPUT)
     else:
         scaled = add_scaling(graph, part.estimator, INPUT)
-        add = add_neighbours if classifier == 'knn' else add_svm
+        add: Callable[[Graph, Any, str], str] = {
+            'knn': add_neighbours,
+            ROCKET: add_random_convolutions,
+        }.get(classifier, add_svm)
         scores = add(graph, part.estimator.named_steps['classify'], scaled)
     answer = add_answer(graph, scores)
     if part.calibration is None or part.novelty is None:

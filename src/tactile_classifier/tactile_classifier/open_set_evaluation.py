@@ -37,7 +37,7 @@ from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators import (
     build_estimator,
     compute_raw_scores,
-    DEFAULT_SCALING,
+    default_scaling,
     SCORE_KINDS,
 )
 
@@ -139,7 +139,7 @@ def evaluate_open_set(
         When there are too few labels or trials, or a label is never held out together
         with another one.
     """
-    scaling = scaling or DEFAULT_SCALING[table.task]
+    scaling = scaling or default_scaling(table.task, classifier)
     labels = np.unique(table.labels)
     if len(labels) < 3:
         raise EvaluationError(

@@ -37,7 +37,7 @@ import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError
 
-__all__ = ['KERNELS', 'MIN_SAMPLES', 'TAPS', 'RandomConvolutions']
+__all__ = ['ADDED', 'KERNELS', 'MIN_SAMPLES', 'TAPS', 'RandomConvolutions']
 
 TAPS = 9
 MIN_SAMPLES = TAPS
@@ -54,7 +54,7 @@ MAX_CHANNELS = 9
 _BLOCK_VALUES = 2**18
 """Most values of one array of convolutions [1]."""
 
-_ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
+ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
 """The order in which the weights of -1 are added to that in the middle."""
 
 Single = npt.NDArray[np.float32]
@@ -218,7 +218,7 @@ def _shift(x: Single, dilation: int) -> tuple[Single, Single]:
         [padded[:, :, i * dilation : i * dilation + samples] for i in range(TAPS)], axis=2
     )
     common = -x
-    for i in _ADDED:
+    for i in ADDED:
         common -= extra[:, :, i]
     extra *= np.float32(3)
     return common, extra

@@ -32,7 +32,12 @@ from tactile_features.records import (
 )
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
-"""k nearest neighbours (3, Euclidean), support vector machines, decision tree."""
+"""k nearest neighbours (3, Euclidean), support vector machines, decision tree: the paper's."""
+
+ROCKET = 'rocket'
+"""Random convolutions with a ridge classifier: for sets of features that are waveforms."""
+
+ALL_CLASSIFIERS = (*CLASSIFIERS, ROCKET)
 
 SCALINGS = ('standard', 'none')
 """Each feature to zero mean and unit variance over the training trials, or as it is."""
@@ -146,6 +151,7 @@ class ClassifierConfig:
     spatial_finest_m: float = _feature_parameter('spatial_finest_m')
     stiffness_features: str = _feature_parameter('stiffness_features')
     stiffness_settle_s: float = _feature_parameter('stiffness_settle_s')
+    stiffness_samples: int = _feature_parameter('stiffness_samples')
     stiffness_crop_end_s: float = _feature_parameter('stiffness_crop_end_s')
     max_gap_samples: int = _feature_parameter('max_gap_samples')
 

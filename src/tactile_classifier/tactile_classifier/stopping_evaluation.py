@@ -26,7 +26,7 @@ import numpy.typing as npt
 from tactile_classifier.calibration import calibrate_part, deal
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.estimators import build_estimator, compute_raw_scores, DEFAULT_SCALING
+from tactile_classifier.estimators import build_estimator, compute_raw_scores, default_scaling
 from tactile_classifier.stopping import find_first_stop, fit_stop_threshold
 
 Matrix = npt.NDArray[np.float64]
@@ -123,7 +123,7 @@ def evaluate_stopping(
     EvaluationError
         When the trials do not allow it.
     """
-    scaling = scaling or DEFAULT_SCALING[table.task]
+    scaling = scaling or default_scaling(table.task, classifier)
     counts = sorted(running)
     if not counts:
         raise EvaluationError('there are no running windows to decide on')

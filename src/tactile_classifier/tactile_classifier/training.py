@@ -31,11 +31,11 @@ from sklearn.pipeline import Pipeline
 from tactile_classifier.calibration import calibrate_part, CalibratedPart, Calibration, deal
 from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
-from tactile_classifier.estimators import build_estimator, DEFAULT_SCALING, SCORE_KINDS
+from tactile_classifier.estimators import build_estimator, default_scaling, SCORE_KINDS
 from tactile_classifier.evaluation import Score
 from tactile_classifier.manifest import Manifest, Part, WHOLE
 from tactile_classifier.novelty import NoveltyMeasure
-from tactile_classifier.records import PROBABILITY
+from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.stopping import fit_stop_threshold
 
 LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
@@ -119,7 +119,7 @@ def train(
         When a name is not known, a rate is not between 0 and 1, or the score is of another
         classifier.
     """
-    scaling = scaling or DEFAULT_SCALING[table.task]
+    scaling = scaling or default_scaling(table.task, classifier)
     if score is not None and (score.classifier, score.scaling) != (classifier, scaling):
         raise ValueError(
             f'the score is of {score.classifier} with scaling {score.scaling}, '
@@ -128,6 +128,11 @@ def train(
     for rate in (false_alarm_rate, stop_error_rate):
         if not 0.0 < rate < 1.0:
             raise ValueError(f'a rate is {rate}; it must lie between 0 and 1')
+    if classifier == ROCKET and not table.is_waveform:
+        raise DatasetError(
+            f'random convolutions need a waveform, and {table.spec.feature_set} is none: take '
+            'glide_waveform, spatial_waveform or hold_waveform'
+        )
     labels = np.unique(table.labels)
     if len(labels) < 2:
         raise DatasetError(f'there is one class only, "{table.labels[0]}": nothing to tell apart')
@@ -146,7 +151,9 @@ def train(
     parts = [
         FittedPart(
             sample_count=count,
-            estimator=build_estimator(classifier, scaling).fit(part.values, part.labels),
+            estimator=build_estimator(classifier, scaling, table.channels).fit(
+                part.values, part.labels
+            ),
             values=part.values,
             calibration=held_out.calibration if held_out else None,
             novelty=held_out.novelty if held_out else None,

@@ -101,8 +101,9 @@ class FeatureConfig:
     texture_features: str = parameter(
         SET_TEXTURE_SPECTRUM,
         'features of a glide: texture_spectrum, amplitudes over a fixed time; texture_spatial, '
-        'over a stretch of surface at any sliding speed, which trial events must then state; or '
-        'a set of another package',
+        'over a stretch of surface at any sliding speed, which trial events must then state; '
+        'glide_waveform and spatial_waveform, the tension itself over time and over the surface; '
+        'or a set of another package',
     )
     spectrum_detrend: str = parameter(
         'mean',
@@ -117,19 +118,19 @@ class FeatureConfig:
     )
     spatial_crop_m: float = parameter(
         0.009,
-        'with texture_spatial: path that is left out at the start of the glide',
+        'with features over the surface: path that is left out at the start of the glide',
         unit='m',
         range=(0.0, 2.0),
     )
     spatial_length_m: float = parameter(
         0.045,
-        'with texture_spatial: path over the surface that is one window',
+        'with features over the surface: path over the surface that is one window',
         unit='m',
         range=(0.0001, 2.0),
     )
     spatial_finest_m: float = parameter(
         0.0005,
-        'with texture_spatial: finest scale; samples must not be further apart on the surface',
+        'with features over the surface: finest scale; samples must not be further apart on it',
         unit='m',
         range=(0.00001, 0.5),
     )
@@ -142,8 +143,8 @@ class FeatureConfig:
     )
     stiffness_features: str = parameter(
         SET_STIFFNESS_REGRESSION,
-        'features of a hold: stiffness_regression, the line through the tension; or a set of '
-        'another package',
+        'features of a hold: stiffness_regression, the line through the tension; hold_waveform, '
+        'the tension itself; or a set of another package',
     )
     stiffness_settle_s: float = parameter(
         0.5,
@@ -153,6 +154,9 @@ class FeatureConfig:
     )
     stiffness_crop_end_s: float = parameter(
         0.1, 'what is left out at the end of the hold', unit='s', range=(0.0, 60.0)
+    )
+    stiffness_samples: int = parameter(
+        180, 'with hold_waveform: samples in a window', unit='1', range=(9, 1000000)
     )
     stiffness_min_s: float = parameter(
         2.0, 'shortest stiffness window', unit='s', range=(0.05, 60.0)

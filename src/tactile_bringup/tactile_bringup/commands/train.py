@@ -37,7 +37,7 @@ from tactile_bringup.datasets.tables import (
 from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.model_folder import model_path
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.estimators import DEFAULT_SCALING
+from tactile_classifier.estimators import default_scaling
 from tactile_classifier.evaluation import Evaluation
 from tactile_classifier.manifest import Manifest
 from tactile_classifier.model_file import write_model
@@ -160,7 +160,7 @@ def train_models(found: BagTables, request: TrainRequest, output: Output) -> lis
         output.say(describe_features(table.spec))
         for warning in tell_warnings([evaluation]):
             output.say(warning)
-        chosen = request.scaling or DEFAULT_SCALING[task]
+        chosen = request.scaling or default_scaling(task, request.classifier)
         seconds = request.running_seconds() if task == PROTOCOL_TEXTURE else []
         trained = train(
             table,

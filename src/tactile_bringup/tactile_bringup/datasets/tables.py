@@ -29,6 +29,7 @@ CLASSIFIER_TITLES = {
     'svm_linear': 'SVM, linear kernel',
     'svm_rbf': 'SVM, RBF kernel',
     'tree': 'decision tree',
+    'rocket': 'random convolutions, ridge',
 }
 
 SCALING_TITLES = {
@@ -59,8 +60,13 @@ def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = Fals
         table.add_column(title, justify='right')
     for classifier in dict.fromkeys(score.classifier for score in evaluation.scores):
         cells = []
+        of_it = [score for score in evaluation.scores if score.classifier == classifier]
+        found = {score.scaling: score for score in of_it}
         for scaling in scalings:
-            score = evaluation.score(classifier, scaling)
+            if scaling not in found:
+                cells.append('')
+                continue
+            score = found[scaling]
             cell = f'{100 * score.mean:.1f}'
             if score.fold_accuracies.size > 1:
                 cell += f' ± {100 * score.spread:.1f}'

@@ -106,6 +106,8 @@ class FeatureSet(ABC):
         The phase that holds the window: ``glide`` or ``hold``.
     needs_speed : bool
         Whether the features depend on the sliding speed.
+    is_waveform : bool
+        Whether the features are values of one signal in their order, for classifiers of its shape.
     has_parts : bool
         Whether `compute_part` gives features of a window that still fills.
     cut : tuple of str
@@ -125,6 +127,7 @@ class FeatureSet(ABC):
     version: ClassVar[int]
     phase: ClassVar[str]
     needs_speed: ClassVar[bool] = False
+    is_waveform: ClassVar[bool] = False
     has_parts: ClassVar[bool] = False
     cut: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[tuple[str, ...]] = ()

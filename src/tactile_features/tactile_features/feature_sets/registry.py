@@ -30,6 +30,11 @@ from tactile_features.feature_sets.feature_set import FeatureSet
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.texture_spatial import TextureSpatial
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
+from tactile_features.feature_sets.waveforms import (
+    GlideWaveform,
+    HoldWaveform,
+    SpatialWaveform,
+)
 from tactile_features.records import (
     PHASE_GLIDE,
     PHASE_HOLD,
@@ -44,6 +49,9 @@ BUILT_IN: tuple[type[FeatureSet], ...] = (
     TextureSpectrum,
     TextureSpatial,
     StiffnessRegression,
+    GlideWaveform,
+    SpatialWaveform,
+    HoldWaveform,
 )
 
 PHASE_OF_TASK: Mapping[str, str] = MappingProxyType(

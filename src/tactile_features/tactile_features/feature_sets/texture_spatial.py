@@ -121,6 +121,13 @@ class SpatialWindow:
             )
         return math.ceil(self.length_m / step_m - 1e-9) + 1
 
+    @property
+    def grid_m(self) -> NDArray[np.float64]:
+        """Where the smoothed signal is evaluated [m]."""
+        step_m = self.finest_m / GRID_PER_SCALE
+        grid_m: NDArray[np.float64] = np.arange(0.0, self.length_m * (1 + 1e-9), step_m)
+        return grid_m
+
     def names(self) -> tuple[str, ...]:
         """Return the names of the features in their order."""
         levels = [f'q_{level:.3f}' for level in np.linspace(0.0, 1.0, QUANTILES)]
@@ -150,22 +157,20 @@ class TextureSpatial(FeatureSet):
 
     def __init__(self, config: FeatureConfig) -> None:
         super().__init__(config)
-        self._stretch = SpatialWindow(config.spatial_length_m, config.spatial_finest_m)
+        self.stretch = SpatialWindow(config.spatial_length_m, config.spatial_finest_m)
 
     def window(self, rate_hz: float, speed_m_s: float) -> WindowSpec:
-        count = self._stretch.sample_count(speed_m_s, rate_hz)
+        count = self.stretch.sample_count(speed_m_s, rate_hz)
         return dataclasses.replace(
             glide_window(self.config, count, rate_hz),
             crop_start_s=self.config.spatial_crop_m / speed_m_s,
         )
 
     def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
-        return tuple(Feature(name, 'N') for name in self._stretch.names())
+        return tuple(Feature(name, 'N') for name in self.stretch.names())
 
     def compute(self, samples: WindowSamples) -> NDArray[np.float64]:
-        return compute_spatial(
-            samples.tension_n, samples.speed_m_s, samples.rate_hz, self._stretch
-        )
+        return compute_spatial(samples.tension_n, samples.speed_m_s, samples.rate_hz, self.stretch)
 
 
 def compute_spatial(
@@ -210,6 +215,42 @@ def compute_spatial(
         When the speed does not fit the window, the number of samples is another one, or a value
         is not finite.
     """
+    tension, maps = _prepare(tension_n, speed_m_s, rate_hz, window)
+    rows = np.ascontiguousarray(tension.reshape(-1, tension.shape[-1]))
+    out = np.array([_compute_one(row, window, maps) for row in rows])
+    if not np.isfinite(out).all():
+        raise FeatureError('the tension is too large for its features to be represented')
+    return out.reshape(*tension.shape[:-1], -1)
+
+
+def smooth_over_distance(
+    tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
+) -> NDArray[np.float64]:
+    """Return the tension over the surface, smoothed over the finest scale (Gaussian).
+
+    Parameters are those of `compute_spatial`.
+
+    Returns
+    -------
+    ndarray of shape (..., k)
+        Tension at the places ``grid_m`` of the window [N].
+
+    Raises
+    ------
+    FeatureError
+        As `compute_spatial`.
+    """
+    tension, maps = _prepare(tension_n, speed_m_s, rate_hz, window)
+    rows = np.ascontiguousarray(tension.reshape(-1, tension.shape[-1]))
+    out = np.array([row[0] + _smooth(row - row[0], maps) for row in rows])
+    if not np.isfinite(out).all():
+        raise FeatureError('the tension is too large for its features to be represented')
+    return out.reshape(*tension.shape[:-1], -1)
+
+
+def _prepare(
+    tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
+) -> tuple[NDArray[np.float64], _Maps]:
     tension = np.asarray(tension_n, dtype=np.float64)
     count = window.sample_count(speed_m_s, rate_hz)
     if tension.ndim == 0 or tension.shape[-1] != count:
@@ -219,12 +260,7 @@ def compute_spatial(
         )
     if not np.isfinite(tension).all():
         raise FeatureError('the tension holds values that are not finite')
-    maps = _maps(window, speed_m_s / rate_hz, count)
-    rows = np.ascontiguousarray(tension.reshape(-1, count))
-    out = np.array([_compute_one(row, window, maps) for row in rows])
-    if not np.isfinite(out).all():
-        raise FeatureError('the tension is too large for its features to be represented')
-    return out.reshape(*tension.shape[:-1], -1)
+    return tension, _maps(window, speed_m_s / rate_hz, count)
 
 
 class _Maps(NamedTuple):
@@ -255,7 +291,7 @@ def _maps(window: SpatialWindow, step_m: float, count: int) -> _Maps:
     cosine, sine = weight * np.cos(phase), weight * np.sin(phase)
     cosine -= cosine.sum(axis=1, keepdims=True) * level
     sine -= sine.sum(axis=1, keepdims=True) * level
-    grid_m = np.arange(0.0, window.length_m * (1 + 1e-9), window.finest_m / GRID_PER_SCALE)
+    grid_m = window.grid_m
     reach_m = KERNEL_REACH * window.finest_m
     width = min(count, math.ceil(2.0 * reach_m / step_m) + 1)
     first = np.minimum(np.searchsorted(at_m, grid_m - reach_m), count - width)
@@ -273,8 +309,7 @@ def _compute_one(
         change = tension_n - tension_n[0]
         change -= change.mean()
         amplitude = np.hypot(maps.cosine @ change, maps.sine @ change)
-        near = sliding_window_view(change, maps.weights.shape[1])[maps.first]
-        value = (maps.weights * near).sum(axis=1)
+        value = _smooth(change, maps)
         value -= value.mean()
         parts = [value]
         lags = [GRID_PER_SCALE * scale for scale in window.scales]
@@ -282,6 +317,12 @@ def _compute_one(
         parts += [value[2 * lag :] - 2.0 * value[lag:-lag] + value[: -2 * lag] for lag in lags]
         quantiles = [_quantiles(part) for part in parts]
     return np.concatenate([amplitude, *quantiles])
+
+
+def _smooth(change: NDArray[np.float64], maps: _Maps) -> NDArray[np.float64]:
+    near = sliding_window_view(change, maps.weights.shape[1])[maps.first]
+    smoothed: NDArray[np.float64] = (maps.weights * near).sum(axis=1)
+    return smoothed
 
 
 def _quantiles(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,142 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Waveforms: the tension itself, with its level, for classifiers that look at its shape."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import (
+    Feature,
+    FeatureSet,
+    FloatArray,
+    RATE_TOLERANCE,
+    WindowSamples,
+    WindowSpec,
+)
+from tactile_features.feature_sets.texture_spatial import smooth_over_distance, TextureSpatial
+from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
+
+HOLD_PARTS = 100
+"""Most values of a hold: relaxation is slow, and means of many samples hold less noise."""
+
+
+class GlideWaveform(FeatureSet):
+    """The samples of a glide over a fixed time."""
+
+    name = 'glide_waveform'
+    version = 1
+    phase = PHASE_GLIDE
+    is_waveform = True
+    cut = ('texture_crop_start_s', 'max_gap_samples')
+    count_field = 'texture_samples'
+
+    def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        return tuple(
+            Feature(f'tension__waveform__s_{i / rate_hz:.4f}', 'N') for i in range(sample_count)
+        )
+
+    def compute(self, samples: WindowSamples) -> FloatArray:
+        return _check_finite(samples.tension_n).copy()
+
+
+class SpatialWaveform(TextureSpatial):
+    """The tension over a stretch of surface, smoothed over the finest scale."""
+
+    name = 'spatial_waveform'
+    version = 1
+    is_waveform = True
+
+    def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        return tuple(
+            Feature(f'tension__waveform__mm_{1e3 * at_m:.4f}', 'N') for at_m in self.stretch.grid_m
+        )
+
+    def compute(self, samples: WindowSamples) -> FloatArray:
+        return smooth_over_distance(
+            samples.tension_n, samples.speed_m_s, samples.rate_hz, self.stretch
+        )
+
+
+class HoldWaveform(FeatureSet):
+    """The tension of a hold, as means of up to 100 equal parts of a fixed time."""
+
+    name = 'hold_waveform'
+    version = 1
+    phase = PHASE_HOLD
+    is_waveform = True
+    cut = ('stiffness_settle_s', 'max_gap_samples')
+    count_field = 'stiffness_samples'
+
+    def window(self, rate_hz: float, speed_m_s: float) -> WindowSpec:
+        shortest_s = (self.sample_count - 1) / rate_hz * (1 - RATE_TOLERANCE)
+        return dataclasses.replace(super().window(rate_hz, speed_m_s), shortest_s=shortest_s)
+
+    def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        parts = min(sample_count, HOLD_PARTS)
+        step_s = sample_count / (parts * rate_hz)
+        return tuple(Feature(f'tension__waveform__s_{i * step_s:.4f}', 'N') for i in range(parts))
+
+    def compute(self, samples: WindowSamples) -> FloatArray:
+        return average_parts(samples.tension_n, HOLD_PARTS)
+
+
+def average_parts(tension_n: ArrayLike, parts: int) -> FloatArray:
+    """Return the means of equal parts of windows.
+
+    A sample on the border of two parts counts in both, by its share. Windows with no more samples
+    than parts come back as they are.
+
+    Parameters
+    ----------
+    tension_n : array_like of shape (..., n)
+        Tension [N].
+    parts : int
+
+    Returns
+    -------
+    ndarray of shape (..., min(n, parts))
+        Means [N].
+
+    Raises
+    ------
+    FeatureError
+        When a value is not finite.
+    """
+    tension = _check_finite(tension_n)
+    n = tension.shape[-1]
+    if n <= parts:
+        return tension.copy()
+    first = tension[..., :1]
+    # Under a large offset the difference to the first sample is exact.
+    change = tension - first
+    edges = np.arange(parts + 1) * n / parts
+    at = np.minimum(edges.astype(np.intp), n - 1)
+    sums = np.zeros((*tension.shape[:-1], n + 1))
+    np.cumsum(change, axis=-1, out=sums[..., 1:])
+    upto = sums[..., at] + (edges - at) * change[..., at]
+    means: FloatArray = first + np.diff(upto) * (parts / n)
+    return means
+
+
+def _check_finite(tension_n: ArrayLike) -> FloatArray:
+    tension = np.asarray(tension_n, dtype=np.float64)
+    if not np.isfinite(tension).all():
+        raise FeatureError('the tension holds values that are not finite')
+    return tension
