@@ -125,8 +125,7 @@ class SpatialWindow:
     def grid_m(self) -> NDArray[np.float64]:
         """Where the smoothed signal is evaluated [m]."""
         step_m = self.finest_m / GRID_PER_SCALE
-        grid_m: NDArray[np.float64] = np.arange(0.0, self.length_m * (1 + 1e-9), step_m)
-        return grid_m
+        return np.asarray(np.arange(0.0, self.length_m * (1 + 1e-9), step_m), dtype=np.float64)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the features in their order."""
