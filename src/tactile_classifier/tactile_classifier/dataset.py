@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import dataclasses
 import hashlib
 import json
@@ -212,12 +212,15 @@ def usable_table(
         except FeatureError as error:
             raise DatasetError(f'no features from these trials: {error}') from error
         else:
-            break
-    values, spec = np.hstack([each for each, _ in found]), found[0][1]
-    if channel == ALL:
-        spec = dataclasses.replace(
-            spec,
-            names=tuple(f'{_CHANNEL}{i:03d}__{name}' for i in channels for name in spec.names),
-            units=spec.units * len(found),
-        )
-    return FeatureTable(values, trials.label, spec, trials.columns), trials
+            values, spec = found[0] if channel != ALL else _join(found)
+            return FeatureTable(values, trials.label, spec, trials.columns), trials
+
+
+def _join(
+    found: Sequence[tuple[npt.NDArray[np.float64], FeatureSpec]],
+) -> tuple[npt.NDArray[np.float64], FeatureSpec]:
+    """Return the features of several channels as those of one table."""
+    spec = found[0][1]
+    names = tuple(f'{_CHANNEL}{i:03d}__{name}' for i in range(len(found)) for name in spec.names)
+    spec = dataclasses.replace(spec, names=names, units=spec.units * len(found))
+    return np.hstack([values for values, _ in found]), spec
