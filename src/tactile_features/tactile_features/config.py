@@ -106,7 +106,7 @@ class FeatureConfig:
         'or a set of another package',
     )
     spectrum_detrend: str = parameter(
-        'mean',
+        'linear',
         'with texture_spectrum: what is subtracted before the transform, the mean or the '
         'least-squares line; mean is what the paper does',
         choices=DETRENDS,

@@ -241,7 +241,9 @@ def _shade_phases(axes: Axes, picture: TrialPicture) -> None:
 def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
     """Draw the amplitude spectrum of the window that texture features come from."""
     config = FeatureConfig()
-    amplitude_n = compute_spectrum(_texture_window(picture)[1])
+    amplitude_n = compute_spectrum(
+        _texture_window(picture)[1], config.spectrum_detrend, config.spectrum_window
+    )
     frequency_hz = np.arange(len(amplitude_n)) * config.rate_hz / config.texture_samples
     # As in `plots.plot_spectra`; a signal without any change would have nothing to draw.
     axes.semilogy(

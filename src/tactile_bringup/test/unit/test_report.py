@@ -14,6 +14,7 @@
 
 """The report: what it says must follow from the numbers, and it must stand alone."""
 
+import dataclasses
 import html.parser
 import json
 
@@ -191,7 +192,7 @@ def test_one_feature_is_evaluated_and_says_what_cannot_be_done():
     one = FeatureTable(
         holds.table.values[:, :1],
         holds.table.labels,
-        type(spec)(**{**spec.__dict__, 'names': spec.names[:1], 'units': spec.units[:1]}),
+        dataclasses.replace(spec, names=spec.names[:1], units=spec.units[:1]),
     )
     (result,) = run(RecordingSet('one', '', False, one, (), 'N'))
     assert result.selections == ()

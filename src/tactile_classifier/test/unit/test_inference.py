@@ -84,7 +84,7 @@ def test_probabilities_add_up_to_one(small_table, tmp_path, make_window, classif
         ({'specification_digest': ''}, 'do not state the specification that made them: update'),
         (
             {'specification_digest': 'ab' * 8},
-            'set on the feature node max_gap_samples 0, spectrum_detrend mean',
+            'set on the feature node max_gap_samples 0, spectrum_detrend linear',
         ),
         ({'sample_count': 90}, 'window in samples is 90; the model was trained on 180'),
         ({'values': np.zeros(90)}, 'number of features is 90; the model was trained on 91'),

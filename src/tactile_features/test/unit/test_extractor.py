@@ -94,7 +94,7 @@ def test_texture_is_the_spectrum_of_the_first_samples_after_the_crop():
     window = glide(block(0, 50))
     assert window.outcome == Outcome.OK
     assert window.reason == ''
-    assert window.values.tobytes() == compute_spectrum(TENSION_N[23:35]).tobytes()
+    assert window.values.tobytes() == compute_spectrum(TENSION_N[23:35], 'linear').tobytes()
     assert (window.window_start_ns, window.window_end_ns) == (2_300_000_000, 3_400_000_000)
     assert (window.first_sequence, window.sample_count, window.interpolated_count) == (23, 12, 0)
     assert (window.feature_set, window.feature_set_version) == ('texture_spectrum', 2)
@@ -203,7 +203,7 @@ def test_a_short_loss_is_interpolated_when_allowed_and_stated():
     tension[7:9] = tension[6] + (tension[9] - tension[6]) * (np.array([1, 2]) / 3)
     assert window.outcome == Outcome.OK
     assert (window.sample_count, window.interpolated_count) == (12, 2)
-    assert window.values.tobytes() == compute_spectrum(tension).tobytes()
+    assert window.values.tobytes() == compute_spectrum(tension, 'linear').tobytes()
     assert (window.window_start_ns, window.window_end_ns) == (2_300_000_000, 3_400_000_000)
     window = hold(block(0, 22), block(24, 30), config=config)
     assert (window.first_sequence, window.sample_count, window.interpolated_count) == (22, 18, 2)

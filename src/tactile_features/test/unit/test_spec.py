@@ -88,7 +88,11 @@ def test_a_damaged_specification_is_refused(change, message):
         ({'version': 99}, 'version'),
         ({'rate_hz': 120.0}, 'rate'),
         ({'sample_count': 360}, 'window in samples'),
-        ({'parameters': {'texture_crop_start_s': 0.5}}, r'window \(texture_crop_start_s\)'),
+        (
+            {'parameters': {'texture_crop_start_s': 0.5, 'spectrum_detrend': 'linear'}},
+            r'window \(texture_crop_start_s\)',
+        ),
+        ({'parameters': {}}, r'window \(spectrum_detrend\)'),
         ({'names': ('a',) * 91}, 'names'),
         ({'units': ('mN',) * 91}, 'units'),
     ],
@@ -105,7 +109,8 @@ def test_a_mismatch_names_what_differs(change, what):
 def test_ready_cut_windows_fit_whatever_they_were_cut_from():
     for task, sample_count in (('texture', 180), ('stiffness', 240)):
         spec = array_spec(task, sample_count, 60.0)
-        assert spec.parameters == {}
+        options = {'spectrum_detrend': 'linear'} if task == 'texture' else {}
+        assert spec.parameters == options
         assert spec.mismatch(spec_for(task, CONFIG)) == ''
         assert spec_for(task, CONFIG).mismatch(spec) == ''
     assert 'window' in array_spec('texture', 181, 60.0).mismatch(spec_for('texture', CONFIG))
