@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -48,10 +47,13 @@ def find_block_fault(block: StrainBlock) -> str:
         return f'period_ns is {block.period_ns}; the last sample lies beyond the end of ROS time'
     if block.sequence + count > 2**64:
         return f'sequence is {block.sequence}; its {count} samples do not fit into 64 bits'
-    finite = block.tension_n[np.isfinite(block.tension_n)]
-    beyond = finite[np.abs(finite) > LARGEST_TENSION_N]
-    if len(beyond):
-        return f'tension_n holds {beyond[0]:g}; no tension is larger than {LARGEST_TENSION_N:g} N'
+    if not np.abs(block.tension_n).max() <= LARGEST_TENSION_N:  # or one is not a number
+        finite = block.tension_n[np.isfinite(block.tension_n)]
+        beyond = finite[np.abs(finite) > LARGEST_TENSION_N]
+        if len(beyond):
+            return (
+                f'tension_n holds {beyond[0]:g}; no tension is larger than {LARGEST_TENSION_N:g} N'
+            )
     return _find_status_fault(block.status) or _find_float_fault(block)
 
 
@@ -90,8 +92,7 @@ def _find_status_fault(status: int) -> str:
 
 
 def _find_float_fault(record: object) -> str:
-    for field in dataclasses.fields(record):  # type: ignore[arg-type]
-        value = getattr(record, field.name)
+    for name, value in vars(record).items():
         if isinstance(value, float) and not math.isfinite(value):
-            return f'{field.name} is {value}; it must be finite'
+            return f'{name} is {value}; it must be finite'
     return ''

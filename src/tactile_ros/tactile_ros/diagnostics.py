@@ -65,7 +65,10 @@ class Diagnostics:
             self._stop_timer = lambda: node.destroy_timer(timer)
 
     def publish(self) -> None:
-        health = self._with_refused_messages(self._provider())
+        health = self._provider()  # asked in any case: it may count what has come since
+        if not self._publisher.get_subscription_count():
+            return
+        health = self._with_refused_messages(health)
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = [

@@ -16,8 +16,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import errno
 import os
+import select
 import termios
 import threading
 
@@ -28,6 +30,7 @@ from tendon_sensor_driver.errors import LinkError
 
 READ_TIMEOUT_S = 0.25
 _WRITE_TIMEOUT_S = 0.5
+_MOST_BYTES = 4096
 
 # What pyserial lets through when the other side of a port dies; termios.error is no OSError.
 _FAILURES = (OSError, termios.error, ValueError)
@@ -73,6 +76,8 @@ class SerialTransport:
         except _FAILURES as error:
             reason = _REMEDIES.get(getattr(error, 'errno', None) or 0, str(error))
             raise LinkError(f'cannot open serial port {port}: {reason}') from error
+        self._cancelled, self._cancel = os.pipe()
+        os.set_blocking(self._cancel, False)
 
     def read(self) -> bytes:
         """Return what has arrived, or nothing after 0.25 s without any.
@@ -82,12 +87,20 @@ class SerialTransport:
         LinkError
             When the port has gone.
         """
+        # As pyserial's read, but with one wait and one read for all that has come.
         try:
-            data: bytes = self._port.read(1)
-            if data:
-                data += self._port.read(self._port.in_waiting)
+            port = self._port.fileno()
+            ready, _, _ = select.select([port, self._cancelled], [], [], READ_TIMEOUT_S)
+            if self._cancelled in ready:
+                os.read(self._cancelled, 1)
+                return b''
+            data = os.read(port, _MOST_BYTES) if ready else b''
+        except BlockingIOError:
+            return b''
         except _FAILURES as error:
             raise LinkError(f'lost serial port {self._name}: {error}') from error
+        if ready and not data:
+            raise LinkError(f'lost serial port {self._name}: it is ready to read and gives nothing')
         return data
 
     def write(self, data: bytes) -> None:
@@ -106,15 +119,18 @@ class SerialTransport:
 
     def cancel(self) -> None:
         """Make a `read` that waits in another thread return. Harmless on a closed port."""
-        # pyserial writes a byte to a pipe here; while the port is being closed, that
-        # pipe's number may already belong to another file.
-        with self._lock:
-            self._port.cancel_read()
+        with self._lock:  # the pipe's number may belong to another file after close
+            if self._port.is_open:
+                with suppress(BlockingIOError):  # a full pipe ends the wait, too
+                    os.write(self._cancel, b'x')
 
     def close(self) -> None:
         """Close the port. Not while another thread reads: `cancel` first."""
         with self._lock:
-            self._port.close()
+            if self._port.is_open:
+                self._port.close()
+                os.close(self._cancelled)
+                os.close(self._cancel)
 
 
 def find_serial_number(port: str) -> str:
