@@ -24,6 +24,7 @@ from pathlib import Path
 import tempfile
 
 from domain_coordinator import domain_id
+from hand_commands import COMMANDS, measure_commands
 from hand_processes import A_NODE, Case, collect, EXECUTORS, publish, STARTUP_S, Work, work
 from measuring import Report, Row
 import numpy as np
@@ -44,7 +45,12 @@ CASES = (
     Case('7 kHz, 117 a block', rate_hz=7000, block=117, blocks_a_window=6),
 )
 
-LAYOUTS = {'one process': (FINGERS,), 'a process each': tuple((name,) for name in FINGERS)}
+WITHIN = 'one process with the sources'
+LAYOUTS = {
+    WITHIN: (FINGERS,),
+    'one process': (FINGERS,),
+    'a process each': tuple((name,) for name in FINGERS),
+}
 
 processes = multiprocessing.get_context('spawn')
 
@@ -67,16 +73,41 @@ def run_hand(quick: bool) -> Report:
         _measure(case, layout, executor, 3.0 if quick else 8.0)
         for case in CASES
         for layout in LAYOUTS
-        for executor in EXECUTORS
+        for executor in ((A_NODE,) if layout == WITHIN else EXECUTORS)
     ]
+    rows += _measure_commands(3.0 if quick else 20.0)
     return Report(
         'five fingers: block of samples to classification, two hops',
         'bare rclpy relays that pass on messages of the same types and sizes over the same two '
-        'hops, on the same executor and in as many processes. Publisher and sink are two more '
-        'processes. Own us: CPU time of ours above that of the bare relays, for each block',
+        'hops, on the same executor and in as many processes. The sink is one more process, and '
+        'the publisher another one unless the sources are within. Own us: CPU time of ours above '
+        'that of the bare relays, for each block',
         'windows without an answer, and samples lost',
         rows,
     )
+
+
+def _measure_commands(seconds: float) -> list[Row]:
+    """Measure the commands that run a finger and a hand, beside bare chains that do less.
+
+    The floor is a source and two relays a finger at the same rate, without serial lines.
+    """
+    rows = []
+    with domain_id() as domain, _model(CASES[0]) as model:
+        for name, cost in measure_commands(int(domain), seconds).items():
+            group = FINGERS[: COMMANDS[name][0]]
+            bare = _run(
+                Work(int(domain), 'bare', A_NODE, CASES[0], model, True), (group,), seconds
+            )
+            more = {
+                'CPU %': cost.cpu_percent,
+                'floor CPU %': 100 * bare.cpu_s / bare.seconds,
+                'RSS MB': cost.rss_mb,
+                'private MB': cost.private_mb,
+                'floor RSS MB': bare.rss_mb,
+            }
+            rows.append(Row(name, more=more))
+    return rows
 
 
 def run_endurance(quick: bool) -> Report:
@@ -110,7 +141,7 @@ def _measure(case: Case, layout: str, executor: str, seconds: float) -> Row:
     with _model(case) as model, domain_id() as domain:
         for _ in range(TURNS):
             for who, done in runs.items():
-                what = Work(int(domain), who, executor, case, model)
+                what = Work(int(domain), who, executor, case, model, layout == WITHIN)
                 done.append(_run(what, LAYOUTS[layout], seconds))
     ours, bare = (
         np.percentile(np.concatenate([r.latencies_s for r in runs[who]]), (50, 99))
@@ -143,15 +174,14 @@ def _measure(case: Case, layout: str, executor: str, seconds: float) -> Row:
 def _run(what: Work, groups: tuple[tuple[str, ...], ...], seconds: float) -> Run:
     """Start workers, publisher and sink, and wait for what they report."""
     ready, go, over = processes.Semaphore(0), processes.Event(), processes.Event()
-    reports, sunk = processes.Queue(), processes.Queue()
+    reports, sunk, sent = processes.Queue(), processes.Queue(), processes.Queue()
     started = [
-        processes.Process(target=work, args=(what, group, ready, go, over, reports))
+        processes.Process(target=work, args=(what, group, ready, go, over, reports, seconds, sent))
         for group in groups
     ]
     started.append(processes.Process(target=collect, args=(what, FINGERS, ready, over, sunk)))
     for process in started:
         process.start()
-    sent = processes.Queue()
     publisher = processes.Process(
         target=publish, args=(what, FINGERS, seconds, go, over, sent), daemon=True
     )
@@ -159,7 +189,8 @@ def _run(what: Work, groups: tuple[tuple[str, ...], ...], seconds: float) -> Run
         for _ in started:
             if not ready.acquire(timeout=STARTUP_S):
                 raise RuntimeError('a process of the benchmark did not start')
-        publisher.start()
+        if not what.within:
+            publisher.start()
         published = sent.get(timeout=seconds + 3 * STARTUP_S)
         over.set()
         worked = [reports.get(timeout=STARTUP_S) for _ in groups]
@@ -167,8 +198,9 @@ def _run(what: Work, groups: tuple[tuple[str, ...], ...], seconds: float) -> Run
     finally:
         over.set()
         for process in (*started, publisher):
-            process.join(STARTUP_S)
-            process.kill()
+            if process.pid is not None:
+                process.join(STARTUP_S)
+                process.kill()
     return Run(
         [(at_ns - published[key]) / 1e9 for key, at_ns in arrived.items() if key in published],
         len(published),

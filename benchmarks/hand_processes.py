@@ -16,12 +16,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import array
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 import threading
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -39,6 +40,7 @@ from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.config import FeatureConfig
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.data_node import DataNode
 from tactile_ros.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
@@ -96,13 +98,56 @@ class Case:
 
 @dataclass(frozen=True)
 class Work:
-    """What a process is to do: ours or the bare chain, on which executor."""
+    """What a process is to do: ours or the bare chain, on which executor.
+
+    ``within``: the sources of the samples are nodes of the same process, as a driver is.
+    """
 
     domain: int
     who: str
     executor: str
     case: Case
     model: str
+    within: bool = False
+
+
+class Record(NamedTuple):
+    """A block as a driver hands it on."""
+
+    stamp_ns: int
+    sequence: int
+    period_ns: int
+    tension_n: np.ndarray
+    lost_before: int = 0
+    status: int = 0
+    stamp_error_s: float = 0.0
+
+    def to_message(self) -> Any:
+        """Return the block as a driver publishes it."""
+        return StrainBlock(
+            header=Header(stamp=_to_time(self.stamp_ns)),
+            sequence=self.sequence,
+            period_ns=self.period_ns,
+            tension_n=array.array('d', self.tension_n.tobytes()),
+        )
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """No parameters."""
+
+
+class Source(DataNode):
+    """Publishes records as a driver does: to its neighbours in memory."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__('source', Nothing, **options)
+
+    def set_up(self, config: Any) -> None:
+        self.strain = self.publish_records(StrainBlock, STRAIN, Record.to_message, STREAM)
+
+    def tear_down(self) -> None:
+        self.strain.close()
 
 
 @contextmanager
@@ -144,13 +189,32 @@ def spun(nodes: Sequence[Any], executor: str, context: Context) -> Iterator[None
             node.take_down() if hasattr(node, 'take_down') else node.destroy_node()
 
 
-def work(what: Work, fingers: Sequence[str], ready: Any, go: Any, over: Any, reports: Any) -> None:
+def work(
+    what: Work,
+    fingers: Sequence[str],
+    ready: Any,
+    go: Any,
+    over: Any,
+    reports: Any,
+    seconds: float,
+    sent: Any,
+) -> None:
     """Run the nodes of some fingers until it is over; report CPU time, memory and losses."""
     make = _our_nodes if what.who == 'ours' else _bare_nodes
     with ros(what.domain) as context:
         nodes = [node for finger in fingers for node in make(what, finger, context)]
-        with spun(nodes, what.executor, context):
+        sources = {}
+        if what.within and what.who == 'ours':
+            sources = {f: Source(namespace=f, context=context) for f in fingers}
+            assert all(source.bring_up() for source in sources.values())
+        with spun([*nodes, *sources.values()], what.executor, context):
             ready.release()
+            if what.within:
+                threading.Thread(
+                    target=_publish,
+                    args=(what, fingers, seconds, go, over, sent, context, sources),
+                    daemon=True,
+                ).start()
             go.wait(2 * STARTUP_S)
             before_s = time.process_time()
             over.wait()
@@ -235,49 +299,60 @@ def publish(
     what: Work, fingers: Sequence[str], seconds: float, go: Any, over: Any, sent: Any
 ) -> None:
     """Publish windows for all fingers in real time; report when each was complete."""
+    with ros(what.domain) as context:
+        _publish(what, fingers, seconds, go, over, sent, context, {})
+
+
+def _publish(
+    what: Work,
+    fingers: Sequence[str],
+    seconds: float,
+    go: Any,
+    over: Any,
+    sent: Any,
+    context: Context,
+    sources: dict[str, Source],
+) -> None:
     case = what.case
     published: dict[tuple[str, int], int] = {}
-    with ros(what.domain) as context:
-        node = Node('source', context=context)
-        strain = {f: node.create_publisher(StrainBlock, f'{f}/{STRAIN}', STREAM) for f in fingers}
-        trials = {f: node.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in fingers}
-        wanted = [*strain.values(), *(trials.values() if what.who == 'ours' else ())]
-        deadline_s = time.monotonic() + STARTUP_S
-        while not all(p.get_subscription_count() for p in wanted):
-            if over.is_set() or time.monotonic() > deadline_s:
-                return
-            time.sleep(0.01)
-        time.sleep(DRAIN_S)  # answers must find their way, too
-        go.set()
-        block_s = case.block / case.rate_hz
-        tension_n = np.random.default_rng(6).normal(5.0, 0.1, case.block).tolist()
-        windows = round(seconds / block_s / case.blocks_a_window)
-        next_s, first_ns = time.monotonic(), time.time_ns()
-        for number in range(windows * case.blocks_a_window):
-            next_s += block_s
-            time.sleep(max(0.0, next_s - time.monotonic()))
-            window, place = divmod(number, case.blocks_a_window)
-            sequence = number * case.block
-            start_ns = first_ns + sequence * case.period_ns
-            end_ns = start_ns + (case.block - 1) * case.period_ns
-            for finger in fingers:
-                if place == 0:
-                    trials[finger].publish(_event(start_ns, window, 'glide'))
-                if place == case.blocks_a_window - 1:
-                    trials[finger].publish(_event(end_ns, window, 'done'))
-                message = StrainBlock(
-                    header=Header(stamp=_to_time(start_ns)),
-                    sequence=sequence,
-                    period_ns=case.period_ns,
-                    tension_n=tension_n,
-                )
-                if place == case.blocks_a_window - 1:
-                    published[finger, end_ns] = time.time_ns()
-                strain[finger].publish(message)
-        time.sleep(DRAIN_S)
-        sent.put(published)
-        over.wait(STARTUP_S)
-        node.destroy_node()
+    node = Node('publisher', context=context)
+    trials = {f: node.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in fingers}
+    wanted = list(trials.values()) if what.who == 'ours' else []
+    send: dict[str, Callable[[Record], None]] = {f: s.strain.publish for f, s in sources.items()}
+    for finger in fingers if not sources else ():
+        strain = node.create_publisher(StrainBlock, f'{finger}/{STRAIN}', STREAM)
+        send[finger] = lambda record, strain=strain: strain.publish(record.to_message())
+        wanted.append(strain)
+    deadline_s = time.monotonic() + STARTUP_S
+    while not all(p.get_subscription_count() for p in wanted):
+        if over.is_set() or time.monotonic() > deadline_s:
+            return
+        time.sleep(0.01)
+    time.sleep(2 * DRAIN_S)  # answers must find their way, too
+    go.set()
+    block_s = case.block / case.rate_hz
+    tension_n = np.random.default_rng(6).normal(5.0, 0.1, case.block)
+    windows = round(seconds / block_s / case.blocks_a_window)
+    next_s, first_ns = time.monotonic(), time.time_ns()
+    for number in range(windows * case.blocks_a_window):
+        next_s += block_s
+        time.sleep(max(0.0, next_s - time.monotonic()))
+        window, place = divmod(number, case.blocks_a_window)
+        sequence = number * case.block
+        start_ns = first_ns + sequence * case.period_ns
+        end_ns = start_ns + (case.block - 1) * case.period_ns
+        record = Record(start_ns, sequence, case.period_ns, tension_n)
+        for finger in fingers:
+            if place == 0:
+                trials[finger].publish(_event(start_ns, window, 'glide'))
+            if place == case.blocks_a_window - 1:
+                trials[finger].publish(_event(end_ns, window, 'done'))
+                published[finger, end_ns] = time.time_ns()
+            send[finger](record)
+    time.sleep(DRAIN_S)
+    sent.put(published)
+    over.wait(STARTUP_S)
+    node.destroy_node()
 
 
 def _event(stamp_ns: int, window: int, phase: str) -> Any:
