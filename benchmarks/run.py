@@ -47,6 +47,8 @@ TOPICS = {
     'modes': ('simulator_twin', 'run_modes'),
     'twin': ('simulator_twin', 'run_twin'),
     'twin-speed': ('simulator_twin', 'run_twin_speed'),
+    'published': ('published', 'run_published'),
+    'hard-plates': ('hard_benchmark', 'run_hard_plates'),
     'messages': ('message_path', 'run_messages'),
     'hand': ('hand', 'run_hand'),
     'endurance': ('hand', 'run_endurance'),
@@ -68,7 +70,7 @@ TOPICS = {
 
 LONG = (
     *('hand', 'endurance', 'long_recording', 'peers', 'speeds', 'simulated-speeds'),
-    *('rest', 'signals', 'twin', 'twin-speed'),
+    *('rest', 'signals', 'twin', 'twin-speed', 'published', 'hard-plates'),
 )
 """Topics of many minutes, or with peers to install, which are run when they are named."""
 
@@ -85,8 +87,8 @@ Error is measured against a reference of higher precision, or as a count of
 answers that differ. Where a bound is stated, exceeding it is a failure.
 """
 
-EPILOG = """topics (hand, endurance, long_recording, peers, speeds, rest, signals and twins only
-when named):
+EPILOG = """topics (hand, endurance, long_recording, peers, speeds, rest, signals, twins, published
+and hard-plates only when named):
   spectrum     91 amplitudes of a texture window
   regression   slope, intercept, correlation of a stiffness window
   significance rank-sum tests of all pairs of classes, all features
@@ -105,6 +107,8 @@ when named):
   modes        the finger's equations with fewer and more curvature modes
   twin         against the same scene in MuJoCo: how far apart (needs mujoco)
   twin-speed   and at which speeds
+  published    the paper's statements on as-published trials, one setting at a time
+  hard-plates  twelve plates, pitches 5 % apart: where each set of features breaks
   messages     latency from publish to the features node
   hand         five fingers, from a block to a classification, three executors
   endurance    ten minutes of five times 7 kHz in blocks: is anything lost

@@ -38,7 +38,7 @@ from tactile_bringup.report.figures_significance import (
 )
 from tactile_bringup.report.page import Page
 from tactile_bringup.report.provenance import describe_sources, find_versions, Source
-from tactile_bringup.report.published import compare_with_paper
+from tactile_bringup.report.published import compare_with_paper, tell_design
 from tactile_classifier.evaluation import Evaluation
 from tactile_classifier.feature_selection import SelectionResult
 
@@ -119,6 +119,7 @@ def build_page(
             else ''
         )
     )
+    page.paragraph(tell_design(results))
     page.table(
         f'accuracies in %: {results[0].plain.split}',
         ['the paper states', 'agrees when', 'here', ''],

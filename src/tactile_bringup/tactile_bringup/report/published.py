@@ -24,6 +24,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from tactile_bringup.report.analysis import SetResult
 from tactile_bringup.report.components import find_components
 from tactile_classifier.estimators import CLASSIFIERS, SCALINGS
@@ -38,6 +40,7 @@ EQUALLY = 0.03
 FEW = 0.10
 SIMILAR_LEVEL = 0.05
 
+_DESIGN_COLUMNS = ('session_id', 'mounting_id')
 _WITHOUT_RBF = ('knn', 'svm_linear', 'tree')
 
 AGREES = 'agrees'
@@ -93,6 +96,34 @@ def lowest_published(result: SetResult, classifier: str) -> float | None:
     if task == PROTOCOL_STIFFNESS and classifier in ('knn', 'svm_linear', 'tree'):
         return STIFFNESS_LEAST
     return None
+
+
+def tell_design(results: Sequence[SetResult]) -> str:
+    """Return how the trials were made beside how we read that the paper's were.
+
+    The paper tells of 60 trials on each plate, and neither of sessions nor of mountings.
+    """
+    told = {}
+    for result in results:
+        table = result.recordings.table
+        sessions, mountings = (table.columns.get(name) for name in _DESIGN_COLUMNS)
+        if sessions is None or mountings is None or (np.asarray(mountings) == '').any():
+            told[_name(result)] = 'sessions or mountings not stated'
+            continue
+        most = max(len(set(mountings[table.labels == label])) for label in set(table.labels))
+        count = len(set(sessions))
+        as_read = count == 1 and most == 1
+        told[_name(result)] = (
+            f'{count} session{"s" if count > 1 else ""}, each plate or object fixed '
+            f'{"once" if most == 1 else f"up to {most} times"}, '
+            f'{"as" if as_read else "not as"} in the paper'
+        )
+    same = set(told.values())
+    words = same.pop() if len(same) == 1 else '; '.join(f'{k}: {v}' for k, v in told.items())
+    return (
+        'The paper is read as one session in which each plate or object was fixed once: it tells '
+        f'of no other. These trials: {words}.'
+    )
 
 
 def compare_with_paper(results: Sequence[SetResult]) -> list[Comparison]:

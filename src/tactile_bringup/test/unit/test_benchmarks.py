@@ -17,6 +17,7 @@
 Times are not looked at: they are the machine's.
 """
 
+import importlib
 import json
 from pathlib import Path
 import subprocess
@@ -85,3 +86,14 @@ def test_every_ratio_lies_between_its_quartiles(reports):
     assert len(measured) >= 2 * len(CHEAP)
     for ratio in measured:
         assert 0 < ratio['low'] <= ratio['median'] <= ratio['high']
+
+
+@needs_benchmarks
+def test_the_hard_plates_are_fixed_by_their_description(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(RUN.parent)
+    hard = importlib.import_module('hard_benchmark')
+    hard.write_plates(tmp_path / 'plates.yaml')
+    shipped = hard.FOLDER / 'plates.yaml'
+    assert (tmp_path / 'plates.yaml').read_bytes() == shipped.read_bytes()
+    labels = [name for name in hard.Catalogue(hard.FOLDER).labels('texture') if name[0] == 'P']
+    assert len(labels) == 12

@@ -17,6 +17,7 @@
 import dataclasses
 import html.parser
 import json
+import re
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ from tactile_bringup.report.build import build_page, report_path, write_report
 from tactile_bringup.report.components import find_components
 from tactile_bringup.report.drawing import INK, render
 from tactile_bringup.report.page import Page
-from tactile_bringup.report.published import compare_with_paper
+from tactile_bringup.report.published import compare_with_paper, tell_design
 from tactile_bringup.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_comparison, summarise_set
 from tactile_classifier.dataset import FeatureTable
@@ -169,6 +170,30 @@ def test_unscaled_rbf_machine_is_told_from_the_others_and_its_cause_is_seen(easy
     assert min(accuracies.values()) < 0.6
     assert easy_holds.plain.score('svm_rbf', 'standard').mean > 0.97
     assert easy_holds.plain.score('svm_rbf', 'none').mean < 0.6
+
+
+@pytest.mark.parametrize(
+    ('mountings', 'sessions', 'words'),
+    [
+        (
+            lambda label, i: label,
+            lambda i: 'a',
+            '1 session, each plate or object fixed once, as in',
+        ),
+        (lambda label, i: f'{label}{i % 2}', lambda i: 'a', 'fixed up to 2 times, not as in'),
+        (lambda label, i: label, lambda i: f's{i % 3}', '3 sessions, .* fixed once, not as in'),
+        (lambda label, i: '', lambda i: 'a', 'mountings not stated'),
+    ],
+)
+def test_design_of_the_trials_is_told_beside_the_papers(easy_holds, mountings, sessions, words):
+    table = easy_holds.recordings.table
+    columns = {
+        'mounting_id': np.array([mountings(label, i) for i, label in enumerate(table.labels)]),
+        'session_id': np.array([sessions(i) for i in range(len(table))]),
+    }
+    changed = dataclasses.replace(table, columns=columns)
+    recordings = dataclasses.replace(easy_holds.recordings, table=changed)
+    assert re.search(words, tell_design([dataclasses.replace(easy_holds, recordings=recordings)]))
 
 
 def test_sentences_follow_the_numbers(easy_holds):
