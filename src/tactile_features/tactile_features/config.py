@@ -143,7 +143,8 @@ class FeatureConfig:
     )
     stiffness_features: str = parameter(
         SET_STIFFNESS_REGRESSION,
-        'features of a hold: stiffness_regression, the line through the tension; hold_waveform, '
+        'features of a hold: stiffness_regression, the line through the tension; '
+        'stiffness_relaxation, the line and its slope over its intercept; hold_waveform, '
         'the tension itself; or a set of another package',
     )
     stiffness_settle_s: float = parameter(

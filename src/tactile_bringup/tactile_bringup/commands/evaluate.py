@@ -16,9 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,16 @@ from tactile_classifier.dataset import FeatureTable, table_from_trials, usable_t
 from tactile_classifier.evaluation import evaluate, Evaluation
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
+from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spatial import SpatialWindow
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.records import PROTOCOL_TEXTURE, SET_TEXTURE_SPATIAL
+
+PAPER: Mapping[str, Any] = MappingProxyType(
+    {**TextureSpectrum.unstated, 'stiffness_features': StiffnessRegression.name}
+)
+"""The paper's features of its own windows, by the fields of `FeatureConfig`."""
 
 
 @dataclass(frozen=True)
@@ -187,11 +195,10 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
     sets = bag_sets(tables, request.hold_out or None)
     if request.report is None or not any(map(_is_unlike_paper, tables.values())):
         return sets
-    published = read_tables(request.recordings, dict(TextureSpectrum.unstated)).tables
+    published = read_tables(request.recordings, PAPER).tables
     return [
         replace(
-            each,
-            published=select_features(request.train_test.keep(published[key]), request.features),
+            each, published=_select_published(request.train_test.keep(published[key]), request)
         )
         if _is_unlike_paper(table)
         else each
@@ -200,11 +207,19 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
 
 
 def _is_unlike_paper(table: FeatureTable) -> bool:
-    """Return whether a spectrum is not detrended as the paper does it."""
+    """Return whether these are other features of the very windows that the paper takes."""
     spec = table.spec
     if spec.feature_set != TextureSpectrum.name:
-        return False
+        return spec.feature_set == StiffnessRelaxation.name
     return any(spec.stated[name] != value for name, value in TextureSpectrum.unstated.items())
+
+
+def _select_published(table: FeatureTable, request: EvaluateRequest) -> FeatureTable | None:
+    """Return the wanted ones of the paper's features; None: it does not have them."""
+    try:
+        return select_features(table, request.features)
+    except BringupError:
+        return None
 
 
 def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
@@ -235,10 +250,10 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
     )
     published = None
     if request.report is not None and _is_unlike_paper(table):
-        config = replace(config, **TextureSpectrum.unstated)
-        published = select_features(
-            table_from_trials(request.task, trials, channel, config=config), request.features
+        as_paper = table_from_trials(
+            request.task, trials, channel, config=replace(config, **PAPER)
         )
+        published = _select_published(as_paper, request)
     if request.features is not None:
         title.append(request.features)
     return RecordingSet(

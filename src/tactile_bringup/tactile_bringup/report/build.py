@@ -114,7 +114,7 @@ def build_page(
         'does not say whether it scaled its features.'
         + (
             ' It subtracts the mean before the Fourier transform, and so do the texture features '
-            'of this comparison; those of the other sections are detrended as they say.'
+            'of this comparison. The other sections have the features that they name.'
             if any(result.published for result in results)
             else ''
         )

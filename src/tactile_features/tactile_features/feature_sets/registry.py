@@ -28,6 +28,7 @@ from typing import Any
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
+from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spatial import TextureSpatial
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_features.feature_sets.waveforms import (
@@ -49,6 +50,7 @@ BUILT_IN: tuple[type[FeatureSet], ...] = (
     TextureSpectrum,
     TextureSpatial,
     StiffnessRegression,
+    StiffnessRelaxation,
     GlideWaveform,
     SpatialWaveform,
     HoldWaveform,

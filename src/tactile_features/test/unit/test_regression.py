@@ -20,7 +20,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_features import compute_regression, FeatureError, UndefinedFeatureError
+from tactile_features import (
+    compute_regression,
+    FeatureConfig,
+    FeatureError,
+    features_from_trials,
+    UndefinedFeatureError,
+)
 
 EPOCH_NS = 1_760_000_000_000_000_000
 N = 234
@@ -217,3 +223,33 @@ def test_the_place_in_a_large_batch_changes_no_bit(rows):
     for start, stop in ((0, 1), (rows - 1, rows), (1, rows), (3, rows // 2)):
         part = compute_regression(GRID_NS[:35], x[start:stop])
         assert part.tobytes() == whole[start:stop].tobytes()
+
+
+def relaxation(tension_n):
+    config = FeatureConfig(stiffness_features='stiffness_relaxation')
+    return features_from_trials('stiffness', tension_n, 50.0, config=config)
+
+
+@pytest.mark.parametrize('offset', [1.0, 1e6])
+def test_relaxation_adds_the_slope_over_the_intercept(offset):
+    tension = offset - 0.02 * np.arange(240) / 50.0 + np.sin(np.arange(240))
+    values, spec = relaxation(tension[None])
+    assert spec.names[-1] == 'tension__regression__relative_slope'
+    assert spec.units == ('N/s', 'N', '1', '1/s')
+    time_ns = 20_000_000 * np.arange(240)
+    slope, intercept, *_ = reference_regression(time_ns, tension)
+    assert abs(float(Fraction(values[0, 3]) / (slope / intercept) - 1)) <= 1e-12
+    assert values[0, :3].tobytes() == compute_regression(time_ns, tension).tobytes()
+
+
+def test_relaxation_does_not_know_how_hard_the_finger_was_pressed():
+    tension = 5.0 - 0.2 * np.sqrt(np.arange(240)) + 0.01 * np.sin(np.arange(240.0))
+    values, _ = relaxation(np.stack([tension, 1.7 * tension]))
+    assert values[1, 3] == pytest.approx(values[0, 3], rel=1e-13)
+    assert values[1, 0] == pytest.approx(1.7 * values[0, 0], rel=1e-13)
+
+
+def test_relaxation_without_an_intercept_is_undefined():
+    tension = np.stack([1.0 + np.arange(3.0), [0.0, 1.0, 2.0]])
+    with pytest.raises(UndefinedFeatureError, match='trial 1: the intercept is zero'):
+        relaxation(tension)

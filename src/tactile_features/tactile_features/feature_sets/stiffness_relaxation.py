@@ -1,0 +1,54 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``stiffness_relaxation``: the line through a hold, and how fast it falls for its height."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_features.errors import UndefinedFeatureError
+from tactile_features.feature_sets.feature_set import Feature, FloatArray, WindowSamples
+from tactile_features.feature_sets.stiffness_regression import (
+    REGRESSION_NAMES,
+    REGRESSION_UNITS,
+    StiffnessRegression,
+)
+
+
+class StiffnessRelaxation(StiffnessRegression):
+    """Slope, intercept and correlation of a hold, and slope over intercept [1/s].
+
+    The mounting scales slope and intercept together, as it scales the force of the press. Their
+    quotient is left. It needs a tared sensor: an offset changes it.
+    """
+
+    name = 'stiffness_relaxation'
+    version = 1
+
+    def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
+        names = (*REGRESSION_NAMES, 'tension__regression__relative_slope')
+        return tuple(map(Feature, names, (*REGRESSION_UNITS, '1/s')))
+
+    def compute(self, samples: WindowSamples) -> FloatArray:
+        line = super().compute(samples)
+        with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
+            relative = line[..., :1] / line[..., 1:2]
+        bad = np.flatnonzero(~np.isfinite(relative))
+        if len(bad):
+            raise UndefinedFeatureError(
+                'the intercept is zero, so the slope over it is undefined',
+                windows=tuple(bad.tolist()),
+            )
+        return np.concatenate([line, relative], axis=-1)
