@@ -56,6 +56,8 @@ TOPICS = {
     'pitch': ('measures', 'run_pitch'),
     'press': ('measures', 'run_press'),
     'slip': ('slip', 'run_slip'),
+    'rolling': ('rolling', 'run_rolling'),
+    'slip-limits': ('slip_limits', 'run_slip_limits'),
     'rest': ('rest', 'run_rest'),
     'signals': ('signals', 'run_signals'),
     'speeds': ('speeds', 'run_speeds'),
@@ -70,7 +72,8 @@ TOPICS = {
 
 LONG = (
     *('hand', 'endurance', 'long_recording', 'peers', 'speeds', 'simulated-speeds'),
-    *('rest', 'signals', 'twin', 'twin-speed', 'published', 'hard-plates'),
+    *('rest', 'rolling', 'signals', 'slip-limits', 'twin', 'twin-speed'),
+    *('published', 'hard-plates'),
 )
 """Topics of many minutes, or with peers to install, which are run when they are named."""
 
@@ -87,8 +90,8 @@ Error is measured against a reference of higher precision, or as a count of
 answers that differ. Where a bound is stated, exceeding it is a failure.
 """
 
-EPILOG = """topics (hand, endurance, long_recording, peers, speeds, rest, signals, twins, published
-and hard-plates only when named):
+EPILOG = """topics (hand, endurance, long_recording, peers, speeds, rest, rolling, signals,
+slip-limits, twins, published and hard-plates only when named):
   spectrum     91 amplitudes of a texture window
   regression   slope, intercept, correlation of a stiffness window
   significance rank-sum tests of all pairs of classes, all features
@@ -116,6 +119,8 @@ and hard-plates only when named):
   pitch        pitch of simulated grooves: error, and coverage of its uncertainty
   press        stiffness and relaxation of simulated objects: the same
   slip         slip detector on simulated grips: misses, latency, false alarms
+  rolling      what a rolling object does to the tension, and a bend of it as its sign
+  slip-limits  how much of a slip a matched filter sees, and the slip detector
   rest         from a killed process or a cut cable to rest, on the simulated rig
   signals      2,000 SIGINTs and SIGTERMs at random moments: hangs and exit codes
   speeds       texture at a speed never seen, on recordings (needs the archive)

@@ -201,7 +201,7 @@ def usable_table(
                 )
                 for one in channels
             ]
-        except UndefinedFeatureError as error:
+        except UndefinedFeatureError as error:  # noqa: PERF203 - once for each bad trial
             if not error.windows:
                 raise DatasetError(f'no features from these trials: {error}') from error
             reason = str(error.__cause__ or error).partition(' (window')[0]  # names them all
