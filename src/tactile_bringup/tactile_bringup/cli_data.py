@@ -170,6 +170,14 @@ def train(
         ),
     ] = None,
     detrend: DetrendOption = None,
+    recalibrate: Annotated[
+        Optional[Path],
+        typer.Option(
+            metavar='MODEL',
+            help='Train nothing: write this model for the session of the bags, which hold five '
+            'or more of its trials with known labels. Threshold and features are corrected.',
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option('--force', help='Replace model files of an earlier training.')
     ] = False,
@@ -187,8 +195,11 @@ def train(
     files of an earlier training without --force.
     """
     with refusals():
-        from tactile_bringup.commands.train import run_train, TrainRequest
+        from tactile_bringup.commands.train import run_recalibrate, run_train, TrainRequest
 
+        if recalibrate is not None:
+            run_recalibrate(recalibrate, bags, output, force=force, as_json=json_output)
+            return
         run_train(
             bags,
             TrainRequest(

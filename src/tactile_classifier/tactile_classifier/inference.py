@@ -118,6 +118,7 @@ class TactileModel:
         # What ready-cut windows or an older file do not state, `expect` says.
         self._expected = None if self.spec.missing_parameters else self.spec
         self._parts = {part.sample_count: part for part in self.manifest.parts}
+        self._offsets = _read_offsets(self.manifest)
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
         self._session = _open_session(data)
         self._check_graph()
@@ -186,6 +187,8 @@ class TactileModel:
             When the model has no answers for windows of that length.
         """
         rows = np.ascontiguousarray(values, dtype=np.float64)
+        if sample_count in self._offsets:
+            rows = rows - self._offsets[sample_count]
         feed = {SAMPLES: np.array(sample_count)} if self.running_samples else {}
         if sample_count not in self._parts:
             raise KeyError(sample_count)
@@ -303,6 +306,22 @@ class TactileModel:
                 )
             if found.answer.dtype != np.int64 or not 0 <= found.answer[0] < labels:
                 raise ModelFileError('its graph gives answers that are none of its labels')
+
+
+def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
+    """Return what a recalibrated model takes off features, by samples; empty: nothing."""
+    entry = manifest.calibration.get('recalibrated', {'offsets': []})
+    try:
+        offsets = [np.array(offset, dtype=np.float64) for offset in entry['offsets']]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ModelFileError(f'its recalibration is damaged: {error}') from error
+    shape = (len(manifest.spec.names),)
+    if any(offset.shape != shape or not np.isfinite(offset).all() for offset in offsets):
+        raise ModelFileError('its recalibration does not fit its features')
+    if offsets and len(offsets) != len(manifest.parts):
+        raise ModelFileError('its recalibration does not have one offset a part')
+    counts = [part.sample_count for part in manifest.parts]
+    return dict(zip(counts, offsets, strict=False))
 
 
 def _read_sealed(data: bytes) -> Manifest:

@@ -36,8 +36,9 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets import task_of
 from tactile_features.spec import FeatureSpec
 
-FORMAT_VERSION = 3
-"""2: parts and calibration. 3: the digest of the specification, which states its gap policy."""
+FORMAT_VERSION = 4
+"""2: parts and calibration. 3: the digest of the specification, which states its gap policy.
+4: recalibration, whose offsets older software would not take."""
 
 _DIGEST = 'specification_digest'
 
@@ -106,7 +107,9 @@ class Manifest:
     calibration : mapping
         ``split``, ``groups`` and ``trials`` of the held-out trials behind the thresholds and
         probabilities, and ``session_share``, the share of new sessions in which the thresholds
-        hold (negative: there were no sessions), or ``reason`` why there are none.
+        hold (negative: there were no sessions), or ``reason`` why there are none. With
+        sessions also ``session_statistics``, one entry a part, for `recalibrate`; and
+        ``recalibrated``, what `recalibrate` took and found.
     false_alarm_rate : float
         Share of windows of known labels that the thresholds turn away [1]; negative: no
         thresholds.
@@ -259,7 +262,7 @@ def _read_part(entry: Any) -> Part:
 
 
 def _check_types(fields: dict[str, Any], version: int) -> None:
-    types = (_TYPES, _TYPES_2, _TYPES_3)[version - 1]
+    types = (_TYPES, _TYPES_2, _TYPES_3, _TYPES_3)[version - 1]
     for name, expected in types.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')

@@ -94,7 +94,7 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
         raise ModelFileError(f'model {path} is not written: {error}') from error
     for part in trained.parts:
         _check_answers(path, model, part)
-    _replace(Path(path), data)
+    replace_file(Path(path), data)
     return model
 
 
@@ -206,7 +206,8 @@ def _convert_tree(estimator: Pipeline) -> Any:
         ) from error
 
 
-def _replace(path: Path, data: bytes) -> None:
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file at once, so that it is never half written."""
     temporary = None
     try:
         with tempfile.NamedTemporaryFile(

@@ -54,12 +54,15 @@ class NoveltyMeasure:
         The training trials in that space.
     usual : ndarray of shape (trials,)
         What the distance to each of them is divided by.
+    metric : str
+        One of `METRICS`.
     """
 
     centre: Matrix
     transform: Matrix
     references: Matrix
     usual: Matrix
+    metric: str
 
     @classmethod
     def fit(
@@ -85,7 +88,7 @@ class NoveltyMeasure:
         usual = [
             _usual_distance(references[owner == i], fold[owner == i]) for i in range(len(classes))
         ]
-        return cls(centre, transform, references, np.array(usual)[owner])
+        return cls(centre, transform, references, np.array(usual)[owner], metric)
 
     def compute(self, values: Matrix) -> Matrix:
         """Return the novelty of windows of shape (windows, k), one a window [1]."""

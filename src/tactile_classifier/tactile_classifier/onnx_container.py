@@ -69,6 +69,15 @@ def open_container(data: bytes) -> str:
     return metadata[MANIFEST_KEY]
 
 
+def replace_manifest(data: bytes, manifest: str) -> bytes:
+    """Return a sealed model with another manifest and the same graph."""
+    body = data[: -len(_encode_seal(b''))]
+    old = _encode_entry(MANIFEST_KEY, open_container(data))
+    if not body.endswith(old):
+        raise ModelFileError('its manifest is not where this software writes it')
+    return seal(body.removesuffix(old), manifest)
+
+
 def check_seal(data: bytes) -> None:
     """Raise ModelFileError when the bytes are not those that `seal` returned."""
     body = data[: -len(_encode_seal(b''))]

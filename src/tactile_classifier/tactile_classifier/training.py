@@ -35,6 +35,7 @@ from tactile_classifier.estimators import build_estimator, default_scaling, SCOR
 from tactile_classifier.evaluation import Score
 from tactile_classifier.manifest import Manifest, Part, WHOLE
 from tactile_classifier.novelty import NoveltyMeasure
+from tactile_classifier.recalibration import SessionStatistics
 from tactile_classifier.records import PROBABILITY, ROCKET
 from tactile_classifier.stopping import fit_stop_threshold
 
@@ -213,6 +214,12 @@ def _calibrate(
         'trials': len(tables[0]),
         'session_share': dealt.session_share,
     }
+    statistics = [
+        SessionStatistics.fit(table, dealt, part.novelty.metric, false_alarm_rate)
+        for table, part in zip(tables, parts, strict=True)
+    ]
+    if all(statistics):
+        stated['session_statistics'] = [each.to_dict() for each in statistics if each]
     return parts, stated, dealt.session
 
 

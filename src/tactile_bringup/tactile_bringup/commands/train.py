@@ -40,7 +40,12 @@ from tactile_classifier.dataset import FeatureTable
 from tactile_classifier.estimators import default_scaling
 from tactile_classifier.evaluation import Evaluation
 from tactile_classifier.manifest import Manifest
-from tactile_classifier.model_file import write_model
+from tactile_classifier.model_file import TactileModel, write_model
+from tactile_classifier.recalibrated_model import (
+    RECALIBRATED,
+    STATISTICS,
+    write_recalibrated,
+)
 from tactile_classifier.training import train
 from tactile_features.records import PROTOCOL_TEXTURE
 
@@ -62,7 +67,7 @@ class TrainedModel:
             'model_id': self.model_id,
             'evaluation': self.evaluation.to_dict(),
             'parts': [asdict(part) for part in self.manifest.parts],
-            'calibration': dict(self.manifest.calibration),
+            'calibration': describe_calibration(self.manifest),
             'false_alarm_rate': self.manifest.false_alarm_rate,
             'stop_error_rate': self.manifest.stop_error_rate,
         }
@@ -181,6 +186,56 @@ def train_models(found: BagTables, request: TrainRequest, output: Output) -> lis
         )
         models.append(TrainedModel(path, model.model_id, table, evaluation, trained.manifest))
     return models
+
+
+def describe_calibration(manifest: Manifest) -> dict[str, Any]:
+    """Return the manifest's entry without its long lists."""
+    found = {k: v for k, v in manifest.calibration.items() if k != STATISTICS}
+    if RECALIBRATED in found:
+        found[RECALIBRATED] = {k: v for k, v in found[RECALIBRATED].items() if k != 'offsets'}
+    return found
+
+
+def run_recalibrate(
+    source: Path, bags: Sequence[Path], folder: Path, *, force: bool, as_json: bool
+) -> None:
+    """Write a model for the session of the bags' trials, and print what it was.
+
+    Raises
+    ------
+    BringupError
+        When the bags hold no trials for the model, or a file would be replaced.
+    """
+    output = Output(as_json)
+    model = TactileModel.load(source)
+    tables = read_with_progress(bags, output, model.spec.config_values()).tables
+    fitting = [
+        table
+        for (task, contact), table in tables.items()
+        if task == model.task and len({contact, model.contact} - {''}) < 2
+    ]
+    if len(fitting) != 1:
+        raise BringupError(
+            f'the bags must hold {model.task} trials of one contact that model {model.model_id} '
+            'was trained for'
+        )
+    (table,) = fitting
+    path = model_path(folder, model.task, model.contact)
+    if path.exists() and not force:
+        raise BringupError(
+            f'{path} would be replaced: give another folder with --output, or --force'
+        )
+    make_output_folder(folder)
+    seconds = [count / model.spec.rate_hz for count in model.running_samples]
+    running = read_running_tables(table, seconds) if seconds else {}
+    found = write_recalibrated(path, source, {0: table, **running})
+    stated = describe_calibration(found.manifest)
+    before, after = (each.manifest.parts[0].novelty_threshold for each in (model, found))
+    output.say(
+        f'{path}: {model.model_id} for the session of {len(table)} known trials; unknown: above '
+        f'novelty {after:.2f}, before {before:.2f}; {found.model_id}'
+    )
+    output.result({'path': str(path), 'model_id': found.model_id, 'calibration': stated})
 
 
 def describe_answers(manifest: Manifest) -> list[str]:

@@ -23,6 +23,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 from tactile_bringup.commands.output import Output
 from tactile_bringup.commands.train import (
     describe_answers,
+    run_recalibrate,
     run_train,
     train_models,
     TrainRequest,
@@ -135,3 +136,27 @@ def test_detrending_is_for_the_spectrum_over_time(tmp_path):
 def test_text_that_is_no_seconds_is_refused(tmp_path):
     with pytest.raises(BringupError, match='--running is "1;2"'):
         TrainRequest(tmp_path, running='1;2').running_seconds()
+
+
+def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(bag, tmp_path):
+    plan = SimulationPlan('texture', 'flexion', 3, seed=6, sessions=2)
+    folder = tmp_path / 'more'
+    folder.mkdir()
+    path = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+    request = TrainRequest(
+        tmp_path / 'models',
+        cross_validation={'folds': 3, 'repetitions': 1},
+        false_alarm_rate=0.1,
+        running='1',
+    )
+    (trained,) = train_models(read_tables([path]), request, Output(as_json=True))
+    today = tmp_path / 'today'
+    run_recalibrate(trained.path, [bag], today, force=False, as_json=True)
+    (written,) = today.iterdir()
+    model = TactileModel.load(written)
+    stated = model.manifest.calibration['recalibrated']
+    assert stated['model_id'] == trained.model_id
+    assert len(stated['offsets']) == 2  # of whole and running windows
+    assert 'session_statistics' not in trained.to_dict()['calibration']
+    with pytest.raises(BringupError, match='would be replaced'):
+        run_recalibrate(trained.path, [bag], today, force=False, as_json=True)

@@ -53,7 +53,7 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'format_version': 4}, 'format version 4, this software reads up to 3: update'),
+        ({'format_version': 5}, 'format version 5, this software reads up to 4: update'),
         ({'specification_digest': 'ab' * 8}, 'not that of its feature specification'),
         ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
         ({'format_version': None}, 'states no format version'),

@@ -116,7 +116,9 @@ def test_running_window_without_features_is_not_decided(model, make_window):
 def test_manifest_states_rates_and_how_they_were_found(trained):
     manifest = Manifest.from_json(trained.manifest.to_json())
     assert manifest == trained.manifest
-    assert manifest.calibration == {
+    stated = dict(manifest.calibration)
+    assert len(stated.pop('session_statistics')) == len(manifest.parts)
+    assert stated == {
         'split': 'one session held out',
         'groups': 3,
         'trials': 240,

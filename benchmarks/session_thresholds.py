@@ -1,0 +1,156 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What thresholds do in sessions that nobody trained on: simulated, over many seeds.
+
+Usage: ./tactile run python benchmarks/session_thresholds.py [--quick] [--seeds N]
+
+SIMULATED. Each seed trains on 6 sessions of 8 trials a label and tests on 40 others of 4.
+Features are those of the feature node's defaults.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+from simulator_trials import find_window
+
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.simulation.simulated_trials import plan_trial
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_classifier.calibration import (
+    Calibration,
+    deal,
+    fit_novelty,
+    hold_out_scores,
+)
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.estimators import build_estimator, compute_raw_scores, DEFAULT_SCALING
+from tactile_classifier.novelty import compute_threshold
+from tactile_classifier.recalibration import SessionStatistics, TRIALS
+from tactile_features.extractor import features_from_trials
+from tactile_sim.descriptions.catalogue import default_catalogue
+from tactile_sim.physics.fast_trials import simulate_trials
+
+TRAIN, TEST = 6, 40
+RATE = 0.05
+Array = NDArray[np.float64]
+
+
+def main() -> None:
+    """Print a table in Markdown, row by row."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--quick', action='store_true', help='two seeds, ten test sessions')
+    parser.add_argument('--seeds', type=int, default=20)
+    arguments = parser.parse_args()
+    seeds, tests = (2, 10) if arguments.quick else (arguments.seeds, TEST)
+    sys.stdout.write(
+        '| set | threshold | false alarms, mean ± SD over seeds (range) | sessions above 5, 10, '
+        '30 % | missed | accuracy, log loss |\n|---|---|---|---|---|---|\n'
+    )
+    for protocol in ('stiffness', 'texture'):
+        for contact in ('abduction', 'flexion'):
+            found: dict[str, list[Array]] = {}
+            for seed in range(seeds):
+                table = _simulate(protocol, contact, 1000 + seed, tests)
+                for name, rows in _judge(table, seed).items():
+                    found.setdefault(name, []).append(rows)
+            for name, runs in found.items():
+                sys.stdout.write(f'| {protocol}, {contact} | {name} | {_tell(runs)} |\n')
+            sys.stdout.flush()
+
+
+def _simulate(protocol: str, contact: str, seed: int, tests: int) -> FeatureTable:
+    planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
+    catalogue = default_catalogue()
+    windows, labels, sessions = [], [], []
+    for label in catalogue.labels(protocol):
+        for session in range(TRAIN + tests):
+            count = 8 if session < TRAIN else 4
+            trials = simulate_trials(
+                protocol, label, contact, planned.timeline, count, seed,
+                session=session, catalogue=catalogue,
+            )  # fmt: skip
+            windows.append(trials.tension_n[:, find_window(protocol, planned)])
+            labels += [label] * count
+            sessions += [session] * count
+    x = np.concatenate(windows)
+    good = np.isfinite(x).all(axis=1)
+    values, spec = features_from_trials(protocol, x[good], planned.rate_hz)
+    columns = {'session_id': np.array(sessions)[good]}
+    return FeatureTable(values, np.array(labels)[good], spec, columns)
+
+
+def _judge(table: FeatureTable, seed: int) -> dict[str, Array]:
+    """Return false alarms, misses, accuracy, log loss of each test session, by the threshold."""
+    session = table.column('session_id')
+    train, test = table.take(session < TRAIN), table.take(session >= TRAIN)
+    dealt, scaling = deal(train), DEFAULT_SCALING[table.task]
+    measure, novelty, by_session = fit_novelty(train, dealt, RATE)
+    statistics = SessionStatistics.fit(train, dealt, measure.metric, RATE)
+    assert statistics is not None
+    calibration = Calibration.fit(*hold_out_scores(train, 'knn', scaling, dealt.fold))
+    estimator = build_estimator('knn', scaling).fit(train.values, train.labels)
+    classes, label = np.unique(test.labels, return_inverse=True)
+    rows: dict[str, list[list[float]]] = {}
+    generator = np.random.default_rng(seed)
+    for each in np.unique(test.column('session_id')):
+        (trials,) = np.nonzero(test.column('session_id') == each)
+        known, rest = np.split(generator.permutation(trials), [TRIALS])
+        offset, threshold = statistics.recalibrate(
+            test.values[known], label[known], measure.compute
+        )
+        for name, limit, shift in (
+            ('all trials', compute_threshold(novelty, RATE), 0.0 * offset),
+            ('sessions', by_session, 0.0 * offset),
+            (f'recalibrated, {TRIALS} trials', threshold, offset),
+        ):
+            values = test.values[rest] - shift
+            chance = calibration.compute(compute_raw_scores(estimator, values))
+            stated = np.maximum(chance[np.arange(len(rest)), label[rest]], 1e-12)
+            # Only labels that the known trials do not show can be unknown.
+            absent = np.setdiff1d(test.labels[rest], test.labels[known])
+            missed = [
+                measure.compute_without(values[test.labels[rest] == one], train.labels, one)
+                <= limit
+                for one in absent
+            ]
+            rows.setdefault(name, []).append(
+                [
+                    float((measure.compute(values) > limit).mean()),
+                    float(np.mean(np.concatenate(missed))) if missed else np.nan,
+                    float((classes[chance.argmax(axis=1)] == test.labels[rest]).mean()),
+                    float(-np.log(stated).mean()),
+                ]
+            )
+    return {name: np.array(found) for name, found in rows.items()}
+
+
+def _tell(runs: list[Array]) -> str:
+    false_alarms = 100.0 * np.array([run[:, 0].mean() for run in runs])
+    sessions = 100.0 * np.concatenate([run[:, 0] for run in runs])
+    above = ', '.join(f'{np.mean(sessions > limit) * 100:.0f}' for limit in (5, 10, 30))
+    missed, accuracy, loss = np.nanmean(np.concatenate(runs)[:, 1:], axis=0)
+    return (
+        f'{false_alarms.mean():.1f} ± {false_alarms.std():.1f} ({false_alarms.min():.1f} to '
+        f'{false_alarms.max():.1f}) | {above} | {100 * missed:.0f} | '
+        f'{100 * accuracy:.1f} %, {loss:.2f}'
+    )
+
+
+if __name__ == '__main__':
+    main()
