@@ -1,0 +1,270 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Five fingers at 1 kHz for an hour, with a fault a minute and a recording: what is lost?
+
+Five SIMULATED sensors send 1000 lines a second over ptys; ten samples make a block. Sensors,
+features, classifiers and the recorder run in one process, as `tactile hand --record` runs them.
+Each minute, in turns, a sensor is unplugged for two seconds, or a feature node is cleaned up and
+brought up again.
+
+    ./tactile run python benchmarks/soak.py --minutes 60 --plot soak.png
+
+The exit status is 1 if a sample is unaccounted for, a trial has no window, a window no answer, or
+the memory grows by 1 MB an hour or more after the first ten minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from itertools import pairwise
+import json
+import math
+import multiprocessing
+from pathlib import Path
+import sys
+import tempfile
+import time
+from typing import Any
+
+from domain_coordinator import domain_id
+from hand import _model as model_of
+from hand import CASES, FINGERS
+from hand_commands import cpu_s, memory_mb
+from hand_processes import _event as event_of
+from hand_processes import ros, TRIALS
+import numpy as np
+from rclpy.node import Node
+
+from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.recording.bag_reader import TactileBag
+from tactile_bringup.recording.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
+from tactile_bringup.wiring.graph import NodeDescription
+from tactile_features.records import STATUS_CLOCK_STEP, STATUS_RECONNECTED, STATUS_RESTARTED
+from tactile_msgs.msg import TrialEvent
+from tactile_ros.qos import EVENTS
+from tactile_sim.devices.pty_port import PtyPort
+
+CASE = CASES[1]
+BURST = CASE.block
+SENSOR = {'rate_hz': 1000.0, 'time_unit_s': 1e-6, 'samples_per_block': CASE.block}
+TRIAL_S = 5.0
+UNPLUGGED_S = 2.0
+START_S = 60.0
+SETTLED_S = 600.0
+MOST_GROWTH_MB_H = 1.0
+MARKED = STATUS_RECONNECTED | STATUS_RESTARTED | STATUS_CLOCK_STEP
+
+processes = multiprocessing.get_context('spawn')
+
+
+def run_nodes(folder: Path, model: str, domain: int, orders: Any, answers: Any) -> None:
+    """Run the hand's nodes and the recorder; take orders until told to end."""
+    descriptions = [
+        NodeDescription(*what, parameters=parameters, namespace=finger)
+        for finger in FINGERS
+        for what, parameters in (
+            (
+                ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor'),
+                SENSOR | {'port': str(folder / finger)},
+            ),
+            (
+                ('tactile_features', 'tactile_features_node', 'tactile_features'),
+                CASE.feature_parameters(),
+            ),
+            (
+                ('tactile_classifier', 'tactile_classifier_node', 'tactile_classifier'),
+                {**CASE.shared_parameters(), 'model': model, 'task': 'texture'},
+            ),
+        )
+    ]
+    recorder = {
+        'bag': str(folder / 'bag'),
+        'namespaces': FINGERS,
+        'classifiers': ('tactile_classifier',),
+        'rig': False,
+    }
+    descriptions.append(
+        NodeDescription('tactile_bringup', 'bag_recorder_node', 'bag_recorder', recorder)
+    )
+    with ros(domain) as context, running_graph(descriptions, context, quiet=True) as nodes:
+        answers.put('running')
+        for name in iter(orders.get, None):
+            node = nodes[name]
+            for step in ('deactivate', 'cleanup', 'configure', 'activate'):
+                getattr(node, f'trigger_{step}')()
+            answers.put(name)
+    answers.put('ended')
+
+
+def soak(minutes: float, folder: Path) -> dict[str, Any]:
+    """Run it; return the series over time and what the recording holds."""
+    orders, answers = processes.Queue(), processes.Queue()
+    ports = {finger: PtyPort(folder / finger) for finger in FINGERS}
+    series: list[dict[str, float]] = []
+    with model_of(CASE) as model, domain_id() as domain, ros(int(domain)) as context:
+        arguments = (folder, model, int(domain), orders, answers)
+        process = processes.Process(target=run_nodes, args=arguments)
+        process.start()
+        assert process.pid is not None
+        answers.get(timeout=START_S)
+        node = Node('operator', context=context)
+        trials = {f: node.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in FINGERS}
+        trial_count = _feed(minutes, ports, trials, orders, process.pid, series)
+        orders.put(None)
+        while answers.get(timeout=START_S) != 'ended':
+            pass
+        process.join(START_S)
+        node.destroy_node()
+    for port in ports.values():
+        port.close()
+    found = count_recording(folder / 'bag')
+    found['trials'] = trial_count
+    return {'series': series, 'found': found, 'exit code': process.exitcode}
+
+
+def _feed(
+    minutes: float,
+    ports: dict[str, PtyPort],
+    trials: dict[str, Any],
+    orders: Any,
+    pid: int,
+    series: list[dict[str, float]],
+) -> int:
+    """Send lines, trial events and faults in real time; return the number of trials."""
+    rng = np.random.default_rng(15)
+    start_s, number, trial, fault = time.monotonic(), 0, 0, 0
+    plug_at_s, unplugged = math.inf, ''
+    next_trial_s, next_fault_s, next_look_s, is_gliding = 2.0, 30.0, 0.0, False
+    while (now_s := time.monotonic() - start_s) < 60 * minutes:
+        values = 0.5 + 0.01 * rng.standard_normal((len(ports), BURST))
+        for port, row in zip(ports.values(), values, strict=True):
+            if port.is_open:
+                lines = (f'{1000 * (number + i)},{v:.5f},kg,\r\n' for i, v in enumerate(row))
+                port.write(''.join(lines).encode('ascii'))
+        number += BURST
+        if now_s > next_trial_s:
+            phase = 'done' if is_gliding else 'glide'
+            for publisher in trials.values():
+                publisher.publish(event_of(time.time_ns(), trial, phase))
+            trial += is_gliding
+            is_gliding = not is_gliding
+            next_trial_s += 0.5 if is_gliding else TRIAL_S - 0.5
+        if now_s > next_fault_s:
+            finger = FINGERS[fault // 2 % len(FINGERS)]
+            if fault % 2:
+                orders.put(f'{finger}/tactile_features')
+            else:
+                ports[finger].close()
+                unplugged, plug_at_s = finger, now_s + UNPLUGGED_S
+            fault, next_fault_s = fault + 1, next_fault_s + 60.0
+        if now_s > plug_at_s:
+            ports[unplugged].open()
+            plug_at_s = math.inf
+        if now_s > next_look_s:
+            rss_mb, private_mb = memory_mb(pid)
+            series.append(
+                {'s': now_s, 'rss_mb': rss_mb, 'private_mb': private_mb, 'cpu_s': cpu_s(pid)}
+            )
+            next_look_s += 10.0
+        time.sleep(max(0.0, start_s + number / CASE.rate_hz - time.monotonic()))
+    time.sleep(3.0)  # the last window has a time-out
+    return trial
+
+
+def count_recording(path: Path) -> dict[str, int]:
+    """Return what a recording holds, and how many of its samples nothing accounts for.
+
+    ``lost_before`` must tell a gap in the numbers, and that or the status a gap in time.
+    """
+    counts: Counter[str] = Counter()
+    windows: set[tuple[str, str]] = set()
+    answers: set[tuple[str, str]] = set()
+    ends: dict[str, tuple[int, int]] = {}
+    with TactileBag(path) as bag:
+        for message in bag.messages(STRAIN, FEATURES, CLASSIFICATION):
+            data, finger = message.decode(), message.topic.split('/')[1]
+            if message.type_name == STRAIN:
+                stamp_ns = data.header.stamp.sec * 10**9 + data.header.stamp.nanosec
+                size = len(data.tension_n)
+                sequence, end_ns = ends.get(finger, (data.sequence - data.lost_before, stamp_ns))
+                is_told = data.lost_before or data.status & MARKED
+                counts['samples'] += size
+                counts['lost and told'] += int(data.lost_before)
+                counts['unaccounted'] += abs(int(data.sequence - data.lost_before) - sequence)
+                if not is_told and stamp_ns - end_ns > data.period_ns:
+                    counts['unaccounted'] += round((stamp_ns - end_ns) / data.period_ns)
+                ends[finger] = (
+                    int(data.sequence) + size,
+                    int(stamp_ns + size * data.period_ns),
+                )
+            elif message.type_name == FEATURES:
+                counts['windows of features'] += data.outcome == 0
+                counts['windows refused with a reason'] += data.outcome != 0 and bool(data.reason)
+                windows.add((finger, data.trial_id))
+            else:
+                answers.add((finger, data.trial_id))
+    counts['windows'] = len(windows)
+    counts['windows without an answer'] = len(windows - answers)
+    return {name: int(value) for name, value in counts.items()}
+
+
+def memory_growth_mb_h(series: list[dict[str, float]]) -> float:
+    """Return the slope of private memory after ten minutes [MB/h]; NaN for a shorter run."""
+    late = [(row['s'], row['private_mb']) for row in series if row['s'] > SETTLED_S]
+    if len(late) < 6:
+        return math.nan
+    times_s, private_mb = np.array(late).T
+    return float(3600 * np.polyfit(times_s, private_mb, 1)[0])
+
+
+def draw(series: list[dict[str, float]], path: Path) -> None:
+    """Draw memory and CPU time over time."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4), layout='constrained')
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    minutes = [row['s'] / 60 for row in series]
+    upper.plot(minutes, [row['rss_mb'] for row in series], label='resident')
+    upper.plot(minutes, [row['private_mb'] for row in series], label='private')
+    upper.set(ylabel='memory [MB]', ylim=(0, None), title='Five SIMULATED fingers at 1 kHz')
+    upper.legend()
+    shares = [100 * (b['cpu_s'] - a['cpu_s']) / (b['s'] - a['s']) for a, b in pairwise(series)]
+    lower.plot(minutes[1:], shares)
+    lower.set(xlabel='time [min]', ylabel='CPU [% of a core]', ylim=(0, None))
+    figure.savefig(path, dpi=120)
+
+
+def main() -> int:
+    """Run the soak that the arguments ask for."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--minutes', type=float, default=60.0, help='duration [default: 60]')
+    parser.add_argument('--plot', type=Path, help='PNG file to draw memory and CPU time into')
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix='soak_') as scratch:
+        result = soak(arguments.minutes, Path(scratch))
+    growth_mb_h = memory_growth_mb_h(result['series'])
+    found = result['found']
+    expected = found['trials'] * len(FINGERS)
+    document = {**found, 'windows expected': expected, 'growth MB/h': growth_mb_h}
+    sys.stdout.write(json.dumps(document, indent=1) + '\n')
+    if arguments.plot:
+        draw(result['series'], arguments.plot)
+    is_bad = found['unaccounted'] or found['windows without an answer']
+    return int(bool(is_bad or growth_mb_h >= MOST_GROWTH_MB_H or result['exit code']))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
