@@ -129,7 +129,7 @@ def train(
         Path, typer.Option('--output', '-o', help='Folder to write the model files into.')
     ],
     classifier: Annotated[
-        Classifier, typer.Option(help='Which of the four goes into the model file.')
+        Classifier, typer.Option(help='Which one goes into the model file.')
     ] = Classifier.knn,
     scaling: Annotated[
         Optional[Scaling],
@@ -178,6 +178,14 @@ def train(
             'or more of its trials with known labels. Threshold and features are corrected.',
         ),
     ] = None,
+    features: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Sets of features instead of the recorded ones, as in --features '
+            'glide_waveform,hold_waveform; the classifier rocket needs these. With auto, set and '
+            'classifier are chosen inside the folds.'
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option('--force', help='Replace model files of an earlier training.')
     ] = False,
@@ -217,6 +225,7 @@ def train(
                 force=force,
                 over=over,
                 detrend=detrend.value if detrend else None,
+                features=features,
             ),
             as_json=json_output,
         )
@@ -271,7 +280,7 @@ def evaluate(
     ] = None,
     channel: Annotated[
         Optional[str],
-        typer.Option(help='Channel of the archive, or "mean" for the mean of all; default: 0.'),
+        typer.Option(help='Channel of the archive, "mean" of all, or "all"; default: 0.'),
     ] = None,
     where: Annotated[
         Optional[str],
@@ -342,7 +351,8 @@ def evaluate(
     features: Annotated[
         Optional[str],
         typer.Option(
-            help='Only these features, separated by commas, as in --features slope,correlation.'
+            help='Only these features, separated by commas, as in --features slope,correlation; '
+            'or a set of features, as in --features glide_waveform.'
         ),
     ] = None,
     report: Annotated[

@@ -194,12 +194,13 @@ def usable_table(
     trials = trials.cut_to_shortest()
     channels = range(trials.x.shape[1]) if channel == ALL else [channel]
     while True:
+        signals = [trials.signal(one) for one in channels]
         try:
             found = [
                 features_from_trials(
-                    task, trials.signal(one), trials.rate_hz, config=config, speeds_m_s=speeds_m_s
+                    task, signal, trials.rate_hz, config=config, speeds_m_s=speeds_m_s
                 )
-                for one in channels
+                for signal in signals
             ]
         except UndefinedFeatureError as error:  # noqa: PERF203 - once for each bad trial
             if not error.windows:

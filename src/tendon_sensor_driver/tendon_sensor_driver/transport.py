@@ -100,7 +100,9 @@ class SerialTransport:
         except _FAILURES as error:
             raise LinkError(f'lost serial port {self._name}: {error}') from error
         if ready and not data:
-            raise LinkError(f'lost serial port {self._name}: it is ready to read and gives nothing')
+            raise LinkError(
+                f'lost serial port {self._name}: it is ready to read and gives nothing'
+            )
         return data
 
     def write(self, data: bytes) -> None:

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_bringup.commands.features import choose_features, list_sets
 from tactile_bringup.commands.output import Output
 from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.datasets.selection import select_trials, TrainTest
@@ -40,15 +41,19 @@ from tactile_bringup.report.build import report_path, write_report
 from tactile_bringup.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_bringup.report.sentences import summarise_set
 from tactile_classifier.archive import LabelledTrials, load_archive
-from tactile_classifier.dataset import FeatureTable, table_from_trials, usable_table
+from tactile_classifier.dataset import (
+    ALL,
+    Channel,
+    FeatureTable,
+    table_from_trials,
+    usable_table,
+)
 from tactile_classifier.evaluation import evaluate, Evaluation
 from tactile_features.config import FeatureConfig
-from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
-from tactile_features.feature_sets.texture_spatial import SpatialWindow
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
-from tactile_features.records import PROTOCOL_TEXTURE, SET_TEXTURE_SPATIAL
+from tactile_features.records import PHASE_GLIDE, PROTOCOL_TEXTURE
 
 PAPER: Mapping[str, Any] = MappingProxyType(
     {**TextureSpectrum.unstated, 'stiffness_features': StiffnessRegression.name}
@@ -184,7 +189,7 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
         if getattr(request, name) not in (None, False):
             option = name.replace('_', '-')
             raise BringupError(f'--{option} is for archives; a bag says itself what a trial is')
-    chosen = choose_features(request.over, request.detrend)
+    chosen = choose_features(request.over, request.detrend, request.features)
     tables = {
         key: select_features(request.train_test.keep(table), request.features)
         for key, table in read_tables(request.recordings, chosen).tables.items()
@@ -228,7 +233,8 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
     trials = load_archive(path, folds=request.folds, skip_bad=request.skip_bad)
     channel = parse_channel(request.channel or '0')
     title = [request.task, path.name]
-    title.append('mean of all channels' if channel is None else f'channel {channel}')
+    names: dict[Channel, str] = {None: 'mean of all channels', ALL: 'all channels'}
+    title.append(names.get(channel, f'channel {channel}'))
     if request.where is not None:
         trials = trials.take(select_trials(trials.columns, request.where, 'where'))
         title.append(request.where)
@@ -240,10 +246,11 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         start_s, stop_s = parse_span(request.crop)
         trials = trials.between(start_s, stop_s)
         title.append(f'{start_s:g} to {stop_s:g} s')
-    config = FeatureConfig(**choose_features(request.over, request.detrend))
+    config = FeatureConfig(**choose_features(request.over, request.detrend, request.features))
     speeds_m_s = None
     if request.over:
         title.append(f'over {request.over} mm')
+    if request.over or config.feature_set(PHASE_GLIDE).needs_speed:
         speeds_m_s = _speeds_m_s(request, trials)
     table, trials = usable_table(
         request.task, trials, channel, config=config, speeds_m_s=speeds_m_s
@@ -263,7 +270,9 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
         table=select_features(table, request.features),
         hold_out=request.hold_out,
         unit='raw',
-        examples=array_examples(table, trials.signal(channel), trials.rate_hz),
+        examples=array_examples(
+            table, trials.signal(None if channel == ALL else channel), trials.rate_hz
+        ),
         published=published,
         skipped=trials.skipped,
         steps=trials.steps,
@@ -273,7 +282,7 @@ def _archive_set(path: Path, request: EvaluateRequest) -> RecordingSet:
 def _speeds_m_s(request: EvaluateRequest, trials: LabelledTrials) -> NDArray[np.float64]:
     """Return the sliding speed of each trial, in the unit that its column's name says."""
     if request.task != PROTOCOL_TEXTURE:
-        raise BringupError('--over is for texture; a hold goes nowhere')
+        raise BringupError('features over the surface are for texture; a hold goes nowhere')
     name = request.speed_column
     if name is None or name not in trials.columns or trials.columns[name].dtype.kind not in 'fiu':
         raise BringupError(
@@ -286,61 +295,20 @@ def _speeds_m_s(request: EvaluateRequest, trials: LabelledTrials) -> NDArray[np.
     raise BringupError(f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s')
 
 
-def choose_features(over: str | None, detrend: str | None) -> dict[str, Any]:
-    """Return the fields of `FeatureConfig` that ``--over`` and ``--detrend`` say.
+def parse_channel(text: str) -> Channel:
+    """Return the number of a channel, ``all``, or None for ``mean``.
 
     Raises
     ------
     BringupError
-        When they do not go together, or ``--over`` is no window.
-    """
-    if detrend is None:
-        return parse_over(over)
-    if over is not None:
-        raise BringupError('--detrend is for the spectrum over time: leave --over or it out')
-    return {'spectrum_detrend': detrend}
-
-
-def parse_over(text: str | None) -> dict[str, Any]:
-    """Return the fields of `FeatureConfig` that ``LENGTH:FINEST`` in millimetres says.
-
-    None says nothing.
-
-    Raises
-    ------
-    BringupError
-        When it is not of that form, or the window is too short for its finest scale.
-    """
-    if text is None:
-        return {}
-    length, _, finest = text.partition(':')
-    try:
-        window = SpatialWindow(float(length) / 1e3, float(finest) / 1e3)
-        fields: dict[str, Any] = {
-            'texture_features': SET_TEXTURE_SPATIAL,
-            'spatial_length_m': window.length_m,
-            'spatial_finest_m': window.finest_m,
-        }
-        FeatureConfig(**fields)
-    except FeatureError as error:
-        raise BringupError(f'--over: {error}') from error
-    except ValueError as error:
-        raise BringupError(f'--over: "{text}" is not LENGTH:FINEST in mm, as in 45:0.5') from error
-    return fields
-
-
-def parse_channel(text: str) -> int | None:
-    """Return the number of a channel, or None for ``mean``.
-
-    Raises
-    ------
-    BringupError
-        When it is neither.
+        When it is none of these.
     """
     if text == 'mean':
         return None
+    if text == ALL:
+        return ALL
     if not text.isdecimal():
-        raise BringupError(f'--channel is "{text}"; it must be a number from 0, or "mean"')
+        raise BringupError(f'--channel is "{text}"; it must be a number from 0, "mean" or "all"')
     return int(text)
 
 
@@ -370,7 +338,7 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
     BringupError
         When there is no such feature, or several whose names end so.
     """
-    if names is None:
+    if names is None or list_sets(names):
         return table
     short = [name.rpartition('__')[2] for name in table.spec.names]
     chosen = []

@@ -17,12 +17,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from tactile_bringup.commands.evaluate import choose_features, evaluate_with_progress
+from tactile_bringup.commands.evaluate import evaluate_with_progress
+from tactile_bringup.commands.features import (
+    AUTO,
+    choose_automatically,
+    choose_features,
+    list_sets,
+)
 from tactile_bringup.commands.output import make_output_folder, Output
 from tactile_bringup.datasets.bag_tables import BagTables, read_tables
 from tactile_bringup.datasets.running_tables import read_running_tables
@@ -37,7 +43,7 @@ from tactile_bringup.datasets.tables import (
 from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.model_folder import model_path
 from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.estimators import default_scaling
+from tactile_classifier.estimators import default_scaling, RANDOM_STATE
 from tactile_classifier.evaluation import Evaluation
 from tactile_classifier.manifest import Manifest
 from tactile_classifier.model_file import TactileModel, write_model
@@ -46,8 +52,10 @@ from tactile_classifier.recalibrated_model import (
     STATISTICS,
     write_recalibrated,
 )
+from tactile_classifier.splits import FOLDS
 from tactile_classifier.training import train
-from tactile_features.records import PROTOCOL_TEXTURE
+from tactile_features.feature_sets import list_feature_sets
+from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 
 
 @dataclass(frozen=True)
@@ -99,6 +107,7 @@ class TrainRequest:
     force: bool = False
     over: str | None = None
     detrend: str | None = None
+    features: str | None = None
 
     def running_seconds(self) -> list[float]:
         """Return ``running`` as numbers.
@@ -120,11 +129,36 @@ class TrainRequest:
 def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
     """Train on bags and print what came out."""
     output = Output(as_json)
-    chosen = choose_features(request.over, request.detrend)
-    if request.running_seconds() and request.over:  # wrong texts fail before the work
-        raise BringupError('features over distance have no running answers: leave --running out')
-    trained = train_models(read_with_progress(bags, output, chosen), request, output)
+    automatic = request.features == AUTO
+    named = None if automatic else request.features
+    chosen = choose_features(request.over, request.detrend, named)
+    if named and not list_sets(named):
+        raise BringupError(
+            f'--features is "{named}"; it must be {AUTO} or name sets of features: '
+            f'{", ".join((*list_feature_sets(PHASE_GLIDE), *list_feature_sets(PHASE_HOLD)))}'
+        )
+    if request.running_seconds() and (request.over or automatic):  # wrong texts fail first
+        raise BringupError(
+            'features over distance have no running answers, and so --features auto has none: '
+            'leave --running out'
+        )
+    if automatic:
+        trained = _train_automatically(bags, request, chosen, output)
+    else:
+        trained = train_models(read_with_progress(bags, output, chosen), request, output)
     output.result({'models': [model.to_dict() for model in trained]})
+
+
+def _train_automatically(
+    bags: Sequence[Path], request: TrainRequest, chosen: Mapping[str, Any], output: Output
+) -> list[TrainedModel]:
+    folds = request.cross_validation.get('folds', FOLDS)
+    seed = request.cross_validation.get('random_state', RANDOM_STATE)
+    models = []
+    for key, (table, candidate) in choose_automatically(bags, chosen, folds, seed, output).items():
+        wanted = replace(request, classifier=candidate.classifier, scaling=candidate.scaling)
+        models += train_models(BagTables({key: table}, ()), wanted, output)
+    return models
 
 
 def read_with_progress(

@@ -23,7 +23,8 @@ import pytest
 from typer.testing import CliRunner
 
 from tactile_bringup.cli import app
-from tactile_bringup.commands.evaluate import _read_sets, EvaluateRequest, parse_over, run_evaluate
+from tactile_bringup.commands.evaluate import _read_sets, EvaluateRequest, run_evaluate
+from tactile_bringup.commands.features import parse_over
 from tactile_bringup.datasets.bag_tables import read_tables
 from tactile_bringup.errors import BringupError
 from tactile_bringup.report.analysis import analyse

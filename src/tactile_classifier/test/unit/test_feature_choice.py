@@ -1,0 +1,78 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The choice of features inside the folds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError
+from tactile_classifier.feature_choice import choose_candidate
+from tactile_classifier.splits import stratified_split
+from tactile_features.config import FeatureConfig
+from tactile_features.spec import spec_for
+
+
+def make_table(name, separation, seed, trials=48):
+    rng = np.random.default_rng(seed)
+    config = FeatureConfig(texture_features=name)
+    spec = spec_for('texture', config)
+    labels = np.array(['a', 'b', 'c'])[np.arange(trials) % 3]
+    values = rng.normal(size=(trials, len(spec.names)))
+    values += separation * (np.arange(trials) % 3)[:, None]
+    return FeatureTable(values, labels, spec)
+
+
+def test_the_better_set_is_chosen_and_the_runner_up_is_of_another():
+    tables = {
+        'texture_spectrum': make_table('texture_spectrum', 0.05, 1),
+        'glide_waveform': make_table('glide_waveform', 3.0, 2),
+    }
+    split = stratified_split(tables['glide_waveform'], 3, 1)
+    choice = choose_candidate(tables, split)
+    assert choice.best.candidate == ('glide_waveform', 'rocket', 'none')
+    assert choice.runner_up.candidate.feature_set == 'texture_spectrum'
+    assert choice.runner_up.accuracy < choice.best.accuracy
+    assert choice.nested_accuracy == choice.best.accuracy
+    assert choice.picks == ((choice.best.candidate, 3),)
+    assert len(choice.ranking) == 9
+    assert all(score.fold_s > 0 for score in choice.ranking)
+    assert choice.to_dict()['ranking'][0]['classifier'] == 'rocket'
+
+
+def test_of_noise_the_best_looks_better_than_the_choice_inside_the_folds():
+    gaps = []
+    for seed in range(6):
+        tables = {'texture_spectrum': make_table('texture_spectrum', 0.0, seed)}
+        split = stratified_split(tables['texture_spectrum'], 3, 1, seed)
+        choice = choose_candidate(tables, split, seed)
+        gaps.append(choice.best.accuracy - choice.nested_accuracy)
+    assert min(gaps) >= 0.0
+    assert np.mean(gaps) > 0.02
+
+
+def test_one_set_alone_has_no_runner_up():
+    tables = {'texture_spectrum': make_table('texture_spectrum', 3.0, 1)}
+    choice = choose_candidate(tables, stratified_split(tables['texture_spectrum'], 3, 1))
+    assert choice.runner_up is None
+
+
+def test_tables_of_other_trials_are_refused():
+    table = make_table('texture_spectrum', 1.0, 1)
+    other = dataclasses.replace(table, labels=table.labels[::-1])
+    with pytest.raises(DatasetError, match='table of other is not of the same trials'):
+        choose_candidate({'one': table, 'other': other}, stratified_split(table, 3, 1))
