@@ -202,7 +202,7 @@ def usable_table(
                 )
                 for signal in signals
             ]
-        except UndefinedFeatureError as error:  # noqa: PERF203 - once for each bad trial
+        except UndefinedFeatureError as error:
             if not error.windows:
                 raise DatasetError(f'no features from these trials: {error}') from error
             reason = str(error.__cause__ or error).partition(' (window')[0]  # names them all
