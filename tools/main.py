@@ -20,26 +20,26 @@ import os
 import shutil
 import sys
 
-from testing import run_tests
+from testing import build_site, run_tests
 from workspace import ROOT, say, SetupError, Workspace
 
 DEFAULT_DISTRO = 'jazzy'
-OURS = ('build', 'clean', 'run', 'test')
+OURS = ('build', 'clean', 'docs', 'run', 'test')
 
 USAGE = """\
 usage: ./tactile COMMAND [ARGUMENT ...]
 
   demo            the whole chain on the simulated rig: train, run trials, record, replay
-  test [PACKAGE ...] [--nodes]
-                  the tests of all packages (or of some) and the house rules;
-                  with --nodes only the tests that touch ROS
+  test [PACKAGE ...] [--unit | --nodes] [-k EXPRESSION]
+                  the house rules and the tests of all packages, or of some packages
   run PROGRAM [ARGUMENT ...]
                   any program in the workspace's environment, as in
                   ./tactile run python -m pytest src/tactile_features/test -k spectrum
+  docs            build the documentation as a site, the API reference included
   build           set up and build, and nothing else
   clean           remove everything that this command has set up
 
-  simulate, train, evaluate, replay, rig
+  simulate, train, evaluate, robustness, trials, rig, sense, hand, replay, repair, devices, check
                   ./tactile COMMAND --help says what each does
 
   --distro kilted before or behind the command takes ROS 2 Kilted instead of Jazzy.
@@ -68,10 +68,10 @@ def main(arguments: list[str]) -> int:
             say(USAGE)
             return 0 if arguments else 2
         command, rest = arguments[0], arguments[1:]
-        if command in OURS and rest[:1] in (['-h'], ['--help']):
+        if command in OURS and command != 'test' and rest[:1] in (['-h'], ['--help']):
             say(USAGE)
             return 0
-        if command in ('build', 'clean') and rest:
+        if command in ('build', 'clean', 'docs') and rest:
             raise SetupError(f'{command} takes no arguments.')
         if command == 'clean':
             shutil.rmtree(ROOT / '.tactile', ignore_errors=True)
@@ -79,6 +79,8 @@ def main(arguments: list[str]) -> int:
         workspace.ensure()
         if command == 'build':
             return 0
+        if command == 'docs':
+            return build_site(workspace)
         if command == 'run':
             if not rest:
                 raise SetupError('run wants a program, as in: ./tactile run python')

@@ -16,9 +16,10 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass, field
+import os
 from pathlib import Path
-import shutil
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
@@ -39,29 +40,49 @@ class Outcome:
 
 
 def run_tests(workspace: Workspace, arguments: list[str]) -> int:
-    """Run rules and tests, print a summary, return the exit code.
-
-    Parameters
-    ----------
-    workspace : Workspace
-    arguments : list of str
-        Names of packages; none for all packages and the rules. With ``--nodes``, only what
-        touches ROS is run: neither the rules nor the tests of the plain cores.
-    """
-    nodes_only = '--nodes' in arguments
-    named = [argument for argument in arguments if argument != '--nodes']
+    """Run rules and tests, print a summary, return the exit code; see ``USAGE``."""
     packages = sorted(p.parent.name for p in (ROOT / 'src').glob('*/package.xml'))
-    unknown = [name for name in named if name not in packages]
+    parser = argparse.ArgumentParser(
+        'tactile test',
+        description='Run the rules of the house and the tests of all packages; of some packages '
+        'or some tests, the tests alone.',
+    )
+    parser.add_argument('packages', nargs='*', metavar='PACKAGE', help=', '.join(packages))
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument('--unit', action='store_true', help='only tests without ROS or devices')
+    kinds.add_argument('--nodes', action='store_true', help='only tests that touch ROS')
+    parser.add_argument('-k', dest='expression', metavar='EXPRESSION', help="as pytest's")
+    parser.add_argument(
+        '--workers', type=int, default=os.cpu_count(), metavar='N', help='processes'
+    )
+    options = parser.parse_args(arguments)
+    unknown = sorted(set(options.packages) - set(packages))
     if unknown:
-        print(f'tactile: no package {", ".join(unknown)}; there are {", ".join(packages)}')
-        return 2
-    outcomes = [] if named or nodes_only else check_rules(workspace)
-    if nodes_only:
-        chosen = [p for p in named or packages if (ROOT / 'src' / p / 'test' / 'node').is_dir()]
-        outcomes += test_packages(workspace, chosen, 'test/node')
-    else:
-        outcomes += test_packages(workspace, named or packages, 'test')
-    return summarise(outcomes)
+        parser.error(f'no package {", ".join(unknown)}; there are {", ".join(packages)}')
+    kind = 'unit' if options.unit else 'node' if options.nodes else ''
+    is_all = not (options.packages or options.expression or kind)
+    outcomes = check_rules(workspace) if is_all else []
+    folders = [
+        folder
+        for package in options.packages or packages
+        if (folder := ROOT / 'src' / package / 'test' / kind).is_dir()
+    ]
+    return summarise(outcomes + run_pytest(workspace, folders, options))
+
+
+def site_command(workspace: Workspace) -> list[str]:
+    """Return the command that builds the documentation; any warning makes it fail."""
+    options = ['-q', '-W', '--keep-going', '-E', '-c', 'docs', '-b', 'html']
+    return ['python', '-m', 'sphinx', *options, '.', str(workspace.site)]
+
+
+def build_site(workspace: Workspace) -> int:
+    """Build the documentation, say where it is, return the exit code."""
+    command, environment = site_command(workspace), workspace.environment()
+    code = subprocess.run(command, cwd=ROOT, env=environment).returncode
+    if not code:
+        print(f'Open {workspace.site / "docs" / "index.html"}')
+    return code
 
 
 def check_rules(workspace: Workspace) -> list[Outcome]:
@@ -79,6 +100,7 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         'import contracts': ['lint-imports', '--no-cache'],
         'copyright': ['python', 'tools/headers.py'],
         'declarations': ['python', 'tools/declarations.py'],
+        'documentation': site_command(workspace),
     }
     outcomes = []
     for name, command in rules.items():
@@ -104,71 +126,45 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
     return outcomes
 
 
-def test_packages(workspace: Workspace, packages: list[str], folder: str) -> list[Outcome]:
-    """Run `colcon test` on a folder of each package and read the results that it leaves."""
-    results = workspace.base / 'test_results'
-    shutil.rmtree(results, ignore_errors=True)
-    # colcon looks for results where it builds; those of earlier runs must not count.
-    for package in packages:
-        for old in (workspace.build_base / package).glob('*.xml'):
-            old.unlink()
-    print(f'tests of {len(packages)} packages (colcon test) ...', flush=True)
-    started = time.monotonic()
-    done = subprocess.run(
-        [
-            *(str(workspace.python), '-m', 'colcon', '--log-base', str(workspace.base / 'log')),
-            *('test', '--base-paths', str(ROOT / 'src'), '--merge-install'),
-            *('--build-base', str(workspace.build_base)),
-            *('--install-base', str(workspace.install)),
-            *('--test-result-base', str(results)),
-            *('--packages-select', *packages, '--return-code-on-test-failure'),
-            *('--pytest-args', folder),
-            *('--event-handlers', 'console_stderr-', 'summary-'),
-        ],
-        cwd=ROOT,
-        env=workspace.environment(),
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    seconds = time.monotonic() - started
-    outcomes = []
-    for package in packages:
-        if not any((ROOT / 'src' / package / 'test').rglob('test_*.py')):
-            continue
-        files = sorted((results / package).rglob('*.xml'))
-        outcomes.append(read_results(package, files))
-    if done.returncode and not any(outcome.passed for outcome in outcomes):
-        outcomes.append(
-            Outcome('colcon test', failed=1, remarks=[f'FAILED colcon test\n{done.stderr}'])
-        )
-    print(f'tests took {seconds:.0f} s', flush=True)
+def run_pytest(
+    workspace: Workspace, folders: list[Path], options: argparse.Namespace
+) -> list[Outcome]:
+    """Run the tests in some folders in several processes; return an outcome a package."""
+    results = workspace.base / 'test_results.xml'
+    results.unlink(missing_ok=True)
+    command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
+    command += ['-p', 'no:warnings', '--tb=long', '--no-summary']
+    command += [f'--junit-xml={results}', '-n', str(options.workers), '--dist=worksteal']
+    command += ['-k', options.expression] if options.expression else []
+    done = subprocess.run([*command, *map(str, folders)], cwd=ROOT, env=workspace.environment())
+    outcomes = read_results(results) if results.exists() else []
+    if done.returncode and not any(outcome.failed for outcome in outcomes):
+        outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
     return outcomes
 
 
-def read_results(package: str, files: list[Path]) -> Outcome:
-    """Sum up the JUnit files of one package."""
-    outcome = Outcome(package)
-    for path in files:
-        for suite in ElementTree.parse(path).iter('testsuite'):
-            outcome.seconds += float(suite.get('time', 0))
-            for case in suite.iter('testcase'):
-                name = f'{case.get("classname", "")}::{case.get("name", "")}'
-                fault = case.find('failure')
-                fault = case.find('error') if fault is None else fault
-                skip = case.find('skipped')
-                if fault is not None:
-                    outcome.failed += 1
-                    outcome.remarks.append(f'FAILED {name}\n{fault.text or fault.get("message")}')
-                elif skip is not None:
-                    outcome.skipped += 1
-                    reason = (skip.text or skip.get('message') or '').strip().splitlines()
-                    outcome.remarks.append(f'skipped {name}: {" ".join(reason[-1:])}')
-                else:
-                    outcome.passed += 1
-    if not (outcome.passed or outcome.failed or outcome.skipped):
-        outcome.failed = 1
-        outcome.remarks.append(f'FAILED {package}: its tests left no results')
-    return outcome
+def read_results(path: Path) -> list[Outcome]:
+    """Sum up a JUnit file by package."""
+    outcomes: dict[str, Outcome] = {}
+    for case in ElementTree.parse(path).iter('testcase'):
+        place = case.get('classname', '').removeprefix('src.')
+        package = place.partition('.')[0]
+        outcome = outcomes.setdefault(package, Outcome(package))
+        outcome.seconds += float(case.get('time', 0))
+        name = f'{place}::{case.get("name", "")}'
+        fault = case.find('failure')
+        fault = case.find('error') if fault is None else fault
+        skip = case.find('skipped')
+        if fault is not None:
+            outcome.failed += 1
+            outcome.remarks.append(f'FAILED {name}\n{fault.text or fault.get("message")}')
+        elif skip is not None:
+            outcome.skipped += 1
+            reason = (skip.get('message') or skip.text or '').strip().splitlines()
+            outcome.remarks.append(f'skipped {name}: {" ".join(reason[-1:])}')
+        else:
+            outcome.passed += 1
+    return [outcomes[package] for package in sorted(outcomes)]
 
 
 def summarise(outcomes: list[Outcome]) -> int:

@@ -65,6 +65,7 @@ class Workspace:
         self.build_base = self.base / 'build'
         self.log = self.base / 'setup.log'
         self.state_file = self.base / 'state.json'
+        self.site = self.base / 'site'
         self.command = self.install / 'lib' / 'tactile_bringup' / 'tactile'
 
     # -- what is there ---------------------------------------------------------

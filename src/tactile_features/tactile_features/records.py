@@ -92,7 +92,7 @@ class StrainBlock:
     lost_before : int
         Samples known to be lost between the previous block and this one.
     status : int
-        STATUS_ bits; they hold for every sample of the block.
+        Bits such as `STATUS_CLOCK_STEP`; they hold for every sample of the block.
     stamp_error_s : float
         Bound on the error of the stamps [s]; negative: not known.
     """

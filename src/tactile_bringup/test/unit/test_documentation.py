@@ -89,27 +89,6 @@ def test_the_promises_of_motion_name_tests_that_exist():
             assert f'def {test}(' in path.read_text(), f'{path} has no {test}'
 
 
-def anchors(page):
-    headings = re.findall(r'^#+ (.+)$', page.read_text(), re.MULTILINE)
-    return {re.sub(r'[^\w -]', '', heading.lower()).replace(' ', '-') for heading in headings}
-
-
-def test_links_lead_somewhere():
-    docs = README.with_name('docs')
-    if not docs.is_dir():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
-    broken = []
-    for page in [*README.parent.glob('*.md'), *docs.rglob('*.md')]:
-        for link in re.findall(r'\]\(([^)\s]+)\)', page.read_text()):
-            file, _, anchor = link.partition('#')
-            target = page.parent / file if file else page
-            if link.startswith(('http', 'mailto')):
-                continue
-            if not target.exists() or (anchor and anchor not in anchors(target)):
-                broken.append(f'{page.name}: {link}')
-    assert not broken
-
-
 def test_every_page_is_in_the_index():
     docs = README.with_name('docs')
     if not docs.is_dir():

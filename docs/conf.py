@@ -1,0 +1,96 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Settings of the documentation site, which `./tactile docs` builds with Sphinx.
+
+The source folder is the root of the repository, so that links between pages, README and
+CONTRIBUTING are the same on the site as in the repository.
+"""
+
+import importlib
+from pathlib import Path
+import re
+
+ROOT = Path(__file__).resolve().parent.parent
+
+project = 'Tendon Tactile'
+author = 'Tendon Tactile maintainers'
+copyright = f'2026, {author}'
+manifest = (ROOT / 'src' / 'tactile_bringup' / 'package.xml').read_text()
+release = version = re.search(r'<version>(.*?)</version>', manifest).group(1)
+
+root_doc = 'docs/index'
+include_patterns = ['*.md', 'docs/*.md', 'docs/*.rst', 'docs/decisions/*.md']
+exclude_patterns = ['.*', '**/.*', 'src', 'build', 'install', 'log']
+extensions = [
+    'myst_parser',
+    'sphinx.ext.autodoc',
+    'sphinx.ext.napoleon',
+]
+
+# Pages link to headings as GitHub names them.
+myst_heading_anchors = 4
+myst_enable_extensions = ['deflist']
+
+autodoc_default_options = {'members': True, 'show-inheritance': True}
+autodoc_member_order = 'bysource'
+autodoc_typehints = 'signature'
+autodoc_preserve_defaults = True
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+
+html_theme = 'sphinx_rtd_theme'
+html_title = f'{project} {release}'
+html_show_sourcelink = False
+html_copy_source = False
+
+
+# Packages import their parts on first use; autodoc sees only what is imported.
+for package in ('linear_guide_driver', 'tactile_classifier', 'tactile_sim'):
+    module = importlib.import_module(package)
+    for part in module.__all__:
+        setattr(module, part, getattr(module, part))
+
+
+def add_contents(app, name, source):
+    """Give the index its tables of contents, made from its own tables of links."""
+    if name != root_doc:
+        return
+    tables = re.findall(r'^\| (\S[^|]*?) \| \|\n((?:\|.*\n)+)', source[0], re.MULTILINE)
+    for caption, rows in tables:
+        pages = [
+            page.rsplit('.', 1)[0]
+            for page in re.findall(r'\]\(([^):]+)\)', rows)
+            if '#' not in page
+        ]
+        if 'architecture' in pages:
+            pages.insert(pages.index('architecture') + 1, 'decisions/*')
+        source[0] += '\n'.join(
+            [
+                '',
+                '```{toctree}',
+                ':hidden:',
+                ':glob:',
+                f':caption: {caption.capitalize()}',
+                '',
+                *pages,
+                '```',
+                '',
+            ]
+        )
+
+
+def setup(app):
+    app.connect('source-read', add_contents)
