@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
@@ -133,7 +134,7 @@ def run_pytest(
     results = workspace.base / 'test_results.xml'
     results.unlink(missing_ok=True)
     command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
-    command += ['-p', 'no:warnings', '--tb=long', '--no-summary']
+    command += ['--disable-warnings', '--tb=long', '--no-summary']
     command += [f'--junit-xml={results}', '-n', str(options.workers), '--dist=worksteal']
     command += ['-k', options.expression] if options.expression else []
     done = subprocess.run([*command, *map(str, folders)], cwd=ROOT, env=workspace.environment())
@@ -146,8 +147,9 @@ def run_pytest(
 def read_results(path: Path) -> list[Outcome]:
     """Sum up a JUnit file by package."""
     outcomes: dict[str, Outcome] = {}
+    skips: Counter[tuple[str, str]] = Counter()
     for case in ElementTree.parse(path).iter('testcase'):
-        place = case.get('classname', '').removeprefix('src.')
+        place = (case.get('classname') or case.get('name', '')).removeprefix('src.')
         package = place.partition('.')[0]
         outcome = outcomes.setdefault(package, Outcome(package))
         outcome.seconds += float(case.get('time', 0))
@@ -161,9 +163,12 @@ def read_results(path: Path) -> list[Outcome]:
         elif skip is not None:
             outcome.skipped += 1
             reason = (skip.get('message') or skip.text or '').strip().splitlines()
-            outcome.remarks.append(f'skipped {name}: {" ".join(reason[-1:])}')
+            skips[f'skipped {place}', ' '.join(reason[-1:])] += 1
         else:
             outcome.passed += 1
+    for (place, reason), count in skips.items():
+        remark = f'{place} ({count}): {reason}'
+        outcomes[place.removeprefix('skipped ').partition('.')[0]].remarks.append(remark)
     return [outcomes[package] for package in sorted(outcomes)]
 
 
