@@ -27,7 +27,7 @@ SENSORS = ('line', 'net_ft', 'digital_ft')
 UNITS = ('kg', 'g', 'N', 'lbf')
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 LOW_PASSES_HZ = (0, 5, 8, 18, 35, 73, 152, 326, 838, 1500, 2000, 2500, 3000)
-"""What a Net F/T filters with; 0 is off. `docs/sensors.md` names the source."""
+"""Cut-off frequencies of the low pass in a Net F/T [Hz]; 0 is off. The manual's list."""
 
 _MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on the one before
 
