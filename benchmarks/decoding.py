@@ -21,8 +21,8 @@ import re
 from measuring import measure_ratio, Report, Row
 import numpy as np
 
-from linear_guide_driver.grbl_protocol import encode_event, GrblDecoder, StatusReport
-from tendon_sensor_driver.line_protocol import encode_reading, LineDecoder
+from linear_guide_driver.grbl.protocol import encode_event, GrblDecoder, StatusReport
+from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 
 COUNT = 2000

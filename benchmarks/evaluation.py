@@ -26,9 +26,9 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from tactile_classifier.estimators import SCALINGS
-from tactile_classifier.neighbours import NEIGHBOURS, predict_neighbours
-from tactile_classifier.splits import stratified_split
+from tactile_classifier.datasets.splits import stratified_split
+from tactile_classifier.estimators.classifiers import SCALINGS
+from tactile_classifier.estimators.neighbours import NEIGHBOURS, predict_neighbours
 
 
 def run_neighbours(quick: bool) -> Report:

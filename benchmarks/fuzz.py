@@ -25,10 +25,10 @@ import sys
 import time
 import tracemalloc
 
-from linear_guide_driver import grbl_protocol as grbl
-from tactile_sim.devices.dynamixel_packets import encode_instruction, InstructionParser
-from tendon_sensor_driver.line_protocol import encode_reading, LineDecoder, MAX_LINE_BYTES
-from tendon_sensor_driver.net_ft_protocol import decode_records, RdtError, RECORD_BYTES
+from linear_guide_driver.grbl import protocol as grbl
+from tactile_sim.devices.dynamixel.packets import encode_instruction, InstructionParser
+from tendon_sensor_driver.ati.net_ft_protocol import decode_records, RdtError, RECORD_BYTES
+from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder, MAX_LINE_BYTES
 from tendon_sensor_driver.records import TendonSensorConfig
 
 STREAM_RECORDS = 20

@@ -25,12 +25,12 @@ import fuzz
 from fuzz import check, chunk, damage, make_streams
 import numpy as np
 
-from tendon_sensor_driver import modbus
-from tendon_sensor_driver.ati_counter import Batch, CounterRestartError
-from tendon_sensor_driver.ati_stream import CountedStream
-from tendon_sensor_driver.digital_ft_protocol import encode_record, RECORD_BYTES, StreamDecoder
+from tendon_sensor_driver.ati import modbus
+from tendon_sensor_driver.ati.counter import Batch, CounterRestartError
+from tendon_sensor_driver.ati.digital_ft_protocol import encode_record, RECORD_BYTES, StreamDecoder
+from tendon_sensor_driver.ati.net_ft_web import parse_configuration
+from tendon_sensor_driver.ati.sample_stream import CountedStream
 from tendon_sensor_driver.errors import LinkError
-from tendon_sensor_driver.net_ft_web import parse_configuration
 from tendon_sensor_driver.records import TendonSensorConfig
 
 _RATE_HZ = 7000

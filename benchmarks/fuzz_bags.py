@@ -30,16 +30,16 @@ import time
 import numpy as np
 import zstandard
 
-from tactile_bringup.errors import BagError
-from tactile_bringup.recording.bag_metadata import FILE_NAME
-from tactile_bringup.recording.bags import (
+from tactile_bags import (
     BagWriter,
     message_store,
     STRAIN,
     STRAIN_TOPIC,
     TactileBag,
 )
-from tactile_bringup.recording.mcap_format import (
+from tactile_bags.errors import BagError
+from tactile_bags.storage.bag_metadata import FILE_NAME
+from tactile_bags.storage.mcap_format import (
     CHUNK,
     CHUNK_START,
     MAGIC,

@@ -29,9 +29,9 @@ from hand_processes import A_NODE, Case, collect, EXECUTORS, publish, STARTUP_S,
 from measuring import Report, Row
 import numpy as np
 
-from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.model_file import write_model
-from tactile_classifier.training import train
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
 

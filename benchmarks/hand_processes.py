@@ -40,8 +40,8 @@ from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.config import FeatureConfig
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.data_node import DataNode
-from tactile_ros.node_group import NodeGroup
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
 STRAIN, TRIALS = 'tendon_sensor/strain', 'trial_runner/events'

@@ -25,8 +25,8 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import Pipeline
 
 from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
-from tactile_classifier.estimators import compute_raw_scores
-from tactile_classifier.neighbours import NearestNeighbours, NEIGHBOURS
+from tactile_classifier.estimators.classifiers import compute_raw_scores
+from tactile_classifier.estimators.neighbours import NearestNeighbours, NEIGHBOURS
 from tactile_features import compute_spectrum, FeatureConfig, spec_for
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from tactile_classifier.intervals import accuracy_interval
+from tactile_classifier.evaluation.intervals import accuracy_interval
 
 TRIALS = 60
 GROUPS = (2, 4, 6, 12)

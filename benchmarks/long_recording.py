@@ -28,9 +28,7 @@ from typing import Any
 from measuring import Report, Row
 import numpy as np
 
-from tactile_bringup.recording.audit import FingerAuditor
-from tactile_bringup.recording.bag_repair import repair_bag
-from tactile_bringup.recording.bags import (
+from tactile_bags import (
     BagWriter,
     EVENT,
     JOINT_STATE,
@@ -39,9 +37,11 @@ from tactile_bringup.recording.bags import (
     STRAIN,
     TactileBag,
 )
-from tactile_bringup.recording.mcap_format import StoredTopic
-from tactile_bringup.recording.mcap_writer import McapWriter
-from tactile_bringup.recording.recorded_topics import message_store
+from tactile_bags.auditing.audit import FingerAuditor
+from tactile_bags.bag_repair import repair_bag
+from tactile_bags.recorded_topics import message_store
+from tactile_bags.storage.mcap_format import StoredTopic
+from tactile_bags.storage.mcap_writer import McapWriter
 from tactile_features.records import StrainBlock
 
 START_NS = 1_600_000_000_000_000_000

@@ -27,8 +27,8 @@ from scipy.optimize import least_squares
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.errors import UndefinedFeatureError
-from tactile_features.measures_pitch import find_ripple
-from tactile_features.measures_press import (
+from tactile_features.measures.pitch import find_ripple
+from tactile_features.measures.press import (
     measure_press,
     measure_relaxation,
     Press,

@@ -24,10 +24,10 @@ from typing import Any
 from measuring import Report, Row
 import numpy as np
 
-from tactile_sim.devices.net_ft_box import NetFtBox
-from tactile_sim.devices.net_ft_device import HOST, NetFtDevice
-from tendon_sensor_driver import net_ft_links
-from tendon_sensor_driver.net_ft import NetFtClient
+from tactile_sim.devices.ati.net_ft_box import NetFtBox
+from tactile_sim.devices.ati.net_ft_device import HOST, NetFtDevice
+from tendon_sensor_driver.ati import net_ft_links
+from tendon_sensor_driver.ati.net_ft import NetFtClient
 from tendon_sensor_driver.records import TendonSensorConfig
 
 STARTUP_S = 20.0

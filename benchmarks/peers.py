@@ -47,8 +47,8 @@ from speeds import (
     SIMULATED_FINEST_M,
 )
 
-from tactile_classifier.archive import load_archive
-from tactile_classifier.estimators import build_estimator
+from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_features import (
     compute_spatial,
     compute_spectrum,

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from phase_streams import as_blocks, Disturbance, Session, simulate_session, StatedTrial
 
-from tactile_classifier.estimators import build_estimator, CLASSIFIERS, DEFAULT_SCALING
+from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, DEFAULT_SCALING
 from tactile_features import (
     FeatureConfig,
     FeatureWindow,

@@ -224,7 +224,7 @@ def _command() -> None:
     from std_msgs.msg import Empty
 
     from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
-    from tactile_ros.node_group import NodeGroup
+    from tactile_ros.programs.node_group import NodeGroup
     from tactile_ros.requests import send
 
     rclpy.init()

@@ -33,11 +33,11 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics import layout as at
 from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
+from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.motion import move_duration_s
 from tactile_sim.physics.scene import build_scene, Scene
 from tactile_sim.physics.sensing import read_tension

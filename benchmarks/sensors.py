@@ -38,13 +38,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
-from tactile_sim.devices.net_ft_box import NetFtBox
-from tactile_sim.devices.net_ft_device import HOST, NetFtDevice
-from tendon_sensor_driver.digital_ft_protocol import encode_record, RECORD_BYTES, StreamDecoder
-from tendon_sensor_driver.line_protocol import encode_reading, LineDecoder
-from tendon_sensor_driver.net_ft_protocol import decode_records, encode_records, RECORD
+from tactile_sim.devices.ati.net_ft_box import NetFtBox
+from tactile_sim.devices.ati.net_ft_device import HOST, NetFtDevice
+from tendon_sensor_driver.ati.digital_ft_protocol import encode_record, RECORD_BYTES, StreamDecoder
+from tendon_sensor_driver.ati.net_ft_protocol import decode_records, encode_records, RECORD
+from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
-from tendon_sensor_driver.stream import StrainStream
+from tendon_sensor_driver.stream.strain_stream import StrainStream
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 COUNT = 2000

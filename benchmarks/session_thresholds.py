@@ -30,19 +30,23 @@ from numpy.typing import NDArray
 from simulator_trials import find_window
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.calibration import (
+from tactile_classifier.confidence.calibration import (
     Calibration,
     deal,
     fit_novelty,
     hold_out_scores,
 )
-from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.estimators import build_estimator, compute_raw_scores, DEFAULT_SCALING
-from tactile_classifier.novelty import compute_threshold
-from tactile_classifier.recalibration import SessionStatistics, TRIALS
-from tactile_features.extractor import features_from_trials
+from tactile_classifier.confidence.novelty import compute_threshold
+from tactile_classifier.confidence.recalibration import SessionStatistics, TRIALS
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    compute_raw_scores,
+    DEFAULT_SCALING,
+)
+from tactile_features.extraction.extractor import features_from_trials
+from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.fast_trials import simulate_trials
 

@@ -43,9 +43,6 @@ from domain_coordinator import domain_id
 from measuring import Report, Row
 import numpy as np
 
-from tactile_bringup.commands.output import Output
-from tactile_bringup.commands.simulate import make_bags
-from tactile_bringup.simulation.simulated_bags import SimulationPlan
 from tactile_bringup.wiring.graph import (
     NodeDescription,
     Ports,
@@ -53,12 +50,15 @@ from tactile_bringup.wiring.graph import (
     rig_graph,
     slip_node,
 )
-from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.model_file import write_model
-from tactile_classifier.training import train
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.simulate import make_bags
+from tactile_lab.simulation.simulated_bags import SimulationPlan
 from tactile_sim.rig_process import SimulatedRig
 
 NODE_RUNS, COMMAND_RUNS = 210, 40
@@ -265,7 +265,7 @@ def _arguments(
     name: str, rig: SimulatedRig, folder: Path, number: int, model: str, bag: str
 ) -> list[str]:
     if name in COMMANDS:
-        program = Path(get_package_prefix('tactile_bringup'), 'lib', 'tactile_bringup', 'tactile')
+        program = Path(get_package_prefix('tactile_lab'), 'lib', 'tactile_lab', 'tactile')
         return [str(program), *COMMANDS[name], '--simulated']
     nodes = {node.name: node for node in _describe(rig, folder, number, model, bag)}
     node = nodes[name]
@@ -291,7 +291,7 @@ def _describe(
         *rig_graph(ports, {CLASSIFIER: model}, {}, simulated=True),
         slip_node({}, simulated=True),
         recorder_node(recording, None, (), {}, simulated=True),
-        NodeDescription('tactile_bringup', 'bag_player_node', 'bag_player', {'bag': bag}),
+        NodeDescription('tactile_bags', 'bag_player_node', 'bag_player', {'bag': bag}),
     ]
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import mannwhitneyu
 
-from tactile_classifier.significance import rank_sum_p_values
+from tactile_classifier.evaluation.significance import rank_sum_p_values
 
 Array = NDArray[np.float64]
 

@@ -36,7 +36,7 @@ from simulator_trials import (
 
 from tactile_features import compute_spectrum
 from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE
-from tactile_sim.physics.steps import BDF2, EULER, Scheme
+from tactile_sim.physics.finger.steps import BDF2, EULER, Scheme
 
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
 REFERENCE_STEPS = 160

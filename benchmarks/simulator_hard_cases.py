@@ -40,16 +40,16 @@ from simulator_trials import (
 )
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics import layout as at
-from tactile_sim.physics import numpy_solver
 from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
-from tactile_sim.physics.mechanics import compute_line
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger import numpy_solver
+from tactile_sim.physics.finger.mechanics import compute_line
+from tactile_sim.physics.finger.solver import advance_trials, TOLERANCE_NM
+from tactile_sim.physics.finger.steps import BDF2, split_inputs
 from tactile_sim.physics.scene import Scene
-from tactile_sim.physics.solver import advance_trials, TOLERANCE_NM
-from tactile_sim.physics.steps import BDF2, split_inputs
 from tactile_sim.physics.surface import build_plate_surface
 from tactile_sim.physics.timeline import Move, plan_timeline, Timeline
 from tactile_sim.physics.variation import Variation

@@ -36,8 +36,8 @@ from simulator_trials import (
 from tactile_features import compute_regression, compute_spectrum
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.fast_trials import simulate_motion, simulate_trials, STEPS_PER_SAMPLE
+from tactile_sim.physics.finger.steps import BDF2
 from tactile_sim.physics.plant import Plant
-from tactile_sim.physics.steps import BDF2
 from tactile_sim.physics.timeline import plan_timeline
 from tactile_sim.physics.variation import Variation
 from tactile_sim.rig import PalpationRig, STEP_S

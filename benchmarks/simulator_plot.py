@@ -30,7 +30,7 @@ from simulator import BOUND_PERCENT, Choice, measure_choices
 from simulator_twin import measure_our_speeds, measure_twin_speeds, Speed
 
 from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE
-from tactile_sim.physics.steps import BDF2, EULER
+from tactile_sim.physics.finger.steps import BDF2, EULER
 
 matplotlib.use('Agg')
 from matplotlib.axes import Axes

@@ -26,13 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features import FeatureConfig
+from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
+from tactile_sim.physics.finger.steps import BDF2, Scheme
 from tactile_sim.physics.scene import build_scene, Scene
-from tactile_sim.physics.steps import BDF2, Scheme
 from tactile_sim.physics.timeline import Timeline
 from tactile_sim.physics.variation import draw_variation, Variation
 

@@ -44,10 +44,10 @@ from simulator_trials import (
 )
 
 from tactile_sim.physics.fast_trials import simulate_motion, STEPS_PER_SAMPLE
+from tactile_sim.physics.finger.steps import BDF2
 from tactile_sim.physics.motion import Motion
 from tactile_sim.physics.scene import Scene
 from tactile_sim.physics.sensing import low_pass_coefficients
-from tactile_sim.physics.steps import BDF2
 from tactile_sim.physics.timeline import plan_timeline, Timeline
 from tactile_sim.physics.variation import Variation
 

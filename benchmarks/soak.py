@@ -48,9 +48,9 @@ from hand_processes import ros, TRIALS
 import numpy as np
 from rclpy.node import Node
 
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
 from tactile_bringup.nodes.graph_runner import running_graph
-from tactile_bringup.recording.bag_reader import TactileBag
-from tactile_bringup.recording.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
 from tactile_bringup.wiring.graph import NodeDescription
 from tactile_features.records import STATUS_CLOCK_STEP, STATUS_RECONNECTED, STATUS_RESTARTED
 from tactile_msgs.msg import TrialEvent
@@ -97,7 +97,7 @@ def run_nodes(folder: Path, model: str, domain: int, orders: Any, answers: Any) 
         'rig': False,
     }
     descriptions.append(
-        NodeDescription('tactile_bringup', 'bag_recorder_node', 'bag_recorder', recorder)
+        NodeDescription('tactile_bags', 'bag_recorder_node', 'bag_recorder', recorder)
     )
     with ros(domain) as context, running_graph(descriptions, context, quiet=True) as nodes:
         answers.put('running')

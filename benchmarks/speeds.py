@@ -31,16 +31,16 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.archive import load_archive
-from tactile_classifier.estimators import build_estimator, CLASSIFIERS, SCALINGS
+from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, SCALINGS
 from tactile_features import (
     compute_spectrum,
     FeatureConfig,
     features_from_trials,
     SpatialWindow,
 )
+from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_trials
 

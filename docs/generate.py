@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 
 from tactile_features import compute_regression
 import tactile_sim
-from tactile_sim.physics import layout as at
 from tactile_sim.physics.curve import compute_curve
 from tactile_sim.physics.fast_trials import simulate_motion
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.solver import choose_solver
 from tactile_sim.physics.scene import build_scene, Scene
-from tactile_sim.physics.solver import choose_solver
 from tactile_sim.physics.timeline import Move, Timeline
 from tactile_sim.physics.variation import Variation
 

@@ -22,9 +22,9 @@ from matplotlib import pyplot as plt
 import numpy as np
 
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulation.simulated_trials import plan_trial
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features import FeatureConfig, find_phases
+from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.physics.fast_trials import simulate_trials
 
 _TRIALS = (('stiffness', 'sponge', 'flexion'), ('texture', 'R1', 'abduction'))

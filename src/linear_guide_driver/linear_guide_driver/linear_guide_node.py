@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 
 from linear_guide_driver.conversions import joint_state_to_msg
 from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
-from linear_guide_driver.guide_client import LinearGuideClient
+from linear_guide_driver.grbl.guide_client import LinearGuideClient
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 from linear_guide_driver.safety.watched_topics import wait_first, WatchedTopics
 from linear_guide_driver.throttle import Throttle
@@ -37,7 +37,7 @@ from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import run_node
+from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import STREAM
 from tactile_ros.readiness import ReadinessPublisher
 

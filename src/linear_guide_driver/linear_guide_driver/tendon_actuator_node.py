@@ -26,11 +26,11 @@ from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.conversions import joint_state_to_msg
+from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import LinearGuideDriverError, MotionStoppedError
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.safety.states import Ending, Zero
 from linear_guide_driver.safety.watched_topics import wait_first, WatchedTopics
-from linear_guide_driver.tendon_client import TendonActuatorClient
 from linear_guide_driver.throttle import Throttle
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
@@ -39,7 +39,7 @@ from tactile_ros.errors import MessageError
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import run_node
+from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import STREAM
 from tactile_ros.readiness import ReadinessPublisher
 

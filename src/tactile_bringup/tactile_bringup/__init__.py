@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Trial runner, bag recording and replay, launch files and the tactile command."""
+"""Launch files, the graph of nodes, and the trial runner."""

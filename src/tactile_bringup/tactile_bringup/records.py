@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-CONTACTS = ('flexion', 'abduction')
 PROTOCOLS = ('texture', 'stiffness')
 """What the rig runs, and what there are features and classifiers for."""
 
@@ -143,67 +142,3 @@ class TrialConfig:
             'flexion': self.flexion_displacement_m,
             'abduction': self.abduction_displacement_m,
         }[contact]
-
-
-@dataclass(frozen=True)
-class RecorderConfig:
-    """What the bag recorder writes, and where."""
-
-    bag: str = _parameter(
-        '',
-        'folder of the bag to write; must not exist yet',
-    )
-    namespaces: tuple[str, ...] = _parameter(
-        ('',),
-        'namespaces of the fingers to record; empty: the root',
-    )
-    classifiers: tuple[str, ...] = _parameter(
-        (),
-        'node names of the classifiers to record',
-    )
-    facts: str = _parameter(
-        '{}',
-        'facts about the recording for its metadata, as a JSON object',
-    )
-    rig: bool = _parameter(
-        True,
-        'the rig moves the fingers; false: a hand does, and no topic of the rig is waited for',
-    )
-    match_timeout_s: float = _parameter(
-        10.0,
-        'time for every topic to get a publisher; then those without are reported as an error',
-        unit='s',
-        range=(0.0, 600.0),
-    )
-
-
-@dataclass(frozen=True)
-class PlayerConfig:
-    """What the bag player sends, and how fast."""
-
-    bag: str = _parameter(
-        '',
-        'folder of the recording to play',
-    )
-    namespace: str = _parameter(
-        '',
-        'only the finger in this namespace; empty: all that were recorded',
-    )
-    rate: float = _parameter(
-        1.0,
-        'how many times as fast as it was recorded',
-        unit='1',
-        range=(0.001, 1000.0),
-    )
-    subscriber_timeout_s: float = _parameter(
-        0.0,
-        'how long to wait until every topic of the recording has a subscriber',
-        unit='s',
-        range=(0.0, 600.0),
-    )
-    start_delay_s: float = _parameter(
-        1.0,
-        'time before the first message, for the nodes to find each other',
-        unit='s',
-        range=(0.0, 600.0),
-    )

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from linear_guide_driver.motion_track import MotionSummary
+from linear_guide_driver.grbl.motion_track import MotionSummary
 from tactile_bringup.records import TrialConfig
 
 REST_SPEED_M_S = 0.0005

@@ -22,7 +22,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tactile_bringup.records import CONTACTS, PROTOCOLS, SIMULATED_PROTOCOLS, TrialConfig
+from tactile_bringup.records import PROTOCOLS, SIMULATED_PROTOCOLS, TrialConfig
+from tactile_classifier.records import CONTACTS
 
 LONGEST_TRAVEL_M = 2.0
 """No guide is longer; where the guide stands before a trial, nobody knows."""

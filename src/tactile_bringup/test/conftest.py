@@ -12,62 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A small recording, made once a test run, and a ROS context for node tests."""
+"""A ROS context for node tests."""
 
 from domain_coordinator import domain_id
 import pytest
 
 from tactile_bringup.nodes.graph_runner import ros_context
-from tactile_bringup.recording.bags import BagWriter, RecordedTopic, TactileBag
-from tactile_bringup.records import TrialConfig
-from tactile_bringup.simulation.simulated_bags import write_simulated_bag
-from tactile_bringup.simulation.simulated_trials import SimulationPlan
-from tactile_features.config import FeatureConfig
 
 
 @pytest.fixture
 def context():
     with domain_id() as domain, ros_context(int(domain)) as context:
         yield context
-
-
-@pytest.fixture(scope='session')
-def rewrite():
-    """Return a function that copies a bag and changes it on the way."""
-
-    def rewrite(source, target, change):
-        """Copy a bag, message by message; ``change`` returns the message, or None to lose it."""
-        with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
-            for name, (type_name, _) in bag.topics.items():
-                writer.add_topic(RecordedTopic(name.strip('/'), type_name))
-            for message in bag.messages():
-                new = change(message.type_name, message.decode())
-                if new is not None:
-                    writer.write(message.topic, message.received_at_ns, new)
-        return target
-
-    return rewrite
-
-
-@pytest.fixture(scope='session')
-def stiffness_bag(tmp_path_factory):
-    """Return a bag of simulated stiffness trials: 3 on each of the 5 objects."""
-    plan = SimulationPlan('stiffness', 'flexion', 3, seed=7)
-    folder = tmp_path_factory.mktemp('bags')
-    config = TrialConfig(simulated=True)
-    return write_simulated_bag(folder, plan, config, FeatureConfig()).path
-
-
-@pytest.fixture(scope='session')
-def trained(stiffness_bag, tmp_path_factory):
-    """Return a folder with a model that was trained on the small recording."""
-    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    from tactile_bringup.datasets.bag_tables import read_tables
-    from tactile_bringup.wiring.model_folder import model_path
-    from tactile_classifier.model_file import write_model
-    from tactile_classifier.training import train
-
-    folder = tmp_path_factory.mktemp('models')
-    for (task, contact), table in read_tables([stiffness_bag]).tables.items():
-        write_model(model_path(folder, task, contact), train(table, 'knn'))
-    return folder

@@ -21,17 +21,17 @@ from typing import Any
 
 from tactile_classifier.conversions import classification_to_msg
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.inference import TactileModel
+from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.records import ClassifierConfig
 from tactile_classifier.vision import vision_class, vision_from_msg
 from tactile_features.conversions import feature_window_from_msg, feature_window_from_record
 from tactile_features.records import FeatureWindow
 from tactile_features.spec import spec_for
 from tactile_msgs.msg import Classification, TactileFeatures
-from tactile_ros.data_node import DataNode
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.bus.local_bus import RecordPublisher, RecordSubscription
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.local_bus import RecordPublisher, RecordSubscription
-from tactile_ros.node_group import run_node
+from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import RESULTS
 
 LOG_PERIOD_S = 10.0

@@ -17,9 +17,9 @@
 import numpy as np
 import pytest
 
-from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.model_file import write_model
-from tactile_classifier.training import train
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import FeatureWindow, Outcome

@@ -16,7 +16,7 @@
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.extractor import features_from_trials, TrialFeatureExtractor
+from tactile_features.extraction.extractor import features_from_trials, TrialFeatureExtractor
 from tactile_features.feature_sets.feature_set import (
     Feature,
     FeatureSet,
@@ -26,8 +26,8 @@ from tactile_features.feature_sets.feature_set import (
 from tactile_features.feature_sets.stiffness_regression import compute_regression
 from tactile_features.feature_sets.texture_spatial import compute_spatial, SpatialWindow
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
+from tactile_features.phases.signal_phases import find_phases
 from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
-from tactile_features.signal_phases import find_phases
 from tactile_features.spec import FeatureSpec, spec_for
 
 __all__ = [

@@ -28,17 +28,17 @@ from tactile_features.conversions import (
     strain_block_from_msg,
     strain_block_from_record,
 )
-from tactile_features.extractor import TrialFeatureExtractor
+from tactile_features.extraction.extractor import TrialFeatureExtractor
+from tactile_features.extraction.sample_timeout import SampleTimeout
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
 from tactile_features.records import StrainBlock as StrainRecord
-from tactile_features.sample_timeout import SampleTimeout
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.data_node import DataNode
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.bus.local_bus import RecordSubscription
+from tactile_ros.bus.worker import Periodic
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.local_bus import RecordSubscription
-from tactile_ros.node_group import run_node
+from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
-from tactile_ros.worker import Periodic
 
 WATCH_PERIOD_S = 0.25
 

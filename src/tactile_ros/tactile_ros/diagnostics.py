@@ -23,7 +23,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from tactile_ros.data_node import DataNode
+from tactile_ros.bus.data_node import DataNode
 
 PERIOD_S = 1.0
 

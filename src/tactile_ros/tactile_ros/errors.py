@@ -12,7 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Errors that conversions raise; free of ROS, so that readers of bags can import it."""
+"""Errors that several packages share; free of ROS, so that all can import them."""
+
+
+class TactileError(Exception):
+    """A command, a launch file or a bag cannot do as asked.
+
+    The message is a sentence for the user: what is wrong, with which thing, what to do.
+    """
 
 
 class MessageError(ValueError):

@@ -19,8 +19,8 @@ from __future__ import annotations
 from typing import Any
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
-from tactile_sim.devices.dynamixel_device import DynamixelDevice
-from tactile_sim.devices.grbl_device import GrblDevice
+from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
+from tactile_sim.devices.grbl.grbl_device import GrblDevice
 from tactile_sim.devices.load_cell_device import LoadCellDevice
 from tactile_sim.errors import RigError
 from tactile_sim.physics.plant import Plant

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics import layout as at
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.solver import advance_trials, TOLERANCE_NM
+from tactile_sim.physics.finger.steps import BDF2
 from tactile_sim.physics.scene import build_scene, Scene
-from tactile_sim.physics.solver import advance_trials, TOLERANCE_NM
-from tactile_sim.physics.steps import BDF2
 from tactile_sim.physics.variation import draw_variation, Variation
 
 CONTACT_GUIDE_M = 0.060

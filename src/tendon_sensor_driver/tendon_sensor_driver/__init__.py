@@ -14,10 +14,9 @@
 
 """Reads the force sensor on the tendon and publishes the tension as strain blocks."""
 
-from tendon_sensor_driver.calibration import Calibration
-from tendon_sensor_driver.client import TendonSensorClient
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
-from tendon_sensor_driver.line_protocol import encode_reading, LineDecoder
+from tendon_sensor_driver.lines.line_client import TendonSensorClient
+from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder
 from tendon_sensor_driver.records import (
     Block,
     Health,
@@ -26,8 +25,9 @@ from tendon_sensor_driver.records import (
     TendonSensorConfig,
 )
 from tendon_sensor_driver.sensors import make_sensor, SensorClient
-from tendon_sensor_driver.stream import StrainStream
-from tendon_sensor_driver.tare import Bias, Tare, TareError
+from tendon_sensor_driver.stream.calibration import Calibration
+from tendon_sensor_driver.stream.strain_stream import StrainStream
+from tendon_sensor_driver.stream.tare import Bias, Tare, TareError
 
 __all__ = [
     'Bias',

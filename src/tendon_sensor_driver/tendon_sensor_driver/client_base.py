@@ -24,9 +24,9 @@ import time
 from types import TracebackType
 from typing import Generic, Protocol, TypeVar
 
-from tendon_sensor_driver.clock import ArrivalClock
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
 from tendon_sensor_driver.records import Block, TendonSensorConfig
+from tendon_sensor_driver.stream.clock import ArrivalClock
 
 _Self = TypeVar('_Self', bound='BlockClient')
 

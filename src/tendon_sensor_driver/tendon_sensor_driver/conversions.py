@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendon_sensor_driver.records import AXES, Block, Health, StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.tare import Bias
+from tendon_sensor_driver.stream.tare import Bias
 
 LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""

@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from tendon_sensor_driver.client import TendonSensorClient
 from tendon_sensor_driver.errors import TendonSensorError
+from tendon_sensor_driver.lines.line_client import TendonSensorClient
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 
 OnBlock = Callable[[Block], None]
@@ -72,7 +72,7 @@ def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) ->
     """
     if config.sensor == 'net_ft':
         try:
-            from tendon_sensor_driver.net_ft import NetFtClient
+            from tendon_sensor_driver.ati.net_ft import NetFtClient
         except ModuleNotFoundError as error:
             if error.name != 'pynetft':
                 raise
@@ -81,7 +81,7 @@ def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) ->
             ) from error
         return NetFtClient(config, on_block, now_ns)
     if config.sensor == 'digital_ft':
-        from tendon_sensor_driver.digital_ft import DigitalFtClient
+        from tendon_sensor_driver.ati.digital_ft import DigitalFtClient
 
         return DigitalFtClient(config, on_block, now_ns)
     return TendonSensorClient(config, on_block, now_ns)

@@ -25,12 +25,11 @@ from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros import diagnostics
-from tactile_ros.data_node import DataNode
-from tactile_ros.local_bus import RecordPublisher
-from tactile_ros.node_group import run_node
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.bus.local_bus import RecordPublisher
+from tactile_ros.bus.worker import Periodic
+from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, STREAM
-from tactile_ros.worker import Periodic
-from tendon_sensor_driver import tare
 from tendon_sensor_driver.conversions import (
     assess_health,
     LEVEL_OK,
@@ -41,6 +40,7 @@ from tendon_sensor_driver.conversions import (
 )
 from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor, SensorClient
+from tendon_sensor_driver.stream import tare
 
 WATCH_PERIOD_S = 0.1
 _NEWS_PERIODS = 10  # what was counted in the last second is news

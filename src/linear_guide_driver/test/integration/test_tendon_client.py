@@ -29,8 +29,8 @@ from linear_guide_driver import (
     TendonActuatorClient,
     TendonActuatorConfig,
 )
-from linear_guide_driver import dynamixel_registers as registers
-from linear_guide_driver.dynamixel_bus import DynamixelBus, SilentServoError
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
 
 COUNT_M = 2 * 3.141592653589793 * 0.01 / 4096
 

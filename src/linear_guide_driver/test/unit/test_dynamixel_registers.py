@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver import dynamixel_registers as registers
+from linear_guide_driver.dynamixel import registers
 
 RADII = st.floats(0.001, 0.1)
 

@@ -18,9 +18,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver import grbl_protocol as grbl
-from linear_guide_driver.grbl_codes import describe_alarm, describe_error, STATES
-from linear_guide_driver.grbl_protocol import (
+from linear_guide_driver.grbl import protocol as grbl
+from linear_guide_driver.grbl.codes import describe_alarm, describe_error, STATES
+from linear_guide_driver.grbl.protocol import (
     Alarm,
     Banner,
     encode_event,

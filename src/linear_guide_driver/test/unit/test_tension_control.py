@@ -16,7 +16,7 @@ from collections import deque
 
 import pytest
 
-from linear_guide_driver.tension_control import TensionController
+from linear_guide_driver.dynamixel.tension_control import TensionController
 
 
 def run(stiffness_n_m, stop_n, target_n, limit_n, delay_steps=6, seconds=30.0):

@@ -27,11 +27,11 @@ from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.graph import join_namespaces, NodeDescription
-from tactile_ros.node_group import NodeGroup
-from tactile_ros.node_program import find_node_class
-from tactile_ros.signals import Signals
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.programs.node_program import find_node_class
+from tactile_ros.programs.signals import Signals
 
 
 def create_node(
@@ -43,7 +43,7 @@ def create_node(
 
     Raises
     ------
-    BringupError
+    TactileError
         When a parameter is not known, out of range or of the wrong type.
     """
     node_class = find_node_class(description.executable)
@@ -60,11 +60,11 @@ def create_node(
             parameter_overrides=overrides,
         )
     except ParameterException as error:
-        raise BringupError(f'the node {description.name} cannot be made: {error}') from error
+        raise TactileError(f'the node {description.name} cannot be made: {error}') from error
     unknown = [name for name in description.parameters if not node.has_parameter(name)]
     if unknown:
         node.take_down()
-        raise BringupError(f'the node {description.name} has no parameter {", ".join(unknown)}')
+        raise TactileError(f'the node {description.name} has no parameter {", ".join(unknown)}')
     if quiet:
         node.get_logger().set_level(LoggingSeverity.WARN)
     return node
@@ -115,7 +115,7 @@ def running_graph(
 
     Raises
     ------
-    BringupError
+    TactileError
         When a node cannot be configured or activated, a callback of one failed, or one has
         failed by itself, as a recorder does whose disk is full; the others ran on then.
     """
@@ -133,7 +133,7 @@ def running_graph(
             if not node.bring_up():
                 if is_ending():
                     return
-                raise BringupError(f'the node {name} could not be started; its log says why')
+                raise TactileError(f'the node {name} could not be started; its log says why')
 
     def interrupt() -> None:
         for node in list(nodes.values()):
@@ -150,7 +150,7 @@ def running_graph(
     with NodeGroup([*others, *nodes.values()], context=context, on_end=on_end) as group:
         yield nodes
     if group.error is not None:
-        raise BringupError(f'a node failed and all were ended: {group.error}') from group.error
+        raise TactileError(f'a node failed and all were ended: {group.error}') from group.error
     failed = [name for name, node in nodes.items() if node.has_failed]
     if failed:
-        raise BringupError(f'failed on the way: {", ".join(failed)}; the log says why')
+        raise TactileError(f'failed on the way: {", ".join(failed)}; the log says why')

@@ -26,15 +26,15 @@ from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.node import Node
 
-from tactile_bringup.errors import BringupError
+from tactile_bags import classification_topic
 from tactile_bringup.nodes.trial_devices import cancel_late_goal
-from tactile_bringup.recording.bags import classification_topic
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import longest_trial_s, TrialRequest
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.records import ClassificationResult
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification
+from tactile_ros.errors import TactileError
 from tactile_ros.message_guard import MessageGuard
 from tactile_ros.qos import RESULTS
 from tactile_ros.requests import send
@@ -81,7 +81,7 @@ class OperatorNode(Node):  # type: ignore[misc]
 
         Raises
         ------
-        BringupError
+        TactileError
             When it does not end as asked.
         """
         end = self._call(self._home, 'homing the guide', HomeGuide.Goal(), HOMING_TIMEOUT_S)
@@ -92,7 +92,7 @@ class OperatorNode(Node):  # type: ignore[misc]
 
         Raises
         ------
-        BringupError
+        TactileError
             When it does not end as planned.
         """
         goal = RunTrial.Goal(
@@ -113,7 +113,7 @@ class OperatorNode(Node):  # type: ignore[misc]
 
         Raises
         ------
-        BringupError
+        TactileError
             When none comes.
         """
         deadline = time.monotonic() + ANSWER_TIMEOUT_S
@@ -124,32 +124,32 @@ class OperatorNode(Node):  # type: ignore[misc]
                         return answer
                 left_s = deadline - time.monotonic()
                 if left_s <= 0:
-                    raise BringupError(
+                    raise TactileError(
                         f'no classification of trial {trial_id} within {ANSWER_TIMEOUT_S:.0f} s'
                     )
                 self._arrived.wait(left_s)
 
     def _call(self, client: ActionClient, what: str, goal: Any, timeout_s: float) -> Any:
         if not client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S):
-            raise BringupError(f'{what}: the action server does not answer; is the rig running?')
+            raise TactileError(f'{what}: the action server does not answer; is the rig running?')
         answer = send(self, lambda: client.send_goal_async(goal))
         try:
             handle = answer.result(ANSWER_TIMEOUT_S)
         except concurrent.futures.TimeoutError:
             answer.add_done_callback(cancel_late_goal)
-            raise BringupError(f'{what}: the goal was not taken') from None
+            raise TactileError(f'{what}: the goal was not taken') from None
         if not handle.accepted:
-            raise BringupError(f'{what}: the goal was rejected')
+            raise TactileError(f'{what}: the goal was rejected')
         result = send(self, handle.get_result_async)
         try:
             reply = result.result(timeout_s)
         except concurrent.futures.TimeoutError:
             send(self, handle.cancel_goal_async)
-            raise BringupError(
+            raise TactileError(
                 f'{what}: no end within {timeout_s:.0f} s; {self._wait_for_rest(result)}'
             ) from None
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
-            raise BringupError(f'{what}: {reply.result.message}')
+            raise TactileError(f'{what}: {reply.result.message}')
         return reply.result
 
     def _wait_for_rest(self, result: concurrent.futures.Future[Any]) -> str:

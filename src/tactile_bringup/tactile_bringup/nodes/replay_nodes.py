@@ -25,9 +25,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from tactile_bringup.errors import BringupError
-from tactile_bringup.nodes.graph_runner import create_node
-from tactile_bringup.recording.bags import (
+from tactile_bags import (
     classification_topic,
     EVENT,
     EVENT_TOPIC,
@@ -38,12 +36,14 @@ from tactile_bringup.recording.bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
-from tactile_bringup.recording.replay import TactileResults
+from tactile_bags.replaying.replay import TactileResults
+from tactile_bringup.nodes.graph_runner import create_node
 from tactile_bringup.wiring.graph import NodeDescription, sensing_graph
 from tactile_classifier.conversions import classification_from_msg
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import feature_window_from_msg
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
 DEADLINE_S = 30.0
@@ -82,7 +82,7 @@ def replay_through_nodes(
 
     Raises
     ------
-    BringupError
+    TactileError
         When a node cannot be started, or does not answer in time.
     """
     results = TactileResults()
@@ -95,7 +95,7 @@ def replay_through_nodes(
             node = create_node(description, context, namespace, quiet=True)
             nodes.append(node)
             if not node.bring_up():
-                raise BringupError(f'the node {description.name} could not be started')
+                raise TactileError(f'the node {description.name} could not be started')
             executor.add_node(node)
         features, *classifiers = nodes
         topics = {FEATURES_TOPIC.name: TactileFeatures}
@@ -174,5 +174,5 @@ def _spin_until(
     deadline = time.monotonic() + DEADLINE_S
     while not condition():
         if time.monotonic() > deadline:
-            raise BringupError(f'replay through nodes: {otherwise()} within {DEADLINE_S:.0f} s')
+            raise TactileError(f'replay through nodes: {otherwise()} within {DEADLINE_S:.0f} s')
         executor.spin_once(timeout_sec=0.05)

@@ -31,7 +31,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
-from linear_guide_driver.motion_track import MotionTrack
+from linear_guide_driver.grbl.motion_track import MotionTrack
 from tactile_bringup.records import TrialConfig
 from tactile_msgs.msg import Readiness, StrainBlock
 from tactile_ros.goals import GoalAborted, GoalCanceled

@@ -22,8 +22,8 @@ from typing import Any
 
 from rclpy.time import Time
 
-from linear_guide_driver.motion_track import MotionTrack
-from linear_guide_driver.tendon_client import POSITION_TOLERANCE_M
+from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
+from linear_guide_driver.grbl.motion_track import MotionTrack
 from tactile_bringup.nodes.trial_devices import POLL_S, StrainWatch, TrialDevice
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_observation import judge_glide, TendonContact
@@ -41,7 +41,7 @@ from tactile_msgs.msg import TrialEvent
 from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import run_node
+from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS
 from tactile_ros.readiness import ReadinessPublisher
 from tactile_ros.requests import wait_for

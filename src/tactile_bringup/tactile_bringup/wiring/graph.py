@@ -27,9 +27,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.errors import BringupError
-from tactile_bringup.records import CONTACTS, PROTOCOLS
 from tactile_bringup.wiring.model_features import wanted_features
+from tactile_classifier.names import parse_classifier_name
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.slip import SlipConfig
@@ -110,7 +109,7 @@ def sensing_graph(
 
     Raises
     ------
-    BringupError
+    TactileError
         When a classifier's name does not say its task and contact, or two models need
         different features.
     ModelFileError
@@ -221,7 +220,7 @@ def recorder_node(
         'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
     }
     return NodeDescription(
-        'tactile_bringup',
+        'tactile_bags',
         'bag_recorder_node',
         'bag_recorder',
         {
@@ -243,33 +242,6 @@ def feature_parameters_of(nodes: Iterable[NodeDescription]) -> Mapping[str, Any]
 def join_namespaces(*parts: str) -> str:
     """Return one namespace within the other, without slashes around it; empty: the root."""
     return '/'.join(stripped for part in parts if (stripped := part.strip('/')))
-
-
-def classifier_name(task: str, contact: str) -> str:
-    """Return the node name of the classifier for a task and a kind of contact.
-
-    Without a contact: of one that takes windows of any.
-    """
-    return '_'.join(part for part in (task, contact, 'classifier') if part)
-
-
-def all_classifier_names() -> tuple[str, ...]:
-    """Return the node names of the classifiers for every task and contact."""
-    return tuple(
-        classifier_name(task, contact) for task in PROTOCOLS for contact in (*CONTACTS, '')
-    )
-
-
-def parse_classifier_name(name: str) -> tuple[str, str]:
-    """Return task and contact from a node name made by `classifier_name`."""
-    for task in PROTOCOLS:
-        for contact in (*CONTACTS, ''):
-            if name == classifier_name(task, contact):
-                return task, contact
-    raise BringupError(
-        f'"{name}" does not name a classifier; it must be one of '
-        + ', '.join(all_classifier_names())
-    )
 
 
 def _shared(config: type, of_features: Mapping[str, Any]) -> dict[str, Any]:

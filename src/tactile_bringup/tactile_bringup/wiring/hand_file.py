@@ -22,8 +22,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from tactile_bringup.errors import BringupError
-from tactile_bringup.wiring.plain_yaml import parse_plain_yaml, read_text
+from tactile_bags.plain_yaml import parse_plain_yaml, read_text
+from tactile_ros.errors import TactileError
 
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _MOST_BYTES = 1_000_000
@@ -59,18 +59,18 @@ def parse_finger_names(text: str) -> tuple[str, ...]:
 
     Raises
     ------
-    BringupError
+    TactileError
         When one is no name for a namespace, or is there twice.
     """
     names = tuple(name.strip() for name in text.split(',') if name.strip())
     for name in names:
         if not _NAME.fullmatch(name):
-            raise BringupError(
+            raise TactileError(
                 f'"{name}" is no name for a finger: letters, digits and _ only, and no digit first'
             )
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise BringupError(f'the finger {", ".join(twice)} is named twice')
+        raise TactileError(f'the finger {", ".join(twice)} is named twice')
     return names
 
 
@@ -83,16 +83,16 @@ def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
 
     Raises
     ------
-    BringupError
+    TactileError
         When the file cannot be read, has another form, or lacks a wanted finger.
     """
     try:
         document = parse_plain_yaml(read_text(path, _MOST_BYTES))
-    except BringupError as error:
-        raise BringupError(f'cannot read the hand in {path}: {error}') from error
+    except TactileError as error:
+        raise TactileError(f'cannot read the hand in {path}: {error}') from error
     described = document.get('fingers') if isinstance(document, dict) else None
     if not isinstance(described, dict) or not described or set(document) != {'fingers'}:
-        raise BringupError(f'{path} is no hand file: it must hold "fingers:", and names below it')
+        raise TactileError(f'{path} is no hand file: it must hold "fingers:", and names below it')
     names = parse_finger_names(','.join(str(name) for name in described))
     fingers = {
         name: _finger(name, content, path)
@@ -100,7 +100,7 @@ def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
     }
     missing = [name for name in wanted if name not in fingers]
     if missing:
-        raise BringupError(
+        raise TactileError(
             f'{path} does not describe {", ".join(missing)}, only {", ".join(fingers)}'
         )
     return tuple(fingers[name] for name in (wanted or fingers))
@@ -109,24 +109,24 @@ def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
 def _finger(name: str, content: Any, path: Path) -> Finger:
     content = {} if content is None else content
     if not isinstance(content, dict):
-        raise BringupError(f'{path}: {name} must hold names and values')
+        raise TactileError(f'{path}: {name} must hold names and values')
     known = ('sensor_port', 'model', 'phases', 'slip', 'parameters')
     unknown = [str(key) for key in content if key not in known]
     if unknown:
-        raise BringupError(
+        raise TactileError(
             f'{path}: {name} has {", ".join(unknown)}; it can have {", ".join(known)}'
         )
     for key in ('sensor_port', 'model', 'phases'):
         if not isinstance(content.get(key, ''), str):
-            raise BringupError(f'{path}: {key} of {name} must be text')
+            raise TactileError(f'{path}: {key} of {name} must be text')
     slip = content.get('slip')
     if slip is not None and not isinstance(slip, bool):
-        raise BringupError(f'{path}: slip of {name} must be true or false')
+        raise TactileError(f'{path}: slip of {name} must be true or false')
     parameters = content.get('parameters', {})
     if not isinstance(parameters, dict) or not all(
         isinstance(of_node, dict) for of_node in parameters.values()
     ):
-        raise BringupError(
+        raise TactileError(
             f'{path}: the parameters of {name} must stand below the name of their node'
         )
     model = content.get('model')

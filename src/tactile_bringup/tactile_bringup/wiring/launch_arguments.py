@@ -22,7 +22,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from tactile_bringup.records import CONTACTS
+from tactile_classifier.records import CONTACTS
 from tactile_features.config import FeatureConfig
 
 

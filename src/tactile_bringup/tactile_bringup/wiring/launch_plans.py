@@ -26,9 +26,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.errors import BringupError
-from tactile_bringup.recording.bags import TactileBag
-from tactile_bringup.recording.replay import recorded_config
+from tactile_bags import TactileBag
+from tactile_bags.replaying.replay import recorded_config
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.wiring.graph import (
     feature_parameters_of,
@@ -36,7 +35,6 @@ from tactile_bringup.wiring.graph import (
     join_namespaces,
     NO_PORT,
     NodeDescription,
-    parse_classifier_name,
     PLAYER,
     Ports,
     recorder_node,
@@ -51,7 +49,9 @@ from tactile_bringup.wiring.hand_file import Finger, parse_finger_names, read_ha
 from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
 from tactile_bringup.wiring.model_folder import choose_models, find_models
 from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_classifier.names import parse_classifier_name
 from tactile_features.records import PHASES_STATED
+from tactile_ros.errors import TactileError
 
 DEVICES = Path('/dev/tactile')
 """Where the udev rules of this package put the names of the devices."""
@@ -111,17 +111,17 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
 
     Raises
     ------
-    BringupError
+    TactileError
         When an argument is not known or does not fit, or a file that one names is not there.
     """
     arguments = {argument.name: argument for argument in LAUNCH_FILES[name]}
     values = {argument.name: argument.default for argument in arguments.values()}
     for key, value in given.items():
         if key not in arguments:
-            raise BringupError(f'{name} has no argument {key}, only {", ".join(arguments)}')
+            raise TactileError(f'{name} has no argument {key}, only {", ".join(arguments)}')
         choices = arguments[key].choices
         if choices and value not in choices:
-            raise BringupError(f'{key} is "{value}"; it must be one of {", ".join(choices)}')
+            raise TactileError(f'{key} is "{value}"; it must be one of {", ".join(choices)}')
         values[key] = value
     if name in PROTOCOLS:
         plan = _plan_protocol(name, values, scratch)
@@ -145,7 +145,7 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
     given = {name: values[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
     for name in ('guide', 'tendon'):
         if given[name] == NO_PORT:
-            raise BringupError(
+            raise TactileError(
                 f'{name}_port is none, but a trial moves the {name}; where another node moves the '
                 'finger, use sense.launch.py'
             )
@@ -158,7 +158,7 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
             ports = dataclasses.replace(ports, sensor=NO_PORT)
     elif simulated and not all(given.values()):
         missing = [f'{name}_port' for name, port in given.items() if not port]
-        raise BringupError(
+        raise TactileError(
             f'name all ports of a simulated rig that runs already, also {", ".join(missing)}; '
             'or none, and one is started'
         )
@@ -194,7 +194,7 @@ def _described_fingers(name: str, values: Mapping[str, str]) -> tuple[Finger, ..
     if path:
         return read_hand(path, names)
     if not names:
-        raise BringupError('name the fingers, as fingers:=index,middle, or a hand_file')
+        raise TactileError('name the fingers, as fingers:=index,middle, or a hand_file')
     return tuple(Finger(name) for name in names)
 
 
@@ -226,14 +226,14 @@ def _finger_nodes(
     names = (*SENSING_NODES, *([SLIP_NODE] if slips else []), *models)
     unknown = [node for node in finger.parameters if node not in names]
     if unknown:
-        raise BringupError(
+        raise TactileError(
             f'the finger {finger.name} has parameters for {", ".join(unknown)}; its nodes are '
             f'{", ".join(names)}'
         )
     phases = finger.phases or values['phases']
     choices = next(a.choices for a in LAUNCH_FILES['hand'] if a.name == 'phases')
     if phases not in choices:
-        raise BringupError(
+        raise TactileError(
             f'phases of the finger {finger.name} is "{phases}"; it must be one of '
             + ', '.join(choices)
         )
@@ -265,7 +265,7 @@ def _models_of_contact(models: Mapping[str, str], contact: str) -> Mapping[str, 
         if parse_classifier_name(name)[1] in (contact, '')
     }
     if not taken:
-        raise BringupError(f'no model is for {contact}, only {", ".join(models)}')
+        raise TactileError(f'no model is for {contact}, only {", ".join(models)}')
     return taken
 
 
@@ -282,7 +282,7 @@ def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
         if not port or node.parameters.get('sensor') == 'net_ft':
             continue
         if port in owners:
-            raise BringupError(
+            raise TactileError(
                 f'{owners[port]} and {node.path} have the same port {port}: a port has one user'
             )
         owners[port] = node.path
@@ -291,16 +291,16 @@ def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
 def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
     path = _path(values['bag'])
     if path is None:
-        raise BringupError('name the recording to play, as bag:=FOLDER')
+        raise TactileError('name the recording to play, as bag:=FOLDER')
     try:
         rate = float(values['rate'])
     except ValueError:
-        raise BringupError(f'rate is "{values["rate"]}"; it must be a number') from None
+        raise TactileError(f'rate is "{values["rate"]}"; it must be a number') from None
     with TactileBag(path) as bag:
         config, facts, found = recorded_config(bag), bag.facts, bag.namespaces
     wanted = values['namespace'].strip('/')
     if wanted and wanted not in found:
-        raise BringupError(
+        raise TactileError(
             f'{path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
         )
     namespaces = (wanted,) if wanted else found
@@ -308,7 +308,7 @@ def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
     if model is None and facts.get('models'):
         model = Path(path, facts['models'])
         if not model.exists():
-            raise BringupError(
+            raise TactileError(
                 f'the models of this recording are not at {model.resolve()}; name them: model:=...'
             )
     models = find_models(model) if model else {}
@@ -332,7 +332,7 @@ def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
         )
     chosen = {'namespace': wanted} if wanted else {}
     player = NodeDescription(
-        'tactile_bringup',
+        'tactile_bags',
         'bag_player_node',
         PLAYER,
         {

@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tactile_bringup.errors import BringupError
-from tactile_classifier.inference import read_manifest
+from tactile_classifier.model_file.inference import read_manifest
+from tactile_ros.errors import TactileError
 
 RUNNING = 'running_samples'
 
@@ -40,7 +40,7 @@ def wanted_features(models: Mapping[str, str], stated: Mapping[str, Any]) -> dic
 
     Raises
     ------
-    BringupError
+    TactileError
         When two models need different features: one node computes one kind for a task.
     ModelFileError
         When a file is no model.
@@ -56,7 +56,7 @@ def wanted_features(models: Mapping[str, str], stated: Mapping[str, Any]) -> dic
         running.update(of_running)
         for name, value in values.items():
             if name in wanted and wanted[name] != value:
-                raise BringupError(
+                raise TactileError(
                     f'the models {askers[name]} and {path} cannot share a feature node: {name} '
                     f'would have to be {wanted[name]} for the one and {value} for the other. '
                     'Train them alike, or name one of them alone'

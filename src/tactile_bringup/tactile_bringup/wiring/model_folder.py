@@ -19,13 +19,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from tactile_bringup.errors import BringupError
-from tactile_bringup.wiring.graph import (
-    all_classifier_names,
-    classifier_name,
-    parse_classifier_name,
-)
-from tactile_classifier.inference import read_manifest
+from tactile_classifier.model_file.inference import read_manifest
+from tactile_classifier.names import all_classifier_names, classifier_name, parse_classifier_name
+from tactile_ros.errors import TactileError
 
 
 def model_path(folder: Path, task: str, contact: str) -> Path:
@@ -44,7 +40,7 @@ def find_models(path: Path) -> dict[str, str]:
 
     Raises
     ------
-    BringupError
+    TactileError
         When there is none.
     ModelFileError
         When the single file is no model.
@@ -58,7 +54,7 @@ def find_models(path: Path) -> dict[str, str]:
             models[name] = str(file.resolve())
     if not models:
         example = model_path(path, 'texture', 'flexion')
-        raise BringupError(
+        raise TactileError(
             f'no model files in {path}, such as {example.name}; `tactile train` writes them'
         )
     return models
@@ -69,7 +65,7 @@ def choose_models(path: Path, task: str, contact: str) -> dict[str, str]:
 
     Raises
     ------
-    BringupError
+    TactileError
         When there is none.
     ModelFileError
         When the single file is no model.
@@ -78,7 +74,7 @@ def choose_models(path: Path, task: str, contact: str) -> dict[str, str]:
     chosen = models_for(models, task, contact)
     if not chosen:
         name = classifier_name(task, contact)
-        raise BringupError(f'{path} has no model for the {name}, only {", ".join(models)}')
+        raise TactileError(f'{path} has no model for the {name}, only {", ".join(models)}')
     return chosen
 
 

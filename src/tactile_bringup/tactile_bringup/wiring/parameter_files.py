@@ -21,9 +21,9 @@ from pathlib import Path
 import re
 from typing import Any
 
-from tactile_bringup.errors import BringupError
-from tactile_bringup.recording.bags import join_topic
-from tactile_bringup.wiring.plain_yaml import parse_plain_yaml, read_text
+from tactile_bags import join_topic
+from tactile_bags.plain_yaml import parse_plain_yaml, read_text
+from tactile_ros.errors import TactileError
 
 MAX_BYTES = 2**20
 """Longest file of parameters that is read [byte]."""
@@ -46,22 +46,22 @@ def read_parameters(
 
     Raises
     ------
-    BringupError
+    TactileError
         When the file is not of ROS's form, or an entry is for none of these nodes.
     """
     try:
         document = parse_plain_yaml(read_text(path, MAX_BYTES))
-    except BringupError as error:
-        raise BringupError(f'cannot read the parameters in {path}: {error}') from error
+    except TactileError as error:
+        raise TactileError(f'cannot read the parameters in {path}: {error}') from error
     if not isinstance(document, dict):
-        raise BringupError(f'{path} is no ROS parameter file: node names are expected on top')
+        raise TactileError(f'{path} is no ROS parameter file: node names are expected on top')
     full_names = {name: join_topic(namespace, name) for name in names}
     found: dict[str, dict[str, Any]] = {}
     for pattern, parameters in _entries(document, '', path):
         expression = _as_expression(pattern)
         matching = [name for name, full in full_names.items() if expression.fullmatch(full)]
         if not matching and not others_allowed:
-            raise BringupError(
+            raise TactileError(
                 f'{path} has parameters for {pattern}; there are {", ".join(full_names.values())}'
             )
         for name in matching:
@@ -84,10 +84,10 @@ def _entries(
     for key, content in document.items():
         name = f'{above}/{str(key).strip("/")}'
         if not isinstance(content, dict) or not content:
-            raise BringupError(f'{path}: {name} has no ros__parameters below it')
+            raise TactileError(f'{path}: {name} has no ros__parameters below it')
         parameters = content.get('ros__parameters', {})
         if not isinstance(parameters, dict):
-            raise BringupError(f'{path}: the ros__parameters of {name} have no names')
+            raise TactileError(f'{path}: the ros__parameters of {name} have no names')
         if parameters:
             yield name, parameters
         below = {k: v for k, v in content.items() if k != 'ros__parameters'}

@@ -27,7 +27,8 @@ import sys
 from typing import Any
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bringup.records import PlayerConfig, RecorderConfig, TrialConfig
+from tactile_bags.records import PlayerConfig, RecorderConfig
+from tactile_bringup.records import TrialConfig
 from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES, LaunchArgument
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeatureConfig

@@ -16,9 +16,9 @@ import threading
 
 import pytest
 
-from tactile_bringup.errors import BringupError
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.wiring.graph import NodeDescription
+from tactile_ros.errors import TactileError
 
 RUNNER = NodeDescription('tactile_bringup', 'trial_runner_node', 'trial_runner', {})
 
@@ -34,5 +34,5 @@ def test_a_callback_that_fails_is_told_at_once_and_at_the_end(context):
             nodes['trial_runner'].create_timer(0.01, fail)
             assert ended.wait(10.0)
 
-    with pytest.raises(BringupError, match='a node failed and all were ended: a bug'):
+    with pytest.raises(TactileError, match='a node failed and all were ended: a bug'):
         run()

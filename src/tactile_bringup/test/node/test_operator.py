@@ -19,11 +19,11 @@ import threading
 import pytest
 from trial_bench import Bench
 
-from tactile_bringup.errors import BringupError
 from tactile_bringup.nodes import operator_node
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_ros.node_group import NodeGroup
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_group import NodeGroup
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_a_trial_that_is_given_up_is_cancelled_and_the_next_one_runs(operated, m
     bench, operator = operated
     bench.guide.delays = {1: 2.0}
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: -29.0)  # 1 s in all
-    with pytest.raises(BringupError, match=r'no end within 1 s; cancelled: .* ended in approach'):
+    with pytest.raises(TactileError, match=r'no end within 1 s; cancelled: .* ended in approach'):
         operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
     assert not bench.runner.goal_runners[0].is_busy
     monkeypatch.undo()
@@ -54,6 +54,6 @@ def test_a_rig_that_does_not_come_to_rest_is_said(operated, monkeypatch):
     bench.runner.goal_runners[0]._work = lambda goal: stuck.wait(10.0) and work(goal)
     monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.3)
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 0.2)
-    with pytest.raises(BringupError, match='later; bring the rig to rest by hand'):
+    with pytest.raises(TactileError, match='later; bring the rig to rest by hand'):
         operator.run_trial(TrialRequest('stiffness', 'flexion'))
     stuck.set()

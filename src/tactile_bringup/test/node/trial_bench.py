@@ -31,7 +31,7 @@ from tactile_msgs.msg import Readiness, StrainBlock, TrialEvent
 from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import NodeGroup
+from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
 from tactile_ros.requests import send
 

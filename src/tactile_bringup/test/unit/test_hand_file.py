@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.hand_file import Finger, parse_finger_names, read_hand
+from tactile_ros.errors import TactileError
 
 HAND = """
 fingers:
@@ -55,7 +55,7 @@ def test_fingers_are_read_with_paths_relative_to_the_file(hand_file, tmp_path):
 
 def test_only_wanted_fingers_are_taken_in_their_order(hand_file):
     assert [f.name for f in read_hand(hand_file(HAND), ['middle', 'index'])] == ['middle', 'index']
-    with pytest.raises(BringupError, match='does not describe thumb, only index, middle'):
+    with pytest.raises(TactileError, match='does not describe thumb, only index, middle'):
         read_hand(hand_file(HAND), ['thumb'])
 
 
@@ -79,19 +79,19 @@ def test_only_wanted_fingers_are_taken_in_their_order(hand_file):
     ],
 )
 def test_a_file_of_another_form_is_refused_with_a_sentence(hand_file, text, sentence):
-    with pytest.raises(BringupError, match=sentence):
+    with pytest.raises(TactileError, match=sentence):
         read_hand(hand_file(text))
 
 
 def test_a_file_that_is_not_there_is_named():
-    with pytest.raises(BringupError, match='nowhere'):
+    with pytest.raises(TactileError, match='nowhere'):
         read_hand(Path('nowhere.yaml'))
 
 
 def test_names_in_a_list():
     assert parse_finger_names('index, middle') == ('index', 'middle')
     assert parse_finger_names('') == ()
-    with pytest.raises(BringupError, match='index is named twice'):
+    with pytest.raises(TactileError, match='index is named twice'):
         parse_finger_names('index,index')
-    with pytest.raises(BringupError, match='"ring finger" is no name'):
+    with pytest.raises(TactileError, match='"ring finger" is no name'):
         parse_finger_names('ring finger')

@@ -22,13 +22,13 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bringup.recording.bags import (
+from tactile_bags import (
     DIAGNOSTICS,
     message_store,
     recorded_topics,
     RecordedTopic,
 )
-from tactile_bringup.wiring.graph import all_classifier_names
+from tactile_classifier.names import all_classifier_names
 
 FOLDER = Path(__file__).resolve().parents[2] / 'layouts'
 JOINT_STATE = 'sensor_msgs/msg/JointState'

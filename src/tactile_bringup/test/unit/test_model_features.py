@@ -21,19 +21,19 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.graph import sensing_graph
 from tactile_bringup.wiring.launch_plans import plan_launch
 from tactile_bringup.wiring.model_features import wanted_features
 from tactile_bringup.wiring.model_folder import find_models
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file import write_model
 from tactile_classifier.records import ClassifierConfig
 from tactile_classifier.tactile_classifier_node import load_fitting_model
-from tactile_classifier.training import train
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
+from tactile_ros.errors import TactileError
 
 SPATIAL = FeatureConfig(
     rate_hz=100.0,
@@ -115,7 +115,7 @@ def test_what_the_user_states_wins_and_the_classifier_refuses(write):
 )
 def test_models_that_cannot_share_a_node_are_refused_by_name(write, tmp_path, other, name):
     one, two = write('texture_flexion', FeatureConfig()), write('texture_abduction', other)
-    with pytest.raises(BringupError, match=f'cannot share a feature node: {name}') as refusal:
+    with pytest.raises(TactileError, match=f'cannot share a feature node: {name}') as refusal:
         plan_launch('sense', {'model': str(one.parent)}, tmp_path)
     assert str(one) in str(refusal.value)
     assert str(two) in str(refusal.value)

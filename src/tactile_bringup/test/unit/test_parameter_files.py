@@ -14,8 +14,8 @@
 
 import pytest
 
-from tactile_bringup.errors import BringupError
 from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_ros.errors import TactileError
 
 NAMES = ('tendon_sensor', 'tactile_features')
 
@@ -81,7 +81,7 @@ thumb:
     ],
 )
 def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, message):
-    with pytest.raises(BringupError, match=message):
+    with pytest.raises(TactileError, match=message):
         read_parameters(parameter_file(text), NAMES)
 
 
@@ -97,5 +97,5 @@ def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, te
 def test_hostile_file_is_refused_with_a_sentence(tmp_path, text, reason):
     path = tmp_path / 'params.yaml'
     path.write_text(text)
-    with pytest.raises(BringupError, match=reason):
+    with pytest.raises(TactileError, match=reason):
         read_parameters(path, ['a'])

@@ -18,7 +18,7 @@ import pytest
 
 from tactile_classifier import records
 from tactile_classifier.conversions import classification_from_msg, classification_to_msg
-from tactile_classifier.inference import TactileModel
+from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.records import Outcome
 from tactile_msgs.msg import Classification
 

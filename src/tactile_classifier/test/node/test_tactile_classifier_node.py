@@ -23,11 +23,11 @@ from rclpy.parameter import Parameter
 
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.inference import TactileModel
-from tactile_classifier.model_file import write_model
+from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.records import ClassifierConfig, Outcome
 from tactile_classifier.tactile_classifier_node import load_fitting_model, TactileClassifierNode
-from tactile_classifier.training import train
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_msgs.msg import Classification, TactileFeatures

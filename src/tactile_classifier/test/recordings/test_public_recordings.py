@@ -23,12 +23,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_classifier.archive import load_archive
-from tactile_classifier.dataset import table_from_trials
-from tactile_classifier.estimators import CLASSIFIERS, SCALINGS
-from tactile_classifier.evaluation import evaluate
-from tactile_classifier.model_file import write_model
-from tactile_classifier.training import train
+from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_classifier.estimators.classifiers import CLASSIFIERS, SCALINGS
+from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 
 REPOSITORY = Path(__file__).resolve().parents[4]

@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_classifier import archive
-from tactile_classifier.archive import load_archive
+from tactile_classifier.datasets import archive
+from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.errors import DatasetError
 
 

@@ -20,7 +20,7 @@ from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
 
-from tactile_classifier.calibration import (
+from tactile_classifier.confidence.calibration import (
     calibrate_part,
     Calibration,
     compute_calibration_error,
@@ -28,7 +28,7 @@ from tactile_classifier.calibration import (
     hold_out_novelty,
     hold_out_scores,
 )
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for

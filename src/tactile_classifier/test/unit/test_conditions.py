@@ -15,9 +15,9 @@
 import numpy as np
 import pytest
 
-from tactile_classifier.conditions import find_cells, find_tied_labels
-from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.evaluation import evaluate
+from tactile_classifier.datasets.conditions import find_cells, find_tied_labels
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_features.spec import array_spec
 
 

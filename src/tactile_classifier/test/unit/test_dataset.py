@@ -17,8 +17,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_classifier.archive import LabelledTrials
-from tactile_classifier.dataset import FeatureTable, table_from_trials
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spatial import compute_spatial, SpatialWindow

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from sklearn.exceptions import ConvergenceWarning
 
-from tactile_classifier import estimators
-from tactile_classifier.estimators import (
+from tactile_classifier.estimators import classifiers
+from tactile_classifier.estimators.classifiers import (
     build_estimator,
     CLASSIFIERS,
     DEFAULT_SCALING,
@@ -69,7 +69,7 @@ def test_constant_feature_survives_scaling(small_table):
 
 @pytest.mark.filterwarnings('error')  # scikit-learn's own words would come besides
 def test_machine_that_does_not_converge_says_so(monkeypatch):
-    monkeypatch.setattr(estimators, 'MAX_SVM_STEPS', 1_000)
+    monkeypatch.setattr(classifiers, 'MAX_SVM_STEPS', 1_000)
     rng = np.random.default_rng(1)
     values, labels = rng.normal(300.0, 100.0, (60, 3)), np.tile(['a', 'b'], 30)
     with pytest.raises(ConvergenceWarning, match=r'linear .* was stopped after 1,000 steps'):

@@ -20,12 +20,12 @@ import pytest
 from sklearn.model_selection import StratifiedKFold
 from sklearn.svm import SVC
 
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import grouped_split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.estimators import build_estimator
-from tactile_classifier.evaluation import AccuracyPlan, evaluate
-from tactile_classifier.plans import run_plans
-from tactile_classifier.splits import grouped_split, stratified_split
+from tactile_classifier.estimators.classifiers import build_estimator
+from tactile_classifier.evaluation.cross_validation import AccuracyPlan, evaluate
+from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import array_spec, spec_for
 

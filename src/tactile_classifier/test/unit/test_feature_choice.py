@@ -19,10 +19,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.feature_choice import choose_candidate
-from tactile_classifier.splits import stratified_split
+from tactile_classifier.training.feature_choice import choose_candidate
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 

@@ -17,12 +17,12 @@ import json
 import numpy as np
 import pytest
 
-from tactile_classifier.dataset import FeatureTable
-from tactile_classifier.evaluation import predict_folds
-from tactile_classifier.feature_selection import choose_counts, SelectionPlan
-from tactile_classifier.plans import run_plans
-from tactile_classifier.significance import rank_features
-from tactile_classifier.splits import grouped_split, stratified_split
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import grouped_split, stratified_split
+from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.feature_selection import choose_counts, SelectionPlan
+from tactile_classifier.evaluation.plans import run_plans
+from tactile_classifier.evaluation.significance import rank_features
 from tactile_features.spec import array_spec
 
 

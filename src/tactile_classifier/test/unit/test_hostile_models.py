@@ -22,8 +22,8 @@ import onnx
 from onnx import helper, TensorProto
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.inference import MAX_INFERENCE_BYTES, SCORES, TactileModel
-from tactile_classifier.onnx_container import open_container, seal
+from tactile_classifier.model_file.inference import MAX_INFERENCE_BYTES, SCORES, TactileModel
+from tactile_classifier.model_file.onnx_container import open_container, seal
 
 
 def with_ballast(path, doubles):

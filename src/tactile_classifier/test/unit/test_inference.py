@@ -18,11 +18,11 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.estimators import CLASSIFIERS
-from tactile_classifier.inference import TactileModel
-from tactile_classifier.model_file import write_model
+from tactile_classifier.estimators.classifiers import CLASSIFIERS
+from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.records import Outcome
-from tactile_classifier.training import train
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_features.spec import array_spec, spec_for

@@ -17,7 +17,7 @@ import pytest
 from scipy.special import expit
 from scipy.stats import ttest_1samp
 
-from tactile_classifier.intervals import accuracy_interval, difference_interval
+from tactile_classifier.evaluation.intervals import accuracy_interval, difference_interval
 
 
 def test_interval_of_many_trials_is_that_of_the_binomial():

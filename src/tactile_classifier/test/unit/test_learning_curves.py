@@ -17,10 +17,10 @@ import json
 import numpy as np
 import pytest
 
-from tactile_classifier.evaluation import AccuracyPlan
-from tactile_classifier.learning_curves import choose_sizes, draw_training, LearningPlan
-from tactile_classifier.plans import run_plans
-from tactile_classifier.splits import grouped_split, stratified_split
+from tactile_classifier.datasets.splits import grouped_split, stratified_split
+from tactile_classifier.evaluation.cross_validation import AccuracyPlan
+from tactile_classifier.evaluation.learning_curves import choose_sizes, draw_training, LearningPlan
+from tactile_classifier.evaluation.plans import run_plans
 
 
 def test_training_grows_by_whole_classes_and_holds_what_was_there():

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.manifest import Manifest
+from tactile_classifier.model_file.manifest import Manifest
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 

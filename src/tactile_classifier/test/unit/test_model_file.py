@@ -23,21 +23,21 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 import onnx
 from onnx import helper, TensorProto
 
-from tactile_classifier import inference
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.estimators import (
+from tactile_classifier.estimators.classifiers import (
     build_estimator,
     CLASSIFIERS,
     compute_raw_scores,
     SCALINGS,
     SCORE_KINDS,
 )
-from tactile_classifier.inference import read_manifest, TactileModel
-from tactile_classifier.manifest import Manifest, WHOLE
-from tactile_classifier.model_file import write_model
-from tactile_classifier.onnx_container import open_container, seal
-from tactile_classifier.training import FittedPart, train, Trained
+from tactile_classifier.model_file import inference
+from tactile_classifier.model_file.inference import read_manifest, TactileModel
+from tactile_classifier.model_file.manifest import Manifest, WHOLE
+from tactile_classifier.model_file.onnx_container import open_container, seal
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import FittedPart, train, Trained
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 

@@ -20,12 +20,12 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from tactile_classifier.answer_graph import add_scaling
-from tactile_classifier.estimators import build_estimator
-from tactile_classifier.neighbours import halve, NearestNeighbours, predict_neighbours
-from tactile_classifier.neighbours_graph import add_neighbours
-from tactile_classifier.onnx_graph import Graph
-from tactile_classifier.splits import stratified_split
+from tactile_classifier.datasets.splits import stratified_split
+from tactile_classifier.estimators.classifiers import build_estimator
+from tactile_classifier.estimators.neighbours import halve, NearestNeighbours, predict_neighbours
+from tactile_classifier.model_file.answer_graph import add_scaling
+from tactile_classifier.model_file.neighbours_graph import add_neighbours
+from tactile_classifier.model_file.onnx_graph import Graph
 
 
 @pytest.mark.parametrize('scaling', ['standard', 'none'])

@@ -15,7 +15,7 @@
 import numpy as np
 import pytest
 
-from tactile_classifier.novelty import (
+from tactile_classifier.confidence.novelty import (
     choose_metric,
     compute_session_threshold,
     compute_threshold,

@@ -22,7 +22,7 @@ import onnx
 from onnx import helper, TensorProto
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.onnx_container import check_seal, open_container, seal
+from tactile_classifier.model_file.onnx_container import check_seal, open_container, seal
 
 
 def make_model(nodes=None, initializer=(), opsets=(('', 18),), functions=()):

@@ -17,9 +17,9 @@ import json
 import numpy as np
 import pytest
 
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.open_set_evaluation import evaluate_open_set
+from tactile_classifier.evaluation.open_set import evaluate_open_set
 
 
 @pytest.fixture(scope='module')

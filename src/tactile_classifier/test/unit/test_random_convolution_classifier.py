@@ -17,17 +17,17 @@
 import numpy as np
 import pytest
 
-from tactile_classifier.archive import LabelledTrials
-from tactile_classifier.dataset import table_from_trials
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.estimators import build_estimator, compute_raw_scores
-from tactile_classifier.evaluation import evaluate, list_pairs
-from tactile_classifier.inference import TactileModel
-from tactile_classifier.model_file import write_model
-from tactile_classifier.onnx_graph import Graph
-from tactile_classifier.random_convolution_classifier import RandomConvolutionClassifier
-from tactile_classifier.random_convolutions_graph import add_random_convolutions
-from tactile_classifier.training import train
+from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
+from tactile_classifier.estimators.random_convolution_classifier import RandomConvolutionClassifier
+from tactile_classifier.evaluation.cross_validation import evaluate, list_pairs
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.onnx_graph import Graph
+from tactile_classifier.model_file.random_convolutions_graph import add_random_convolutions
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 
 

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.random_convolutions import KERNELS, RandomConvolutions
+from tactile_classifier.estimators.random_convolutions import KERNELS, RandomConvolutions
 
 REFERENCE = Path(__file__).parents[1] / 'data' / 'minirocket.npz'
 """Signals, biases and features of MiniRocket(random_state=7) of aeon, fitted to five signals."""

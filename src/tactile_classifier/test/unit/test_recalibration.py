@@ -17,14 +17,14 @@ import json
 import numpy as np
 import pytest
 
-from tactile_classifier.calibration import deal
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.confidence.calibration import deal
+from tactile_classifier.confidence.novelty import NoveltyMeasure
+from tactile_classifier.confidence.recalibration import SessionStatistics, TRIALS
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError, TooFewTrialsError
-from tactile_classifier.inference import TactileModel
-from tactile_classifier.manifest import Manifest
-from tactile_classifier.novelty import NoveltyMeasure
-from tactile_classifier.recalibration import SessionStatistics, TRIALS
-from tactile_classifier.training import train
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.training.trainer import train
 from tactile_features.spec import array_spec
 
 LABELS = ('foam', 'pla', 'steel', 'wood')
@@ -113,8 +113,8 @@ def test_no_sessions_no_statistics_and_too_few_trials_are_told():
 
 def test_recalibrated_file_corrects_features_and_states_where_it_came_from(tmp_path):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    from tactile_classifier.model_file import write_model
-    from tactile_classifier.recalibrated_model import write_recalibrated
+    from tactile_classifier.training.model_writer import write_model
+    from tactile_classifier.training.recalibrated_model import write_recalibrated
 
     source, target = tmp_path / 'model.onnx', tmp_path / 'today.onnx'
     model = write_model(source, train(draw_sessions(6, 7), 'knn', false_alarm_rate=0.1))

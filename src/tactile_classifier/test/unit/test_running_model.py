@@ -25,13 +25,13 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 from onnx import helper, numpy_helper, TensorProto
 
 from tactile_classifier.errors import DatasetError, ModelFileError
-from tactile_classifier.estimators import CLASSIFIERS, compute_raw_scores
-from tactile_classifier.inference import TactileModel
-from tactile_classifier.manifest import Manifest
-from tactile_classifier.model_file import write_model
-from tactile_classifier.onnx_container import open_container, seal
+from tactile_classifier.estimators.classifiers import CLASSIFIERS, compute_raw_scores
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.onnx_container import open_container, seal
 from tactile_classifier.records import Outcome
-from tactile_classifier.training import train
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
 
 
 @pytest.fixture(scope='module')

@@ -24,7 +24,7 @@ import pytest
 from scipy.stats import mannwhitneyu, norm
 
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.significance import rank_features, rank_sum_p_values
+from tactile_classifier.evaluation.significance import rank_features, rank_sum_p_values
 
 
 def peer_p_values(values, labels):

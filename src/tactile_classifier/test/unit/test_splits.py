@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import grouped_split, stated_split, stratified_split
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.splits import grouped_split, stated_split, stratified_split
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.stopping import find_first_stop, fit_stop_threshold
-from tactile_classifier.stopping_evaluation import evaluate_stopping
+from tactile_classifier.evaluation.early_answers import evaluate_stopping
 
 
 def test_first_stage_that_reaches_the_threshold_decides():

@@ -17,10 +17,10 @@ import datetime
 import numpy as np
 import pytest
 
-from tactile_classifier.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
-from tactile_classifier.evaluation import evaluate
-from tactile_classifier.training import train
+from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.training.trainer import train
 
 NOON = datetime.datetime(2026, 1, 2, 12, 0, tzinfo=datetime.timezone.utc)
 

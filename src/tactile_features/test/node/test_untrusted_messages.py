@@ -29,7 +29,7 @@ from tactile_features.conversions import (
     slip_to_msg,
     strain_block_from_msg,
 )
-from tactile_features.extractor import TrialFeatureExtractor
+from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import MessageError

@@ -22,8 +22,8 @@ import pytest
 
 from tactile_features import FeatureConfig, StrainBlock, TrialEvent, TrialFeatureExtractor
 from tactile_features.errors import UndefinedFeatureError
-from tactile_features.measures_pitch import find_ripple
-from tactile_features.measures_press import (
+from tactile_features.measures.pitch import find_ripple
+from tactile_features.measures.press import (
     measure_press,
     measure_relaxation,
 )

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from tactile_features.signal_changes import (
+from tactile_features.phases.signal_changes import (
     estimate_noise_n,
     locate_bend,
     locate_step,

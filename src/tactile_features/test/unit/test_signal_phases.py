@@ -31,7 +31,7 @@ from tactile_features import (
     TrialEvent,
     TrialFeatureExtractor,
 )
-from tactile_features.signal_phases import SignalPhases
+from tactile_features.phases.signal_phases import SignalPhases
 
 RATE_HZ = 60.0
 STIFFNESS = FeatureConfig(phases='stiffness', detected_contact='flexion')

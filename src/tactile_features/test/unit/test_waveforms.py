@@ -21,7 +21,7 @@ import pytest
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.extractor import features_from_trials
+from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.feature_sets import find_feature_set
 from tactile_features.feature_sets.texture_spatial import smooth_over_distance, SpatialWindow
 from tactile_features.feature_sets.waveforms import average_parts

@@ -26,9 +26,9 @@ from tactile_features import (
     TrialEvent,
     TrialFeatureExtractor,
 )
-from tactile_features.extractor import GRACE_S
+from tactile_features.extraction.extractor import GRACE_S
+from tactile_features.extraction.sample_timeout import LONGEST_STEP_S, SampleTimeout
 from tactile_features.records import STATUS_CLOCK_STEP
-from tactile_features.sample_timeout import LONGEST_STEP_S, SampleTimeout
 
 S = 1_000_000_000
 PERIOD_NS = S // 10

@@ -25,7 +25,7 @@ from rclpy.node import Node
 from tactile_msgs.action import MoveGuide
 from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import NodeGroup
+from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.requests import send
 
 DEADLINE_S = 10.0

@@ -27,10 +27,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Int32
 
-from tactile_ros.data_node import DataNode
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.bus.local_bus import BUS, Inbox
 from tactile_ros.errors import MessageError
-from tactile_ros.local_bus import BUS, Inbox
-from tactile_ros.node_group import NodeGroup
+from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import STREAM
 
 DEADLINE_S = 10.0

@@ -29,7 +29,7 @@ from tactile_ros import message_guard
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.errors import MessageError
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import NodeGroup
+from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM
 
 DEADLINE_S = 10.0

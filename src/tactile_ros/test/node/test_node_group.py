@@ -21,7 +21,7 @@ import pytest
 from rclpy.node import Node
 
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import NodeGroup
+from tactile_ros.programs.node_group import NodeGroup
 
 DEADLINE_S = 10.0
 

@@ -29,7 +29,7 @@ import time
 from dataclasses import dataclass, field
 from tactile_ros import signals
 from tactile_ros.lifecycle import TactileNode
-from tactile_ros.node_group import run_node
+from tactile_ros.programs.node_group import run_node
 
 @dataclass(frozen=True)
 class Config:

@@ -24,7 +24,7 @@ DEADLINE_S = 20.0
 
 TAKEN_ELSEWHERE = """
 import os, signal, sys, threading, time
-from tactile_ros.signals import hold_signals, ignore_signals
+from tactile_ros.programs.signals import hold_signals, ignore_signals
 
 signals = hold_signals()
 NUMBER = int(sys.argv[1])
@@ -58,7 +58,7 @@ def test_a_wait_without_limit_ends_with_a_signal_that_another_thread_takes(numbe
 def test_a_signal_just_before_a_wait_ends_it():
     done = run(
         'import os, signal\n'
-        'from tactile_ros.signals import hold_signals\n'
+        'from tactile_ros.programs.signals import hold_signals\n'
         'signals = hold_signals()\n'
         'os.kill(os.getpid(), signal.SIGTERM)\n'
         'assert signals.wait()\n'
@@ -90,7 +90,7 @@ except KeyboardInterrupt:
 def test_a_signal_that_came_before_interrupts_at_once():
     done = run(
         'import os, signal\n'
-        'from tactile_ros.signals import hold_signals\n'
+        'from tactile_ros.programs.signals import hold_signals\n'
         'signals = hold_signals()\n'
         'os.kill(os.getpid(), signal.SIGINT)\n'
         'try:\n'
@@ -105,7 +105,7 @@ def test_a_signal_that_came_before_interrupts_at_once():
 def test_a_forked_child_has_the_usual_handlers_and_does_not_disturb_its_parent():
     done = run(
         'import os, signal, time\n'
-        'from tactile_ros.signals import hold_signals\n'
+        'from tactile_ros.programs.signals import hold_signals\n'
         'signals = hold_signals()\n'
         'child = os.fork()\n'
         'if not child:\n'
@@ -121,7 +121,7 @@ def test_a_forked_child_has_the_usual_handlers_and_does_not_disturb_its_parent()
 def test_interruptible_work_returns_raises_or_is_given_up():
     done = run(
         'import os, signal, threading\n'
-        'from tactile_ros import signals as module\n'
+        'from tactile_ros.programs import signals as module\n'
         'module.INTERRUPT_TIMEOUT_S = 0.1\n'
         'signals = module.hold_signals()\n'
         'assert signals.run(lambda: 7, print) == 7\n'
@@ -149,7 +149,7 @@ def test_interruptible_work_returns_raises_or_is_given_up():
 def test_ignored_signals_leave_the_exit_code():
     done = run(
         'import os, signal\n'
-        'from tactile_ros.signals import hold_signals, ignore_signals\n'
+        'from tactile_ros.programs.signals import hold_signals, ignore_signals\n'
         'hold_signals()\n'
         'ignore_signals()\n'
         'os.kill(os.getpid(), signal.SIGTERM)\n'

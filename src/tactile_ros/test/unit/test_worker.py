@@ -18,7 +18,7 @@ import threading
 
 import pytest
 
-from tactile_ros.worker import Worker
+from tactile_ros.bus.worker import Worker
 
 DEADLINE_S = 10.0
 

@@ -22,9 +22,9 @@ import math
 import random
 from typing import Any, NamedTuple, Protocol
 
-from tactile_sim.devices.dynamixel_device import DynamixelDevice
-from tactile_sim.devices.dynamixel_packets import encode_status, HEADER
-from tactile_sim.devices.grbl_device import GrblDevice
+from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
+from tactile_sim.devices.dynamixel.packets import encode_status, HEADER
+from tactile_sim.devices.grbl.grbl_device import GrblDevice
 from tactile_sim.devices.line_faults import (
     Burst,
     Corrupt,

@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
 from tactile_sim.errors import DescriptionError
-from tactile_sim.physics import layout as at
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.solver import advance_trials, choose_solver
+from tactile_sim.physics.finger.steps import BDF2, Scheme
 from tactile_sim.physics.scene import build_scene, Scene
 from tactile_sim.physics.sensing import read_tension
-from tactile_sim.physics.solver import advance_trials, choose_solver
-from tactile_sim.physics.steps import BDF2, Scheme
 from tactile_sim.physics.timeline import plan_timeline, Timeline
 from tactile_sim.physics.variation import draw_variation, Variation
 

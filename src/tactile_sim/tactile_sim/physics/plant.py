@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_sim.errors import ConvergenceError
-from tactile_sim.physics import layout as at
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.solver import advance_trials, choose_solver
 from tactile_sim.physics.scene import Scene
-from tactile_sim.physics.solver import advance_trials, choose_solver
 from tactile_sim.physics.variation import Variation
 
 FloatArray = NDArray[np.float64]

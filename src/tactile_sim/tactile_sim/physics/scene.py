@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
 from tactile_sim.descriptions.description import Body, Finger, Rig
 from tactile_sim.errors import ConvergenceError, DescriptionError
-from tactile_sim.physics import layout as at
-from tactile_sim.physics.inertia import compute_mass_matrix
-from tactile_sim.physics.mechanics import Constants
-from tactile_sim.physics.solver import advance_trials
-from tactile_sim.physics.steps import compute_coefficients, EULER
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.inertia import compute_mass_matrix
+from tactile_sim.physics.finger.mechanics import Constants
+from tactile_sim.physics.finger.solver import advance_trials
+from tactile_sim.physics.finger.steps import compute_coefficients, EULER
 from tactile_sim.physics.surface import build_crown_surface, build_plate_surface, Surface
 from tactile_sim.physics.variation import Variation
 

@@ -24,9 +24,9 @@ import tty
 import numpy as np
 import pytest
 
-from tactile_sim.devices.digital_ft_device import DigitalFtDevice
+from tactile_sim.devices.ati.digital_ft_device import DigitalFtDevice
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.digital_ft import DigitalFtClient
+from tendon_sensor_driver.ati.digital_ft import DigitalFtClient
 
 
 class Port:

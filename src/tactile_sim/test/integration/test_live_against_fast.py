@@ -17,9 +17,9 @@
 import numpy as np
 import pytest
 
-from linear_guide_driver import dynamixel_registers as known
+from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.dynamixel_packets import encode_instruction
+from tactile_sim.devices.dynamixel.packets import encode_instruction
 from tactile_sim.errors import RigError
 from tactile_sim.physics.fast_trials import simulate_motion
 from tactile_sim.physics.scene import build_scene

@@ -21,10 +21,10 @@ import time
 import numpy as np
 import pytest
 
-from tactile_sim.devices.net_ft_box import NetFtBox
-from tactile_sim.devices.net_ft_device import NetFtDevice
+from tactile_sim.devices.ati.net_ft_box import NetFtBox
+from tactile_sim.devices.ati.net_ft_device import NetFtDevice
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.net_ft import NetFtClient
+from tendon_sensor_driver.ati.net_ft import NetFtClient
 
 INTERNAL_HZ = 7000
 STEP_N = 1e-4  # of the force from one tick to the next

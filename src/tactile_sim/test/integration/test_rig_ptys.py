@@ -26,7 +26,7 @@ import pytest
 import serial
 
 from tactile_sim import RigError, SimulatedRig
-from tendon_sensor_driver.line_protocol import LineDecoder
+from tendon_sensor_driver.lines.line_protocol import LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 
 DEADLINE_S = 20.0

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 from scenery import run
 
-from tactile_sim.physics import layout as at
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.steps import BDF2, EULER
 from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.steps import BDF2, EULER
 
 DURATION_S = 0.3
 ROWS = [at.TENSION, at.FORCE, at.SENSED, at.MODES + 1, at.CREEP, at.SQUEEZED, at.BRANCHES]

@@ -21,9 +21,9 @@ import pytest
 from scenery import free_scene, object_scene, ramp, run
 
 from tactile_sim.descriptions.description import Body, Branch
-from tactile_sim.physics import layout as at
-from tactile_sim.physics.solver import advance_trials
-from tactile_sim.physics.steps import BDF2, EULER
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.solver import advance_trials
+from tactile_sim.physics.finger.steps import BDF2, EULER
 
 SHARE = np.array([1.0, 1 / 3, 1 / 5])[:, np.newaxis]
 GRAVITY_M_S2 = 9.80665

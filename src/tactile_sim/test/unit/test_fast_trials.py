@@ -22,15 +22,15 @@ import pytest
 
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.errors import DescriptionError
-from tactile_sim.physics import layout as at
 from tactile_sim.physics.fast_trials import (
     _Schedule,
     simulate_motion,
     simulate_trials,
     STEPS_PER_SAMPLE,
 )
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.solver import advance_trials
 from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.solver import advance_trials
 from tactile_sim.physics.timeline import Move, plan_timeline, Timeline
 from tactile_sim.physics.variation import draw_variation, Variation
 

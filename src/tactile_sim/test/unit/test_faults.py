@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.dynamixel_device import DynamixelDevice
+from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
 from tactile_sim.devices.faults import (
     FaultRequest,
     FaultyLine,
@@ -31,7 +31,7 @@ from tactile_sim.devices.faults import (
     SensorLine,
     TendonLine,
 )
-from tactile_sim.devices.grbl_device import GrblDevice
+from tactile_sim.devices.grbl.grbl_device import GrblDevice
 from tactile_sim.devices.line_faults import resample_uart
 from tactile_sim.devices.load_cell_device import LoadCellDevice
 from tactile_sim.errors import RigError

@@ -18,9 +18,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver.grbl_codes import ALARMS, ERRORS
+from linear_guide_driver.grbl.codes import ALARMS, ERRORS
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.grbl_device import GrblDevice
+from tactile_sim.devices.grbl.grbl_device import GrblDevice
 
 
 class Bench:

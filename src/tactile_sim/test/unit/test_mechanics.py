@@ -18,8 +18,8 @@ from finger_modes import FINE_WEIGHT, FINE_XI, MASS, shapes, TIP_MASS
 import numpy as np
 import pytest
 
-from tactile_sim.physics.inertia import compute_mass_matrix
-from tactile_sim.physics.mechanics import (
+from tactile_sim.physics.finger.inertia import compute_mass_matrix
+from tactile_sim.physics.finger.mechanics import (
     compute_balance,
     compute_line,
     compute_object_contact,

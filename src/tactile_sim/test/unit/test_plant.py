@@ -22,10 +22,10 @@ import pytest
 from scenery import ramp, run
 
 from tactile_sim.errors import ConvergenceError, DescriptionError, RigError
-from tactile_sim.physics import layout as at
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.steps import EULER
 from tactile_sim.physics.plant import Plant
 from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.steps import EULER
 from tactile_sim.physics.variation import Variation
 from tactile_sim.rig import PalpationRig, STEP_S
 

@@ -24,7 +24,7 @@ from scenery import change, CONTACT_GUIDE_M, draw, object_scene, plate_scene, PU
 from tactile_sim.descriptions.catalogue import default_catalogue, list_objects
 from tactile_sim.descriptions.description import Body, Branch
 from tactile_sim.errors import DescriptionError
-from tactile_sim.physics import layout as at
+from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.scene import build_scene
 
 STEP_S = 1 / 600

@@ -22,11 +22,11 @@ import pytest
 from scenery import change, CONTACT_GUIDE_M, draw, free_scene, plate_scene, PULL_M, ramp, run
 
 from tactile_sim.errors import DescriptionError
-from tactile_sim.physics import layout as at
-from tactile_sim.physics import solver as solver_module
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger import solver as solver_module
+from tactile_sim.physics.finger.solver import advance_trials, choose_solver
+from tactile_sim.physics.finger.steps import BDF2, EULER
 from tactile_sim.physics.scene import build_scene
-from tactile_sim.physics.solver import advance_trials, choose_solver
-from tactile_sim.physics.steps import BDF2, EULER
 
 STEP_S = 1 / 600
 TIMES_S = STEP_S * np.arange(361)

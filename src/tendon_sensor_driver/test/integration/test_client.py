@@ -101,7 +101,7 @@ def test_a_client_is_opened_once(make_client):
 def test_close_lets_go_of_the_port_and_hands_out_what_arrived(
     sensor, make_client, blocks, wait_for, monkeypatch
 ):
-    monkeypatch.setattr('tendon_sensor_driver.transport.READ_TIMEOUT_S', 30.0)
+    monkeypatch.setattr('tendon_sensor_driver.lines.transport.READ_TIMEOUT_S', 30.0)
     client = make_client(samples_per_block=100)
     sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.6))
     wait_for(lambda: client.health().readings == 2)
@@ -194,7 +194,7 @@ def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, b
 
 def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, wait_for, monkeypatch):
     monkeypatch.setattr('tendon_sensor_driver.client_base.FIRST_DELAY_S', 30.0)
-    monkeypatch.setattr('tendon_sensor_driver.client.FIRST_DELAY_S', 30.0)
+    monkeypatch.setattr('tendon_sensor_driver.lines.line_client.FIRST_DELAY_S', 30.0)
     client = make_client()
     sensor.unplug()
     wait_for(lambda: not client.health().is_connected)
@@ -206,7 +206,7 @@ def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, wait
 def test_a_consumer_that_is_too_slow_loses_samples_visibly(
     sensor, make_client, blocks, wait_for, monkeypatch
 ):
-    monkeypatch.setattr('tendon_sensor_driver.client._QUEUED_CHUNKS', 4)
+    monkeypatch.setattr('tendon_sensor_driver.lines.line_client._QUEUED_CHUNKS', 4)
     gate = threading.Event()
 
     def on_block(block):
@@ -232,7 +232,7 @@ def test_a_consumer_that_is_too_slow_loses_samples_visibly(
 def test_pieces_of_two_lines_are_not_joined_where_bytes_were_dropped(
     sensor, make_client, blocks, wait_for, monkeypatch
 ):
-    monkeypatch.setattr('tendon_sensor_driver.client._QUEUED_CHUNKS', 1)
+    monkeypatch.setattr('tendon_sensor_driver.lines.line_client._QUEUED_CHUNKS', 1)
     gate = threading.Event()
 
     def on_block(block):

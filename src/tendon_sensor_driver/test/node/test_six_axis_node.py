@@ -20,8 +20,8 @@ import pytest
 
 from tendon_sensor_driver import StrainStatus
 
-box_module = pytest.importorskip('tactile_sim.devices.net_ft_box')
-device_module = pytest.importorskip('tactile_sim.devices.net_ft_device')
+box_module = pytest.importorskip('tactile_sim.devices.ati.net_ft_box')
+device_module = pytest.importorskip('tactile_sim.devices.ati.net_ft_device')
 
 
 @pytest.fixture

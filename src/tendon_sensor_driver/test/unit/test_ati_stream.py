@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from tendon_sensor_driver import StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.ati_counter import Batch, CounterRestartError, SampleCounter
-from tendon_sensor_driver.ati_stream import CountedStream
+from tendon_sensor_driver.ati.counter import Batch, CounterRestartError, SampleCounter
+from tendon_sensor_driver.ati.sample_stream import CountedStream
 
 RATE_HZ = 7000
 START_NS = 1_800_000_000_000_000_000

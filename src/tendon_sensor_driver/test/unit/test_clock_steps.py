@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from tendon_sensor_driver.clock import ArrivalClock, DeviceClock
+from tendon_sensor_driver.stream.clock import ArrivalClock, DeviceClock
 
 SECOND_NS = 1_000_000_000
 MS_NS = 1_000_000

@@ -20,14 +20,14 @@ import numpy as np
 import pytest
 
 from tendon_sensor_driver import LinkError
-from tendon_sensor_driver.digital_ft_protocol import (
+from tendon_sensor_driver.ati.digital_ft_protocol import (
     CALIBRATION_REGISTERS,
     decode_calibration,
     describe_status,
     encode_record,
     StreamDecoder,
 )
-from tendon_sensor_driver.modbus import (
+from tendon_sensor_driver.ati.modbus import (
     compute_crc,
     decode_frame,
     decode_read,

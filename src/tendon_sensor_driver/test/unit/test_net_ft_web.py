@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 from tendon_sensor_driver import LinkError
-from tendon_sensor_driver.ati_units import (
+from tendon_sensor_driver.ati.net_ft_web import FILTER_CODES, parse_configuration
+from tendon_sensor_driver.ati.units import (
     compute_si_per_count,
     force_unit_of_code,
     torque_unit_of_code,
 )
-from tendon_sensor_driver.net_ft_web import FILTER_CODES, parse_configuration
 from tendon_sensor_driver.records import LOW_PASSES_HZ
 
 TAGS = {

@@ -18,8 +18,8 @@ import time
 
 import pytest
 
-from tendon_sensor_driver.client import TendonSensorClient
 from tendon_sensor_driver.errors import TendonSensorError
+from tendon_sensor_driver.lines.line_client import TendonSensorClient
 from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 
@@ -39,7 +39,9 @@ def test_each_kind_of_sensor_has_its_client():
 
 
 def test_net_ft_without_pynetft_names_the_remedy_and_others_need_none(monkeypatch):
-    for name in [name for name in sys.modules if name.startswith('tendon_sensor_driver.net_ft')]:
+    for name in [
+        name for name in sys.modules if name.startswith('tendon_sensor_driver.ati.net_ft')
+    ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, 'pynetft', None)
     with pytest.raises(TendonSensorError, match='pip install pynetft'):

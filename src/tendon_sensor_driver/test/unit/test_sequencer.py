@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from tendon_sensor_driver import StrainStatus
-from tendon_sensor_driver.clock import Instant
-from tendon_sensor_driver.sequencer import Sequencer
+from tendon_sensor_driver.stream.clock import Instant
+from tendon_sensor_driver.stream.sequencer import Sequencer
 
 MS_NS = 1_000_000
 PERIOD_NS = 16_666_667

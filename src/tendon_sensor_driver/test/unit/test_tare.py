@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tendon_sensor_driver import Block, StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.tare import Tare, TareError
+from tendon_sensor_driver.stream.tare import Tare, TareError
 
 CONFIG = TendonSensorConfig(tare_samples=50)
 PERIOD_NS = CONFIG.period_ns

@@ -1,0 +1,200 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One servo on a Dynamixel bus through ``dynamixel_sdk``, made safe to share and to unplug."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+import threading
+import time
+from typing import Any
+
+import dynamixel_sdk
+
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.registers import Register
+from linear_guide_driver.errors import DeviceConnectionError, DeviceRefusedError
+from linear_guide_driver.serial_link import LINE_ERRORS
+
+READ_WAIT_S = 0.002
+
+ATTEMPTS = 3
+"""At a ping, or at reading or writing one register: a lost packet must not lose a stop or a
+release. All registers hold absolute values, so to write one twice does no harm."""
+
+LATE_S = 0.02
+"""Rest before the next attempt: an answer that is merely late arrives in it and is dropped."""
+
+
+class SilentServoError(DeviceConnectionError):
+    """No valid answer to one instruction; the line itself is there."""
+
+
+class DynamixelBus:
+    """Reads and writes registers of one servo; thread-safe.
+
+    Attributes
+    ----------
+    lock : threading.RLock
+        Held during each call; hold it to keep several calls together.
+
+    Parameters
+    ----------
+    port : str
+    baud : int
+        [bit/s]
+    device_id : int
+
+    Raises
+    ------
+    DeviceConnectionError
+        When the port cannot be opened.
+    """
+
+    def __init__(self, port: str, baud: int, device_id: int) -> None:
+        self._name = f'servo {device_id} on {port} at {baud} baud'
+        self._id = device_id
+        self.lock = threading.RLock()
+        self._packets: Any = dynamixel_sdk.PacketHandler(2.0)
+        self._port: Any = dynamixel_sdk.PortHandler(port)
+        try:
+            # Not openPort(): that opens at 1 Mbaud whatever is asked for.
+            if not self._port.setBaudRate(baud):
+                raise DeviceConnectionError(
+                    f'dynamixel_sdk does not know {baud} baud; use one of its speeds'
+                )
+            self._port.ser.exclusive = True
+            # The SDK asks for bytes in a loop; let each request sleep a little.
+            self._port.ser.timeout = READ_WAIT_S
+            self._port.ser.write_timeout = 1.0
+        except (*LINE_ERRORS, ValueError) as error:
+            self.close()
+            raise DeviceConnectionError(
+                f'cannot open {port}: {error}; check that the device is plugged in, that the '
+                f'parameter port names it and that no other program uses it'
+            ) from error
+
+    def ping(self) -> int:
+        """Return the servo's model number.
+
+        Raises
+        ------
+        SilentServoError, DeviceConnectionError
+        """
+        return int(self._insist(self._ping_once))
+
+    def read_block(self, block: Register) -> bytes:
+        """Return the bytes of a register or of a run of registers, asking once.
+
+        Raises
+        ------
+        SilentServoError, DeviceRefusedError, DeviceConnectionError
+        """
+        data, result, error = self._call(
+            lambda: self._packets.readTxRx(self._port, self._id, block.address, block.size)
+        )
+        self._check(f'reading register {block.address}', result, error)
+        if len(data) != block.size:
+            raise SilentServoError(f'{self._name} sent {len(data)} bytes instead of {block.size}')
+        return bytes(data)
+
+    def read(self, register: Register) -> int:
+        """Return a register's value, signed where the register is; try more than once."""
+        data = self._insist(lambda: self.read_block(register))
+        return registers.decode_register(register, data, register.address)
+
+    def write(self, register: Register, value: int) -> None:
+        """Write a register's value, signed where the register is; try more than once.
+
+        Raises
+        ------
+        SilentServoError, DeviceRefusedError, DeviceConnectionError
+        """
+        self._insist(lambda: self._write_once(register, value))
+
+    def reboot(self) -> None:
+        """Restart the servo, which then is silent for a while.
+
+        Raises
+        ------
+        SilentServoError, DeviceRefusedError, DeviceConnectionError
+        """
+        result, error = self._call(lambda: self._packets.reboot(self._port, self._id))
+        self._check('restarting', result, error)
+
+    def close(self) -> None:
+        """Close the port. Harmless when called twice."""
+        if self._port.ser is not None:
+            with suppress(*LINE_ERRORS):
+                self._port.closePort()
+
+    # -- inside --------------------------------------------------------------------------
+
+    def _ping_once(self) -> int:
+        model, result, _ = self._call(lambda: self._packets.ping(self._port, self._id))
+        if result != dynamixel_sdk.COMM_SUCCESS:
+            raise SilentServoError(
+                f'no answer from {self._name}; check ID, baud, wiring and power'
+            )
+        return int(model)
+
+    def _write_once(self, register: Register, value: int) -> None:
+        data = list(value.to_bytes(register.size, 'little', signed=register.is_signed))
+        result, error = self._call(
+            lambda: self._packets.writeTxRx(
+                self._port, self._id, register.address, register.size, data
+            )
+        )
+        self._check(f'writing {value} to register {register.address}', result, error)
+
+    def _insist(self, transaction: Callable[[], Any]) -> Any:
+        with self.lock:  # throughout: an old goal must not follow a newer one
+            for _ in range(ATTEMPTS - 1):
+                with suppress(SilentServoError):
+                    return transaction()
+                time.sleep(LATE_S)
+            return transaction()
+
+    def _call(self, transaction: Callable[[], Any]) -> Any:
+        with self._exclusive():
+            # The SDK before 4.0.5 leaves late answers in the buffer, for the next one to take.
+            self._port.ser.reset_input_buffer()
+            return transaction()
+
+    @contextmanager
+    def _exclusive(self) -> Iterator[None]:
+        with self.lock:
+            try:
+                yield
+            except LINE_ERRORS as error:
+                raise DeviceConnectionError(
+                    f'the line to {self._name} is lost: {error}'
+                ) from error
+            except IndexError as error:
+                # A well-formed packet that is shorter than its kind: the SDK runs off its end.
+                raise SilentServoError(f'{self._name} sent a packet that is too short') from error
+            finally:
+                # An exception leaves the flag set, and every later call would say "busy".
+                self._port.is_using = False
+
+    def _check(self, action: str, result: int, error: int) -> None:
+        if result != dynamixel_sdk.COMM_SUCCESS:
+            text = self._packets.getTxRxResult(result).removeprefix('[TxRxResult] ')
+            raise SilentServoError(f'{action} of {self._name} failed: {text}')
+        if error & ~registers.STATUS_ALERT:
+            raise DeviceRefusedError(
+                f'{action} of {self._name} was refused: {registers.describe_status_error(error)}'
+            )

@@ -1,0 +1,423 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The goals of the tendon's servo, written under the bus's lock as safety orders.
+
+Each goal is numbered, so that a later one ends an earlier. The servo's bus watchdog stops it
+when nothing is heard for a while; the monitor's reads keep it fed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+import logging
+import time
+
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.servo_monitor import describe_watchdog, ServoMonitor
+from linear_guide_driver.dynamixel.tendon_servo import TendonServo
+from linear_guide_driver.dynamixel.tendon_setup import open_servo
+from linear_guide_driver.errors import (
+    DeviceRefusedError,
+    LinearGuideDriverError,
+    MotionFailedError,
+    MotionRefusedError,
+    MotionStoppedError,
+)
+from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.safety.pull import Pull
+from linear_guide_driver.safety.states import Ending, Order, State, Zero
+from linear_guide_driver.safety.tendon_safety import TendonSafety
+
+POLL_WAIT_S = 1.0
+
+LET_OUT_S = 2.0
+"""Longest wait of `ServoGoals.close` for a tendon to become slack."""
+
+RESTARTED = 'The driver has started with a taut tendon: it is let out.'
+
+_logger = logging.getLogger(__name__)
+
+
+class ServoGoals:
+    """The servo in lengths of tendon, and who may move it; thread-safe.
+
+    Parameters
+    ----------
+    config : TendonActuatorConfig
+    safety : TendonSafety
+    on_state : callable
+        Called with each `TendonState`, on the poll thread.
+    clock_ns : callable
+        Clock that stamps states [ns].
+    on_trouble : callable
+        Called with a sentence as soon as a fault or a safety order is new, from any thread.
+
+    Attributes
+    ----------
+    identification : str
+        Model and firmware; empty before the first `connect`.
+    temperature_limit_c : float
+        At which the servo shuts down [degree Celsius].
+    recoveries : int
+        How often the servo's watchdog had stopped it and its goals were unlocked again.
+    """
+
+    def __init__(
+        self,
+        config: TendonActuatorConfig,
+        safety: TendonSafety,
+        on_state: Callable[[TendonState], None],
+        clock_ns: Callable[[], int],
+        on_trouble: Callable[[str], None],
+    ) -> None:
+        self._config, self._safety = config, safety
+        self._on_state, self._on_trouble = on_state, on_trouble
+        self._clock_ns = clock_ns
+        self._servo: TendonServo | None = None
+        self._monitor: ServoMonitor | None = None
+        self._velocity_limit = 1
+        self._number = 0  # grows with each goal written; a motion sees when its own is gone
+        self._applied = Order.FOLLOW  # the last order that was carried out
+        self.identification = ''
+        self.temperature_limit_c = 0.0
+        self.recoveries = 0
+
+    @property
+    def state(self) -> TendonState | None:
+        """The last state; None before the first poll."""
+        return None if self._monitor is None else self._monitor.state
+
+    @property
+    def trouble(self) -> str:
+        """The fault that keeps the servo from moving; empty when there is none."""
+        return '' if self._monitor is None else self._monitor.trouble
+
+    @property
+    def max_speed_m_s(self) -> float:
+        """The servo's velocity limit as tendon speed [m/s]."""
+        return registers.velocity_to_m_s(self._velocity_limit, self._config.pulley_radius_m)
+
+    @property
+    def monitor(self) -> ServoMonitor:
+        """What reads the servo's state.
+
+        Raises
+        ------
+        MotionRefusedError
+            When the servo is not connected.
+        """
+        return self._require_connection()[1]
+
+    # -- life ----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Open the bus and set the servo up; a tendon that was left taut is let out.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When the servo does not answer for three seconds.
+        DeviceRefusedError
+            When it is not a supported servo, too old, or reports a hardware error.
+        """
+        self.close()
+        bus, setup = open_servo(self._config)
+        self.identification = setup.identification
+        self._velocity_limit = setup.velocity_limit
+        self.temperature_limit_c = float(setup.temperature_limit_c)
+        self._applied = Order.FOLLOW
+        if setup.was_held and not setup.is_zero_kept:
+            self._safety.set_zero(
+                Zero.UNKNOWN, 'the servo held a tendon whose zero it does not know'
+            )
+        else:
+            self._safety.set_zero(Zero.UNCONFIRMED)
+        if setup.is_zero_kept:
+            _logger.warning(RESTARTED)
+            self._safety.release(RESTARTED)
+        self._servo = TendonServo(bus, self._config)
+        self._monitor = ServoMonitor(
+            bus, self._config, self._on_poll, self._on_state, self._on_fault
+        )
+        self._monitor.start()
+        self._monitor.wait_poll(POLL_WAIT_S)
+
+    def close(self) -> None:
+        """Let the tendon out, then switch the torque off; harmless when called twice."""
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None:
+            return
+        if not monitor.trouble:
+            self._let_out(monitor)
+        bus = servo.bus
+        with bus.lock:
+            self._number += 1  # ends a running pull
+        monitor.close()
+        self._servo = None
+        with suppress(LinearGuideDriverError):
+            bus.write(registers.TORQUE_ENABLE, 0)
+            bus.write(registers.BUS_WATCHDOG, 0)
+        bus.close()
+
+    # -- goals ---------------------------------------------------------------------------
+
+    def begin(
+        self, pull: Pull, speed_m_s: float, should_stop: Callable[[], bool]
+    ) -> tuple[int, float]:
+        """Write a new goal if safety admits it; return its number and the present displacement.
+
+        Parameters
+        ----------
+        pull : Pull
+            One with a target tension begins where the tendon is.
+        speed_m_s : float
+            [m/s]
+        should_stop : callable
+            Asked last; nothing moves when it returns True.
+
+        Raises
+        ------
+        MotionRefusedError, MotionStoppedError, DeviceConnectionError, DeviceRefusedError
+        """
+        servo, _ = self._require_sound()
+        with servo.bus.lock:
+            # Asked under the lock that `hold_here` takes, too: a stop comes either before
+            # the goal is written, and is seen here, or after it, and overrides it.
+            if should_stop():
+                raise MotionStoppedError('The pull was stopped before it began.')
+            start_m = servo.read_displacement_m()
+            now_ns = time.monotonic_ns()
+            self._safety.admit(pull, start_m, now_ns)
+            if self._safety.decide(start_m, now_ns) is Order.FOLLOW:
+                goal_m = start_m if pull.target_tension_n else pull.displacement_m
+                velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
+                self._applied = Order.FOLLOW  # also if only the servo's answer is lost
+                self._write(servo, lambda: servo.write_goal(goal_m, velocity))
+            else:
+                self._carry_out(servo, start_m)
+            return self._number, start_m
+
+    def watch(
+        self, number: int, target: str, should_stop: Callable[[], bool]
+    ) -> TendonState | None:
+        """Return the next state of a goal that is still in force; None when none came in time.
+
+        Raises
+        ------
+        MotionFailedError, MotionStoppedError
+            When a fault, safety, ``should_stop`` or a later goal has ended it.
+        """
+        _, monitor = self._require_connection()
+        state = monitor.wait_poll(POLL_WAIT_S)
+        ending = self._safety.ending
+        if ending is not None:
+            self.supervise()  # before the pull is forgotten
+            if ending is Ending.REACHED and self._safety.state is not State.RELEASING:
+                return self.state
+            error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
+            raise error(f'{self.describe_end(target)} {self._safety.reason}')
+        if should_stop():
+            self._stop_goal(number)
+            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
+        if monitor.trouble:
+            raise MotionFailedError(f'The pull failed: {monitor.trouble}.')
+        if number != self._number:
+            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
+        return state
+
+    def _stop_goal(self, number: int) -> None:
+        """Hold the tendon where it is, unless a later command, as a release, is in force."""
+        servo, _ = self._require_sound()
+        with servo.bus.lock:
+            if number == self._number:
+                self.hold_here()
+
+    def follow(self, number: int, displacement_m: float) -> bool:
+        """Shift a goal that is still in force; return whether it is."""
+        servo = self._servo
+        if servo is None:
+            return False
+        with servo.bus.lock:
+            if number != self._number:
+                return False
+            self._write_unlocked(servo, lambda: servo.write_goal(displacement_m))
+            return True
+
+    def hold(self, number: int) -> None:
+        """Hold the tendon where it is, unless a later command has come."""
+        servo, _ = self._require_connection()
+        with servo.bus.lock:
+            if number == self._number:
+                self._write(servo, servo.write_hold)
+
+    def hold_here(self) -> None:
+        """Hold the tendon where it is; above the limit it is let out instead.
+
+        Raises
+        ------
+        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
+        """
+        self._command(self._safety.stop, Order.HOLD)
+
+    def request_release(self, reason: str) -> None:
+        """Begin to let the tendon out as fast as the servo can; ends a running pull.
+
+        Raises
+        ------
+        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
+        """
+        self._command(lambda: self._safety.release(reason), Order.RELEASE)
+
+    def supervise(self) -> None:
+        """Carry out what safety orders now; the next poll tries again what fails.
+
+        A silent servo is left alone: a question that it hears would feed its bus watchdog,
+        which is what stops it.
+        """
+        if self.trouble:
+            return
+        with suppress(LinearGuideDriverError):
+            servo, _ = self._require_sound()
+            with servo.bus.lock:
+                self._carry_out(servo)
+
+    def shift_zero(self, shift_m: float) -> None:
+        """Count displacements from ``shift_m`` further in, in the servo itself [m].
+
+        Raises
+        ------
+        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
+        """
+        servo, monitor = self._require_sound()
+        with servo.bus.lock:  # so that no poll sees the torque off
+            self._number += 1
+            servo.write_zero(shift_m)
+            self._safety.set_zero(Zero.KNOWN)
+        monitor.wait_poll(POLL_WAIT_S)  # so that no state counts from the old zero
+
+    def describe_end(self, target: str) -> str:
+        """Return a sentence that says how far a pull came."""
+        state = self.state
+        at = 'an unknown position' if state is None else f'{state.displacement_m:.4f} m'
+        return f'The pull ended at {at} on the way to {target}.'
+
+    # -- inside --------------------------------------------------------------------------
+
+    def _let_out(self, monitor: ServoMonitor) -> None:
+        """Release and wait until the tendon is slack, for a while at the most."""
+        deadline_s = time.monotonic() + LET_OUT_S
+        tension_n = self._safety.live_tension_n(time.monotonic_ns())
+        if self._safety.zero is Zero.UNKNOWN and tension_n is None:
+            return  # nothing would tell where to end
+        try:
+            self.request_release('The driver is closed: the tendon is let out.')
+            while time.monotonic() < deadline_s:
+                state = monitor.wait_poll(POLL_WAIT_S)
+                if monitor.trouble:
+                    break
+                if state and self._safety.is_slack(state.displacement_m, time.monotonic_ns()):
+                    return
+        except LinearGuideDriverError as error:
+            _logger.error('the tendon may still be taut: %s', error)
+        else:
+            _logger.error('the tendon was not slack after %s s; it may still be taut', LET_OUT_S)
+
+    def _require_connection(self) -> tuple[TendonServo, ServoMonitor]:
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None:
+            raise MotionRefusedError('The tendon actuator is not connected; connect it first.')
+        return servo, monitor
+
+    def _require_sound(self) -> tuple[TendonServo, ServoMonitor]:
+        servo, monitor = self._require_connection()
+        if monitor.needs_connect:
+            raise MotionRefusedError(
+                f'The tendon actuator cannot move: {monitor.trouble}; remove the cause and '
+                'configure the driver again.'
+            )
+        return servo, monitor
+
+    def _on_fault(self, reason: str) -> None:
+        self._safety.lose(f'{reason[:1].upper()}{reason[1:]}.', time.monotonic_ns())
+        self._on_trouble(reason)
+
+    def _on_poll(self, polled: registers.ServoState) -> TendonState:
+        """Carry safety's order out with each new state, under the bus's lock."""
+        servo, _ = self._require_connection()
+        state = servo.to_state(polled, self._clock_ns())
+        if polled.is_torque_on and not polled.hardware_error:
+            # Off: a command that sets it anew was cut off half way.
+            if polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF):
+                self._recover(servo)
+            self._carry_out(servo, state.displacement_m)
+        return state
+
+    def _command(self, tell: Callable[[], None], order: Order) -> None:
+        """Tell safety, then write its order; where it has none, the one that was asked for."""
+        servo, _ = self._require_sound()
+        with servo.bus.lock:
+            tell()
+            self._applied = Order.FOLLOW  # a goal that is kept up may be in force
+            if self._carry_out(servo) is Order.FOLLOW:
+                self._apply(servo, order)
+
+    def _carry_out(self, servo: TendonServo, displacement_m: float | None = None) -> Order:
+        """Ask safety for its order and write it, if it is not in force already; return it."""
+        if displacement_m is None:
+            displacement_m = servo.read_displacement_m()
+        order = self._safety.decide(displacement_m, time.monotonic_ns())
+        if order is not self._applied:
+            self._apply(servo, order)
+            if order is not Order.FOLLOW and self._safety.is_alarm:
+                self.monitor.tell_trouble(self._safety.reason)
+        return order
+
+    def _apply(self, servo: TendonServo, order: Order) -> None:
+        if order is Order.HOLD:
+            self._write(servo, servo.write_hold)
+        elif order is Order.RELEASE:
+            slack_m, velocity = self._safety.slack_m, self._velocity_limit
+            self._write(servo, lambda: servo.write_goal(slack_m, velocity))
+        elif self._applied is Order.RELEASE and self._safety.zero is Zero.UNKNOWN:
+            self._write(servo, servo.write_hold)  # slack by the sensor, before the goal
+        self._applied = order
+
+    def _recover(self, servo: TendonServo) -> None:
+        """Unlock the goals that the servo's watchdog has locked; the tendon is held there."""
+        self.recoveries += 1
+        if self._safety.is_pulling:
+            self._safety.lose(f'{describe_watchdog(self._config)}.', time.monotonic_ns())
+            self._number += 1  # a tension that is kept goes on being kept
+        servo.unlock()
+        self._applied = Order.FOLLOW  # so that the present order is written again
+
+    def _write(self, servo: TendonServo, write: Callable[[], None]) -> None:
+        """Write the goal of a new command."""
+        self._number += 1
+        self._write_unlocked(servo, write)
+        if self.monitor.trouble:  # a fresh command was heard, so the silence is over
+            self.monitor.clear()
+
+    def _write_unlocked(self, servo: TendonServo, write: Callable[[], None]) -> None:
+        """Write a goal, also when the watchdog has acted since the last poll."""
+        try:
+            write()
+        except DeviceRefusedError:
+            if not servo.is_locked():
+                raise
+            self.recoveries += 1
+            servo.unlock()
+            write()

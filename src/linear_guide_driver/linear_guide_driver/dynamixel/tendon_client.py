@@ -1,0 +1,401 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tendon actuator: a Dynamixel XM430 in current-based position mode, and its motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+import threading
+import time
+
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.servo_goals import ServoGoals
+from linear_guide_driver.dynamixel.tendon_homing import find_taut
+from linear_guide_driver.dynamixel.tension_control import TensionController
+from linear_guide_driver.dynamixel.tension_keeper import TensionKeeper
+from linear_guide_driver.errors import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    LinearGuideDriverError,
+    MotionFailedError,
+    MotionRefusedError,
+)
+from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.safety.pull import check_pull, Pull
+from linear_guide_driver.safety.states import Ending, Zero
+from linear_guide_driver.safety.tendon_safety import TendonSafety
+from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
+
+POSITION_TOLERANCE_M = 0.0005
+"""How far from its goal a finished pull may rest: the loop yields a little under load."""
+
+REACH_S = 30.0
+"""Added to the time to wind all the way before a tension counts as not to be reached."""
+
+HOMING_REACH_M = 0.005
+"""At least so much slack is looked through, also by an actuator for small displacements."""
+
+SLACK_S = 1.0
+"""Added to the computed duration of a pull before it counts as stuck."""
+
+
+class TendonActuatorClient:
+    """Blocking, thread-safe client of the tendon's servo; one pull at a time.
+
+    Every command passes `TendonSafety`, and the poll carries its orders out. `connect` lets a
+    tendon out that was left taut. `close` lets it out, too, and switches the torque off.
+
+    Parameters
+    ----------
+    config : TendonActuatorConfig
+    on_state : callable, optional
+        Called with each `TendonState`, on the poll thread.
+    clock_ns : callable, optional
+        Clock that stamps states [ns].
+    on_trouble : callable, optional
+        Called with a sentence as soon as a fault or a safety order is new.
+    watchdogs : sequence of TopicWatchdog, optional
+        Topics that must be heard while the tendon is taut.
+
+    Attributes
+    ----------
+    safety : TendonSafety
+        Feed it the samples of the tension.
+    """
+
+    def __init__(
+        self,
+        config: TendonActuatorConfig,
+        on_state: Callable[[TendonState], None] = lambda _: None,
+        clock_ns: Callable[[], int] = time.time_ns,
+        on_trouble: Callable[[str], None] = lambda _: None,
+        watchdogs: Sequence[TopicWatchdog] = (),
+    ) -> None:
+        self._config = config
+        self._on_trouble = on_trouble
+        self.safety = TendonSafety(config, watchdogs)
+        self._goals = ServoGoals(config, self.safety, on_state, clock_ns, on_trouble)
+        self._slot = threading.Lock()  # held by the one pull
+
+    @property
+    def state(self) -> TendonState | None:
+        """The last state; None before the first poll."""
+        return self._goals.state
+
+    @property
+    def trouble(self) -> str:
+        """The fault that has ended motion; empty when there is none."""
+        return self._goals.trouble
+
+    @property
+    def recoveries(self) -> int:
+        """How often the servo's watchdog had stopped it and it was unlocked again."""
+        return self._goals.recoveries
+
+    @property
+    def identification(self) -> str:
+        """Model and firmware of the servo; empty before the first `connect`."""
+        return self._goals.identification
+
+    @property
+    def temperature_limit_c(self) -> float:
+        """At which the servo shuts down [degree Celsius]."""
+        return self._goals.temperature_limit_c
+
+    def connect(self) -> None:
+        """Open the bus and set the servo up; a tendon that was left taut is let out.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When the servo does not answer.
+        DeviceRefusedError
+            When it is not a supported servo, too old, or has a fault that a restart
+            does not end.
+        """
+        self._goals.connect()
+
+    def close(self) -> None:
+        """Let the tendon out, then switch the torque off; harmless when called twice."""
+        self._goals.close()
+
+    def pull_to(
+        self,
+        displacement_m: float,
+        speed_m_s: float = 0.0,
+        on_state: Callable[[TendonState], None] = lambda _: None,
+        should_stop: Callable[[], bool] = lambda: False,
+        *,
+        contact: str = 'flexion',
+        stop_tension_n: float = 0.0,
+    ) -> TendonState:
+        """Wind the tendon to a displacement and keep it there; return the state at rest.
+
+        Parameters
+        ----------
+        displacement_m : float
+            From the slack reference [m]; 0 lets the tendon out to slack.
+        speed_m_s : float
+            [m/s]; 0: the configured default.
+        on_state : callable
+            Called with each new state while the tendon moves.
+        should_stop : callable
+            Ends the pull when it returns True; the tendon is held where it is.
+        contact : str
+            flexion or abduction: chooses the limit of the tension.
+        stop_tension_n : float
+            The pull ends and holds when the tension reaches this [N]; 0: it does not.
+            ``safety.ending`` says which end it was.
+
+        Raises
+        ------
+        MotionRefusedError
+            Out of range, busy, not safe, or not connected; nothing has moved.
+        MotionFailedError
+            Ended by a fault or by safety.
+        MotionStoppedError
+            Ended by ``should_stop``, `hold_here`, `request_release` or `close`.
+        """
+        if displacement_m == 0.0:  # letting out is always accepted
+            with self._one_pull():
+                return self._release(speed_m_s, on_state, should_stop)
+        self._check_reach(displacement_m)
+        speed_m_s = self._check_speed(speed_m_s)
+        with self._one_pull():
+            pull = Pull(displacement_m, contact, stop_tension_n)
+            return self._wind(pull, speed_m_s, on_state, should_stop)
+
+    def pull_to_tension(
+        self,
+        tension_n: float,
+        max_displacement_m: float,
+        speed_m_s: float = 0.0,
+        on_state: Callable[[TendonState], None] = lambda _: None,
+        should_stop: Callable[[], bool] = lambda: False,
+        *,
+        contact: str = 'flexion',
+    ) -> TendonState:
+        """Wind the tendon until the sensor reads a tension; return the state then.
+
+        Afterwards the tension is kept, until the next command, a fault, or until no valid
+        sample arrives; then the tendon is held where it is, and let out later.
+
+        Parameters
+        ----------
+        tension_n : float
+            Tension to reach [N].
+        max_displacement_m : float
+            No further than this [m].
+        speed_m_s : float
+            Fastest winding [m/s]; 0: the configured default.
+        on_state, should_stop, contact
+            As in `pull_to`.
+
+        Raises
+        ------
+        MotionRefusedError, MotionFailedError, MotionStoppedError
+        """
+        self._check_reach(max_displacement_m)
+        speed_m_s = self._check_speed(speed_m_s)
+        with self._one_pull():
+            goals, target = self._goals, f'{tension_n:.2f} N'
+            pull = Pull(max_displacement_m, contact, target_tension_n=tension_n)
+            goal, start_m = goals.begin(pull, speed_m_s, should_stop)
+            keeper = TensionKeeper(
+                TensionController(
+                    tension_n, self.safety.limit_n, speed_m_s, start_m, max_displacement_m
+                ),
+                goals.monitor,
+                self._read_tension,
+                lambda displacement_m: goals.follow(goal, displacement_m),
+                lambda: goals.hold(goal),
+                self._on_trouble,
+            )
+            keeper.start()
+            deadline_s = time.monotonic() + max_displacement_m / speed_m_s + REACH_S
+            while True:
+                state = goals.watch(goal, target, should_stop)
+                if keeper.end:
+                    raise MotionFailedError(keeper.end)
+                if state is not None:
+                    on_state(state)
+                    if keeper.controller.is_near:
+                        return state
+                if keeper.controller.is_at_end or time.monotonic() > deadline_s:
+                    goals.hold(goal)
+                    raise MotionFailedError(
+                        f'{goals.describe_end(target)} The tension was not reached within '
+                        f'{max_displacement_m} m and in time; the tendon is held there.'
+                    )
+
+    def home(
+        self,
+        taut_tension_n: float,
+        on_state: Callable[[TendonState], None] = lambda _: None,
+        should_stop: Callable[[], bool] = lambda: False,
+    ) -> float:
+        """Wind in slowly until the tendon is just taut; displacements count from there.
+
+        A tendon that is taut already is let out first. The fingertip must be free.
+
+        Parameters
+        ----------
+        taut_tension_n : float
+            Tension at which it counts as taut [N].
+        on_state, should_stop : callable
+            As in `pull_to`.
+
+        Returns
+        -------
+        float
+            By how much the zero has moved [m].
+
+        Raises
+        ------
+        MotionRefusedError, MotionFailedError, MotionStoppedError
+        """
+        reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
+        contact = self.safety.strictest_contact
+        # As a target it would be refused above the limit; so it is here.
+        check_pull(Pull(0.0, contact, target_tension_n=taut_tension_n), self.safety.limits_n)
+
+        def wind(direction: int, until: Callable[[TendonState], bool]) -> TendonState:
+            start = self.state
+            if start is None:
+                raise MotionRefusedError('The servo has not answered yet; try again.')
+            pull = Pull(start.displacement_m + direction * reach_m, contact, is_homing=True)
+            return self._wind(pull, self._config.homing_speed_m_s, on_state, should_stop, until)
+
+        with self._one_pull():
+            taut = find_taut(wind, self._read_tension, taut_tension_n)
+            self._goals.shift_zero(taut.displacement_m)
+            return taut.displacement_m
+
+    def hold_here(self) -> None:
+        """Hold the tendon where it is, at once; above the limit it is let out instead.
+
+        Raises
+        ------
+        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
+        """
+        self._goals.hold_here()
+
+    def request_release(self) -> None:
+        """Begin to let the tendon out as fast as the servo can; ends a running pull.
+
+        Raises
+        ------
+        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
+        """
+        self._goals.request_release('The tendon was released.')
+
+    def supervise(self) -> None:
+        """Carry out what safety orders now, instead of at the next poll."""
+        self._goals.supervise()
+
+    # -- inside --------------------------------------------------------------------------
+
+    @contextmanager
+    def _one_pull(self) -> Iterator[None]:
+        if not self._slot.acquire(blocking=False):
+            raise MotionRefusedError('The tendon is busy with another pull; stop it first.')
+        try:
+            yield
+        except (DeviceConnectionError, DeviceRefusedError) as error:
+            self._goals.monitor.fail(str(error))
+            raise MotionFailedError(f'The pull failed: {error}.') from error
+        except LinearGuideDriverError:
+            raise
+        except BaseException:  # a fault of the caller's functions: nobody watches the pull now
+            with suppress(LinearGuideDriverError):
+                self.hold_here()
+            raise
+        finally:
+            self.safety.finish()
+            self._slot.release()
+
+    def _read_tension(self) -> float | None:
+        return self.safety.live_tension_n(time.monotonic_ns())
+
+    def _check_reach(self, displacement_m: float) -> None:
+        if not 0.0 <= displacement_m <= self._config.max_displacement_m:
+            raise MotionRefusedError(
+                f'Displacement {displacement_m} m must be between 0 and max_displacement_m, '
+                f'{self._config.max_displacement_m} m.'
+            )
+
+    def _check_speed(self, speed_m_s: float) -> float:
+        speed_m_s = speed_m_s or self._config.speed_m_s
+        if not 0.0 < speed_m_s <= self._goals.max_speed_m_s * (1 + 1e-9):
+            raise MotionRefusedError(
+                f"Speed {speed_m_s} m/s must be above 0 and at most the servo's limit of "
+                f'{self._goals.max_speed_m_s:.4f} m/s.'
+            )
+        return speed_m_s
+
+    def _release(
+        self,
+        speed_m_s: float,
+        on_state: Callable[[TendonState], None],
+        should_stop: Callable[[], bool],
+    ) -> TendonState:
+        """Let out to the zero; without a known zero, until the sensor reads a slack tendon."""
+        safety = self.safety
+        wanted_m_s = speed_m_s if speed_m_s > 0.0 else self._config.speed_m_s
+        speed_m_s = min(wanted_m_s, self._goals.max_speed_m_s)
+        pull = Pull(safety.slack_m)
+
+        def until(state: TendonState) -> bool:
+            is_known = safety.zero is not Zero.UNKNOWN
+            return not is_known and safety.is_slack(state.displacement_m, time.monotonic_ns())
+
+        return self._wind(pull, speed_m_s, on_state, should_stop, until)
+
+    def _wind(
+        self,
+        pull: Pull,
+        speed_m_s: float,
+        on_state: Callable[[TendonState], None],
+        should_stop: Callable[[], bool],
+        until: Callable[[TendonState], bool] = lambda _: False,
+    ) -> TendonState:
+        """Wind until there, or until ``until`` says so, and then hold."""
+        goals, goal_m = self._goals, pull.displacement_m
+        target = f'{goal_m:.4f} m'
+        goal, start_m = goals.begin(pull, speed_m_s, should_stop)
+        deadline_s = time.monotonic() + abs(goal_m - start_m) / speed_m_s + SLACK_S
+        one_unit_m_s = registers.velocity_to_m_s(1, self._config.pulley_radius_m)
+        while True:
+            state = goals.watch(goal, target, should_stop)
+            if state is not None:
+                on_state(state)
+                if self.safety.ending is Ending.REACHED:
+                    return state
+                if until(state):
+                    goals.hold(goal)
+                    return state
+                if (
+                    abs(state.displacement_m - goal_m) <= POSITION_TOLERANCE_M
+                    and abs(state.velocity_m_s) <= 1.5 * one_unit_m_s
+                ):
+                    return state
+            if time.monotonic() > deadline_s:
+                end = goals.describe_end(target)
+                goals.request_release(end)
+                raise MotionFailedError(
+                    f'{end} It got no further with {self._config.current_limit_a} A; '
+                    'the tendon is let out.'
+                )

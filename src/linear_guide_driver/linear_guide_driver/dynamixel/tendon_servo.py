@@ -1,0 +1,90 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The servo in lengths of tendon: what is written to it and read from it."""
+
+from __future__ import annotations
+
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.bus import DynamixelBus
+from linear_guide_driver.dynamixel.tendon_setup import arm_watchdog, write_zero
+from linear_guide_driver.records import TendonActuatorConfig, TendonState
+
+
+class TendonServo:
+    """Registers of one servo as displacements; its count is 0 where the tendon is slack.
+
+    Hold ``bus.lock`` around calls that belong together.
+
+    Parameters
+    ----------
+    bus : DynamixelBus
+    config : TendonActuatorConfig
+    """
+
+    def __init__(self, bus: DynamixelBus, config: TendonActuatorConfig) -> None:
+        self.bus = bus
+        self._config = config
+        self._sign = -1 if config.reverse else 1
+
+    def read_displacement_m(self) -> float:
+        """Return the present displacement [m]."""
+        return self._to_displacement_m(self.bus.read(registers.PRESENT_POSITION))
+
+    def is_locked(self) -> bool:
+        """Return whether the servo's watchdog has locked its goals."""
+        return self.bus.read(registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
+
+    def write_goal(self, displacement_m: float, velocity: int | None = None) -> None:
+        """Wind to a displacement [m]; at ``velocity`` in the servo's units, if given."""
+        if velocity is not None:
+            self.bus.write(registers.PROFILE_VELOCITY, velocity)
+        self.bus.write(registers.GOAL_POSITION, self._to_counts(displacement_m))
+
+    def write_hold(self) -> None:
+        """Hold where the servo stands."""
+        self.bus.write(registers.GOAL_POSITION, self.bus.read(registers.PRESENT_POSITION))
+
+    def unlock(self) -> None:
+        """Unlock goals that the watchdog has locked, with the goal where the servo stands."""
+        self.bus.write(registers.BUS_WATCHDOG, 0)
+        self.write_hold()
+        arm_watchdog(self.bus, self._config.watchdog_s)
+
+    def write_zero(self, displacement_m: float) -> None:
+        """Make a displacement the servo's zero [m]; the torque is off for some milliseconds."""
+        self.bus.write(registers.BUS_WATCHDOG, 0)
+        self.bus.write(registers.TORQUE_ENABLE, 0)
+        write_zero(self.bus, self._to_counts(displacement_m))
+        self.write_hold()
+        self.bus.write(registers.TORQUE_ENABLE, 1)
+        arm_watchdog(self.bus, self._config.watchdog_s)
+
+    def to_state(self, servo: registers.ServoState, received_at_ns: int) -> TendonState:
+        """Return a polled state in lengths of tendon."""
+        radius_m = self._config.pulley_radius_m
+        return TendonState(
+            displacement_m=self._to_displacement_m(servo.position_counts),
+            velocity_m_s=self._sign * registers.velocity_to_m_s(servo.velocity, radius_m),
+            current_a=self._sign * registers.current_to_a(servo.current),
+            voltage_v=servo.voltage * registers.VOLTAGE_UNIT_V,
+            temperature_c=float(servo.temperature_c),
+            received_at_ns=received_at_ns,
+        )
+
+    def _to_counts(self, displacement_m: float) -> int:
+        return self._sign * registers.m_to_counts(displacement_m, self._config.pulley_radius_m)
+
+    def _to_displacement_m(self, position_counts: int) -> float:
+        return self._sign * registers.counts_to_m(position_counts, self._config.pulley_radius_m)

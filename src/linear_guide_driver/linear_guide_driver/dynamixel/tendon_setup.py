@@ -1,0 +1,251 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Brings a Dynamixel servo into the state in which it may pull a tendon."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+import logging
+import math
+import time
+from typing import NamedTuple
+
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
+from linear_guide_driver.errors import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    LinearGuideDriverError,
+)
+from linear_guide_driver.records import TendonActuatorConfig
+
+SETTLING_S = 3.0
+SETTLING_PERIOD_S = 0.1
+SETTLED_COUNTS = 2
+
+CONNECT_S = 3.0
+"""A servo that does not answer at once is asked again for so long: it may be restarting."""
+
+CONNECT_PAUSE_S = 0.2
+
+REBOOT_S = 3.0
+"""A restarted servo is silent for some 0.3 s."""
+
+_logger = logging.getLogger(__name__)
+
+
+SLACK_BELOW_M = 0.001
+"""A tendon found this far below its zero cannot be one that was wound in from it."""
+
+ZERO_COUNTS = 2
+"""A zero that is off by so little is not written again: the EEPROM wears out."""
+
+
+class ServoSetup(NamedTuple):
+    """A servo that is ready and holds its position; its count is 0 where the tendon is slack.
+
+    Attributes
+    ----------
+    identification : str
+        Model and firmware.
+    velocity_limit : int
+        In the servo's units.
+    temperature_limit_c : int
+        [degree Celsius]
+    was_held : bool
+        The servo was holding a tendon: a driver has ended without letting it out.
+    is_zero_kept : bool
+        The zero is the one that the earlier driver has written, and the servo has not lost
+        power since. Otherwise it is where the tendon came to rest with the torque off.
+    """
+
+    identification: str
+    velocity_limit: int
+    temperature_limit_c: int
+    was_held: bool
+    is_zero_kept: bool
+
+
+def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
+    """Open the bus and set the servo up; ask again for `CONNECT_S` if it does not answer.
+
+    Raises
+    ------
+    DeviceConnectionError, DeviceRefusedError
+        As `set_up_servo`; the bus is closed.
+    """
+    deadline_s = time.monotonic() + CONNECT_S
+    while True:
+        bus = DynamixelBus(config.port, config.baud, config.device_id)
+        try:
+            return bus, set_up_servo(bus, config)
+        except DeviceConnectionError as error:
+            bus.close()
+            if time.monotonic() > deadline_s:
+                raise
+            _logger.warning('%s; asking again', error)
+        except DeviceRefusedError:
+            with suppress(LinearGuideDriverError):
+                bus.write(registers.TORQUE_ENABLE, 0)
+            bus.close()
+            raise
+        time.sleep(CONNECT_PAUSE_S)
+
+
+def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
+    """Check the servo, set its mode, limits and zero, hold it where it stands.
+
+    Parameters
+    ----------
+    bus : DynamixelBus
+    config : TendonActuatorConfig
+
+    Raises
+    ------
+    DeviceConnectionError
+        When the servo does not answer.
+    DeviceRefusedError
+        When it is not a supported servo, is too old, reports a hardware error that a
+        restart does not end, or its limits are below those of the configuration.
+    """
+    identification = _check_servo(bus, config.device_id)
+    velocity_limit = bus.read(registers.VELOCITY_LIMIT)
+    if registers.m_s_to_velocity(config.speed_m_s, config.pulley_radius_m) > velocity_limit:
+        fastest_m_s = registers.velocity_to_m_s(velocity_limit, config.pulley_radius_m)
+        raise DeviceRefusedError(
+            f'speed_m_s is {config.speed_m_s} and the servo allows {fastest_m_s:.4f} m/s; lower it'
+        )
+    temperature_limit_c = bus.read(registers.TEMPERATURE_LIMIT)
+    current = registers.a_to_current(config.current_limit_a)
+    current_limit = bus.read(registers.CURRENT_LIMIT)
+    if current > current_limit:
+        raise DeviceRefusedError(
+            f'current_limit_a is {config.current_limit_a} and the servo allows '
+            f'{registers.current_to_a(current_limit):.3f} A; lower it'
+        )
+
+    was_held = bus.read(registers.TORQUE_ENABLE) != 0
+    is_zero_kept = was_held and _is_zero_kept(bus, config)
+    bus.write(registers.BUS_WATCHDOG, 0)  # a tripped watchdog locks the goals
+    if not is_zero_kept:
+        if was_held:
+            bus.write(registers.TORQUE_ENABLE, 0)
+        _wait_settled(bus)  # also with the torque off already: it may be off since just now
+        for register, value in (
+            (registers.DRIVE_MODE, 0),
+            (registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION),
+        ):
+            if bus.read(register) != value:  # EEPROM wears out
+                bus.write(register, value)
+        write_zero(bus)
+    # A change of mode resets these, so they come after it.
+    bus.write(registers.GOAL_CURRENT, current)
+    bus.write(registers.PROFILE_ACCELERATION, 0)
+    bus.write(registers.GOAL_POSITION, bus.read(registers.PRESENT_POSITION))
+    if not is_zero_kept:
+        bus.write(registers.TORQUE_ENABLE, 1)
+    arm_watchdog(bus, config.watchdog_s)  # works only with the torque on
+    return ServoSetup(identification, velocity_limit, temperature_limit_c, was_held, is_zero_kept)
+
+
+def write_zero(bus: DynamixelBus, zero_counts: int | None = None) -> None:
+    """Make a position the servo's zero, in its homing offset; the torque must be off.
+
+    The servo keeps its position over turns for as long as it has power, and its torque is off
+    after it has lost it. So a torque that is on proves that the zero still holds.
+
+    Parameters
+    ----------
+    bus : DynamixelBus
+    zero_counts : int, optional
+        In the present count; the present position when left out.
+    """
+    if zero_counts is None:
+        zero_counts = bus.read(registers.PRESENT_POSITION)
+    if abs(zero_counts) > ZERO_COUNTS:
+        bus.write(registers.HOMING_OFFSET, bus.read(registers.HOMING_OFFSET) - zero_counts)
+
+
+def _is_zero_kept(bus: DynamixelBus, config: TendonActuatorConfig) -> bool:
+    """Return whether a servo with its torque on was set up by this driver and kept its zero."""
+    if (
+        bus.read(registers.OPERATING_MODE) != registers.MODE_CURRENT_BASED_POSITION
+        or bus.read(registers.BUS_WATCHDOG) == 0
+    ):
+        return False
+    counts = bus.read(registers.PRESENT_POSITION) * (-1 if config.reverse else 1)
+    displacement_m = registers.counts_to_m(counts, config.pulley_radius_m)
+    return -SLACK_BELOW_M <= displacement_m <= config.max_displacement_m + SLACK_BELOW_M
+
+
+def arm_watchdog(bus: DynamixelBus, watchdog_s: float) -> None:
+    """Make the servo stop by itself when it hears nothing for ``watchdog_s`` [s]."""
+    bus.write(registers.BUS_WATCHDOG, math.ceil(watchdog_s / registers.WATCHDOG_STEP_S - 1e-9))
+
+
+def _check_servo(bus: DynamixelBus, device_id: int) -> str:
+    model = bus.ping()
+    if model not in registers.MODELS:
+        raise DeviceRefusedError(
+            f'servo {device_id} has model number {model}; supported are '
+            f'{", ".join(registers.MODELS.values())}'
+        )
+    firmware = bus.read(registers.FIRMWARE)
+    if firmware < registers.FIRMWARE_WITH_WATCHDOG:
+        raise DeviceRefusedError(
+            f'servo {device_id} has firmware {firmware} without bus watchdog; update it to '
+            f'{registers.FIRMWARE_WITH_WATCHDOG} or later'
+        )
+    if word := bus.read(registers.HARDWARE_ERROR):
+        _reboot(bus, device_id, registers.describe_hardware_error(word))
+    if bus.read(registers.STATUS_RETURN_LEVEL) != registers.STATUS_ALWAYS:
+        raise DeviceRefusedError(
+            f'servo {device_id} does not answer every instruction; set its status return level '
+            f'to {registers.STATUS_ALWAYS}'
+        )
+    return f'Dynamixel {registers.MODELS[model]} firmware {firmware}'
+
+
+def _reboot(bus: DynamixelBus, device_id: int, words: str) -> None:
+    """Restart a servo that has shut down; only that ends it, and what ails it comes again."""
+    _logger.warning('servo %d has shut down: %s; restarting it', device_id, words)
+    bus.reboot()
+    deadline_s = time.monotonic() + REBOOT_S
+    while True:
+        time.sleep(SETTLING_PERIOD_S)
+        try:
+            word = bus.read(registers.HARDWARE_ERROR)
+            break
+        except SilentServoError:
+            if time.monotonic() > deadline_s:
+                raise
+    if word:
+        raise DeviceRefusedError(
+            f'servo {device_id} has shut down: {registers.describe_hardware_error(word)}, and a '
+            'restart did not help; remove the cause, let it cool, and configure the driver again'
+        )
+
+
+def _wait_settled(bus: DynamixelBus) -> None:
+    # The finger's spring unwinds a tendon that was held; slack is where that ends.
+    deadline_s = time.monotonic() + SETTLING_S
+    last = bus.read(registers.PRESENT_POSITION)
+    while time.monotonic() < deadline_s:
+        time.sleep(SETTLING_PERIOD_S)
+        now = bus.read(registers.PRESENT_POSITION)
+        if abs(now - last) <= SETTLED_COUNTS:
+            return
+        last = now
+    raise DeviceRefusedError('the tendon does not come to rest with the torque off')

@@ -1,0 +1,373 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The conversation with one Grbl controller: lines and answers, status polling, stops, faults."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+import threading
+import time
+
+from linear_guide_driver.errors import (
+    DeviceConnectionError,
+    DeviceRefusedError,
+    MotionFailedError,
+    MotionStoppedError,
+)
+from linear_guide_driver.grbl import protocol as grbl
+from linear_guide_driver.serial_link import SerialLink, TICK_S
+
+GREETING_S = 0.3
+"""A controller that was not reset by opening its port answers ``?`` well within this."""
+
+BOOT_S = 2.5
+"""A board that was reset by opening its port needs this for its boot loader."""
+
+RESTART_S = 3.0
+"""From a soft reset to the banner; after an alarm Grbl waits half a second of it."""
+
+STOP_S = 3.0
+"""From a feed hold to rest."""
+
+BRAKING_POLL_S = 0.05
+
+RECEIVE_BYTES = 127
+"""Bytes of lines that may be unanswered: Grbl's receive buffer holds 128 and drops the rest."""
+
+PLANNER_BLOCKS = 15
+"""Of Grbl 1.1, in case a controller does not tell."""
+
+SILENCE_S = 1.0
+"""A controller that leaves status queries unanswered for this long is gone."""
+
+
+class GrblConnection:
+    """Lines whose answers are counted; faults noticed as they arrive. One caller at a time.
+
+    A fault (alarm, restart, silence, lost line) ends the running command and every
+    later one until `reset`.
+
+    Parameters
+    ----------
+    port : str
+    baud : int
+        [bit/s]
+    poll_rate_hz : float
+        Rate of status queries after `start_polling` [Hz].
+    on_report : callable
+        Called with each `StatusReport`, on the reader thread.
+    on_fault : callable
+        Called with a reason, on the reader thread, when the position is lost.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        baud: int,
+        poll_rate_hz: float,
+        *,
+        on_report: Callable[[grbl.StatusReport], None],
+        on_fault: Callable[[str], None],
+    ) -> None:
+        self._name = f'{port} at {baud} baud'
+        self._on_report, self._on_fault = on_report, on_fault
+        self._poll_period_s = 1.0 / poll_rate_hz
+        self._decoder = grbl.GrblDecoder()
+        self._changed = threading.Condition()
+        self._unanswered: deque[bytes] = deque()
+        self._refusal = ''
+        self._report: grbl.StatusReport | None = None
+        self._reports = 0
+        self._banners = 0
+        self._expects_banner = True
+        self._settings: dict[int, str] = {}
+        self._fault = ''
+        self._is_quiet = True  # no answers to status queries are expected
+        self._heard_at_s = self._polled_at_s = time.monotonic()
+        self.is_lost = False
+        self.identification = ''
+        self.options = ''
+        self.planner_blocks = PLANNER_BLOCKS
+        self.is_hal = False
+        self._link = SerialLink(
+            port, baud, on_bytes=self._on_bytes, on_tick=self._poll, on_lost=self._on_lost
+        )
+
+    @property
+    def garbage_lines(self) -> int:
+        return self._decoder.garbage_lines
+
+    def open(self) -> None:
+        """Find the controller, bring it to rest and reset it.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When no Grbl answers.
+        """
+        self._link.start()
+        self._link.write(grbl.STATUS_QUERY)
+        self._wait(lambda: bool(self._reports or self._banners), GREETING_S)
+        if not self._reports:
+            self._wait(lambda: self._banners > 0, BOOT_S)
+        if self._report is not None and self._report.state not in ('Idle', 'Alarm'):
+            self.hold_and_reset()  # left moving by somebody else
+        else:
+            self.reset()
+        self.command(grbl.READ_BUILD_INFO, RESTART_S)
+
+    def start_polling(self) -> None:
+        """Query the status at the poll rate from now on."""
+        self._heard_at_s = time.monotonic()
+        self._is_quiet = False
+
+    def close(self) -> None:
+        self._link.close()
+
+    def read_settings(self) -> dict[int, str]:
+        """Return the answer to ``$$`` by number."""
+        self._settings.clear()
+        self.command(grbl.READ_SETTINGS, RESTART_S)
+        return dict(self._settings)
+
+    def command(
+        self,
+        line: bytes,
+        timeout_s: float,
+        should_stop: Callable[[], bool] = lambda: False,
+        on_wake: Callable[[], None] = lambda: None,
+        *,
+        answers_status: bool = True,
+    ) -> None:
+        """Send one line and wait for its ``ok``; see `stream`."""
+        self.stream([line], timeout_s, should_stop, on_wake, answers_status=answers_status)
+
+    def stream(
+        self,
+        lines: Iterable[bytes],
+        timeout_s: float,
+        should_stop: Callable[[], bool] = lambda: False,
+        on_wake: Callable[[], None] = lambda: None,
+        *,
+        answers_status: bool = True,
+    ) -> None:
+        """Send lines as fast as the controller takes them; wait until the last has its ``ok``.
+
+        Parameters
+        ----------
+        lines : iterable of bytes
+        timeout_s : float
+            For all of them [s].
+        should_stop : callable
+            Ends the wait when it returns True; keeps unsent what has not been sent yet.
+        on_wake : callable
+            Called after each answer, and some fifty times a second while waiting.
+        answers_status : bool
+            False for a command during which Grbl leaves queries unanswered.
+
+        Raises
+        ------
+        MotionStoppedError, DeviceRefusedError, MotionFailedError, DeviceConnectionError
+        """
+        if should_stop():
+            raise MotionStoppedError
+        with self._changed:
+            self._unanswered.clear()
+            self._refusal = ''
+            was_quiet = self._is_quiet
+            self._is_quiet = was_quiet or not answers_status
+        deadline_s = time.monotonic() + timeout_s
+
+        def wait(is_done: Callable[[], bool]) -> None:
+            while True:
+                is_over = self._wait(
+                    lambda: is_done() or bool(self._refusal or self._fault), TICK_S
+                )
+                if should_stop():
+                    raise MotionStoppedError
+                if self._fault:
+                    raise MotionFailedError(self._fault)
+                if self._refusal:
+                    raise DeviceRefusedError(self._refusal)
+                on_wake()
+                if is_over:
+                    return
+                if time.monotonic() > deadline_s:
+                    raise MotionFailedError(self._describe_lateness(timeout_s))
+
+        try:
+            for line in lines:
+                room = RECEIVE_BYTES - len(line)
+                wait(lambda room=room: self._unanswered_bytes <= room)  # type: ignore[misc]
+                with self._changed:
+                    self._unanswered.append(line)
+                self._link.write(line)
+            wait(lambda: not self._unanswered)
+        finally:
+            with self._changed:
+                self._unanswered.clear()
+                self._heard_at_s = time.monotonic()
+                self._is_quiet = was_quiet
+
+    def wait_report(self, timeout_s: float) -> grbl.StatusReport:
+        """Ask for a status and return the next report [s].
+
+        Raises
+        ------
+        MotionFailedError, DeviceConnectionError
+        """
+        count = self._reports
+        self._link.write(grbl.STATUS_QUERY)
+        self._wait(lambda: self._reports > count or bool(self._fault), timeout_s)
+        if self._fault:
+            raise MotionFailedError(self._fault)
+        if self._report is None or self._reports == count:
+            raise MotionFailedError(f'no status report within {timeout_s} s')
+        return self._report
+
+    def reset_override(self) -> None:
+        """Let moves run as fast as they say, whatever a pendant has set before.
+
+        Raises
+        ------
+        DeviceConnectionError
+        """
+        self._link.write(grbl.FEED_OVERRIDE_RESET)
+
+    def hold(self) -> None:
+        """Begin to brake at once; from any thread. The reader reports a lost line."""
+        with suppress(DeviceConnectionError):
+            self._link.write(grbl.FEED_HOLD)
+
+    def reset(self) -> None:
+        """Restart the controller; forget its faults.
+
+        Raises
+        ------
+        DeviceConnectionError
+            When no banner follows.
+        """
+        with self._changed:
+            self._expects_banner = True
+            count = self._banners
+        try:
+            self._link.write(grbl.SOFT_RESET)
+            if not self._wait(lambda: self._banners > count or self.is_lost, RESTART_S):
+                raise DeviceConnectionError(
+                    f'no Grbl answers on {self._name}; check port, baud and power'
+                )
+        finally:
+            with self._changed:
+                self._expects_banner = False
+        with self._changed:
+            if self.is_lost:
+                raise DeviceConnectionError(self._fault)
+            self._fault = ''
+
+    def hold_and_reset(self) -> None:
+        """Brake, wait for rest, then drop what is planned; keeps the position.
+
+        A reset while moving loses it, so the reset waits for Hold:0.
+        """
+        self._link.write(grbl.FEED_HOLD)
+        deadline_s = time.monotonic() + STOP_S
+        idle_reports = 0
+        while time.monotonic() < deadline_s:
+            state = self.wait_report(STOP_S)
+            if state.state == 'Hold' and state.substate in (0, None):
+                break
+            # A hold in Idle is a Hold:0 in Grbl and nothing in grblHAL; the first
+            # report may still be older than the hold.
+            idle_reports += state.state == 'Idle'
+            if idle_reports > 2 or state.state == 'Alarm':
+                break
+            self._wait(lambda: bool(self._fault), BRAKING_POLL_S)
+        self.reset()
+
+    # -- inside ------------------------------------------------------------------------
+
+    def _wait(self, is_done: Callable[[], bool], timeout_s: float) -> bool:
+        with self._changed:
+            return self._changed.wait_for(is_done, timeout_s)
+
+    @property
+    def _unanswered_bytes(self) -> int:
+        return sum(len(line) for line in self._unanswered)
+
+    def _describe_lateness(self, timeout_s: float) -> str:
+        line = self._unanswered[0].decode().strip() if self._unanswered else 'the last line'
+        state = 'nothing' if self._report is None else self._report.state
+        return f'"{line}" was not answered within {timeout_s:.1f} s; the last status was {state}'
+
+    def _on_bytes(self, data: bytes) -> None:
+        for event in self._decoder.feed(data):
+            if isinstance(event, grbl.StatusReport):
+                self._on_report(event)
+            with self._changed:
+                self._take(event)
+                self._changed.notify_all()
+
+    def _take(self, event: grbl.Event) -> None:
+        if isinstance(event, grbl.StatusReport):
+            self._report = event
+            self._reports += 1
+            self._heard_at_s = time.monotonic()
+        elif isinstance(event, grbl.Alarm):
+            self._fail(f'the controller reported {event}')
+        elif isinstance(event, grbl.Banner):
+            self._banners += 1
+            self.is_hal = event.is_hal
+            self._unanswered.clear()
+            if not self._expects_banner:
+                self._fail('the controller restarted by itself')
+        elif isinstance(event, grbl.Setting):
+            self._settings[event.number] = event.value
+        elif isinstance(event, grbl.Message):
+            kind, _, text = event.text.partition(':')
+            if kind == 'VER':
+                name = 'grblHAL' if self.is_hal else 'Grbl'
+                self.identification = f'{name} {text.rstrip(":")}'
+            elif kind == 'OPT':
+                self.options, *sizes = text.split(',')
+                if sizes and sizes[0].isdecimal():
+                    self.planner_blocks = int(sizes[0])
+        elif self._unanswered:
+            line = self._unanswered.popleft()
+            if isinstance(event, grbl.Error) and not self._refusal:
+                self._refusal = f'the controller refused "{line.decode().strip()}" with {event}'
+
+    def _fail(self, reason: str) -> None:
+        self._fault = self._fault or reason
+        self._on_fault(reason)
+
+    def _poll(self) -> None:
+        now_s = time.monotonic()
+        if self._is_quiet or now_s - self._polled_at_s < self._poll_period_s:
+            return
+        self._polled_at_s = now_s
+        self._link.write(grbl.STATUS_QUERY)
+        # A locked controller (a fault is known then) does not answer either.
+        if now_s - self._heard_at_s > SILENCE_S and not self._fault:
+            with self._changed:
+                self._fail(f'the controller has been silent for {SILENCE_S} s')
+                self._changed.notify_all()
+
+    def _on_lost(self, reason: str) -> None:
+        with self._changed:
+            self.is_lost = True
+            self._fail(reason)
+            self._changed.notify_all()

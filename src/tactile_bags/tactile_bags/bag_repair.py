@@ -1,0 +1,96 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A closed copy of a bag that was never closed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import os
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tactile_bags import BagWriter, TactileBag
+from tactile_bags.errors import BagDamageError
+from tactile_bags.plain_yaml import parse_plain_yaml
+from tactile_bags.recorded_topics import qos_text
+from tactile_ros.errors import TactileError
+
+
+@dataclass(frozen=True)
+class Repair:
+    """What a repair has done.
+
+    Attributes
+    ----------
+    message_count : int
+        Messages in the copy.
+    recovered : str
+        What was wrong with the bag; empty when nothing was.
+    damage : str
+        Why not all of it could be read; empty when all was.
+    """
+
+    message_count: int
+    recovered: str
+    damage: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {**self.__dict__}
+
+
+def repair_bag(source: Path, target: Path) -> Repair:
+    """Copy every whole message of a bag into a new one, byte for byte.
+
+    The bag itself is not touched. The copy's facts say that it is one, and of which data.
+
+    Raises
+    ------
+    BagError
+        When the bag cannot be opened at all, or the copy not be written.
+    """
+    with TactileBag(source) as bag:
+        facts = {**bag.facts, 'repaired_from_sha256': bag.sha256()}
+        if facts.get('models'):
+            models = (source / str(facts['models'])).resolve()
+            facts['models'] = os.path.relpath(models, target.resolve())
+        count, damage = 0, ''
+        with BagWriter(target, facts) as writer:
+            for topic in bag.stored_topics:
+                writer.add_stored_topic(replace(topic, qos=_usable_qos(topic.qos)))
+            try:
+                for message in bag.messages():
+                    writer.write_raw(message.topic, message.received_at_ns, message.data)
+                    count += 1
+            except BagDamageError as error:
+                damage = str(error)
+                writer.add_facts({'repair_is_partial': True})
+        return Repair(count, bag.recovered, damage)
+
+
+def _usable_qos(text: str) -> str:
+    """Return quality of service as the present form of a bag has it.
+
+    Older bags have numbers where this one has words.
+    """
+    try:
+        profiles = parse_plain_yaml(text)
+        if all(isinstance(profile['history'], str) for profile in profiles):
+            return yaml.safe_dump(profiles, sort_keys=False).rstrip()
+        return qos_text(latched=any(profile['durability'] == 1 for profile in profiles))
+    except (TactileError, TypeError, KeyError):
+        return qos_text(latched=False)

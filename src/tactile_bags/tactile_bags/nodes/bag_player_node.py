@@ -1,0 +1,167 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Plays a recording: its strain and events, byte for byte, and the clock of its time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import threading
+import time
+import traceback
+from typing import Any
+
+from rclpy.duration import Duration
+from rosgraph_msgs.msg import Clock
+
+from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.records import PlayerConfig
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.message_classes import message_class
+from tactile_ros.programs.node_group import run_node
+from tactile_ros.qos import CLOCK, EVENTS, STREAM
+
+CLOCK_PERIOD_S = 0.02
+"""Longest time between two messages on ``/clock``, on the wall."""
+
+ACKNOWLEDGE_TIMEOUT_S = 5.0
+"""How long to wait, at the end, until every subscriber has what was sent."""
+
+
+class BagPlayerNode(TactileNode):
+    """Plays a bag in the timing of its recording, then is finished.
+
+    What the nodes of a finger compute from strain and events is not sent: they compute it
+    anew. On ``/clock`` goes the time of the recording, for nodes with ``use_sim_time``.
+
+    Attributes
+    ----------
+    message_count : int
+        Messages played.
+    """
+
+    def __init__(self, node_name: str = 'bag_player', **node_options: Any) -> None:
+        super().__init__(node_name, PlayerConfig, **node_options)
+        self._bag: TactileBag | None = None
+        self._outputs: dict[str, Any] = {}
+        self._clock_publisher: Any = None
+        self._thread: threading.Thread | None = None
+        self._end = threading.Event()
+        self.message_count = 0
+
+    def set_up(self, config: PlayerConfig) -> None:
+        if not config.bag:
+            raise ValueError('parameter bag is empty; name the folder of the recording to play')
+        bag = self._bag = TactileBag(Path(config.bag))
+        wanted = config.namespace.strip('/')
+        if wanted and wanted not in bag.namespaces:
+            found = ', '.join(bag.namespaces) or 'the root'
+            raise ValueError(f'{bag.path} holds no finger {wanted}; it holds {found}')
+        for topic in bag.stored_topics:
+            if topic.type_name in (STRAIN, EVENT) and not topic.name.endswith('/detected_events'):
+                self._outputs[topic.name] = self.create_publisher(
+                    message_class(topic.type_name),
+                    topic.name,
+                    EVENTS if topic.type_name == EVENT else STREAM,
+                )
+        self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
+
+    def start(self) -> None:
+        self._end.clear()
+        self._thread = threading.Thread(target=self._play, name='bag player', daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._end.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def tear_down(self) -> None:
+        self.stop()
+        for publisher in self._outputs.values():
+            self.destroy_publisher(publisher)
+        self._outputs = {}
+        if self._clock_publisher is not None:
+            self.destroy_publisher(self._clock_publisher)
+            self._clock_publisher = None
+        if self._bag is not None:
+            self._bag.close()
+            self._bag = None
+
+    # -- on the player's thread --------------------------------------------------------------
+
+    def _play(self) -> None:
+        try:
+            self._wait_for_subscribers()
+            if self._end.wait(self.config.start_delay_s) or not self._send_all():
+                return
+            for publisher in self._outputs.values():
+                publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT_S))
+            self.get_logger().info(f'played {self.message_count} messages')
+        except BagError as error:
+            self.get_logger().error(f'{error}')
+            self.has_failed = True
+        except Exception:  # else the node would wait for ever for the end of this thread
+            self.get_logger().error(f'the recording cannot be played:\n{traceback.format_exc()}')
+            self.has_failed = True
+        self.is_finished = True
+
+    def _wait_for_subscribers(self) -> None:
+        end_s = time.monotonic() + self.config.subscriber_timeout_s
+        while (left_s := end_s - time.monotonic()) > 0:
+            if all(output.get_subscription_count() for output in self._outputs.values()):
+                return
+            if self._end.wait(min(left_s, CLOCK_PERIOD_S)):
+                return
+
+    def _send_all(self) -> bool:
+        """Send every message at its time; return whether that was not ended from outside."""
+        assert self._bag is not None
+        namespace = self.config.namespace.strip('/') or None
+        first_ns: int | None = None
+        started_ns = time.monotonic_ns()
+        for message in self._bag.messages(STRAIN, EVENT, namespace=namespace):
+            publisher = self._outputs.get(message.topic)
+            if publisher is None:
+                continue
+            if first_ns is None:
+                first_ns = message.received_at_ns
+            due_ns = started_ns + round((message.received_at_ns - first_ns) / self.config.rate)
+            if not self._wait_until(due_ns, message.received_at_ns):
+                return False
+            publisher.publish(message.data)
+            self.message_count += 1
+        return True
+
+    def _wait_until(self, due_ns: int, bag_ns: int) -> bool:
+        """Wait, and tell the time of the recording meanwhile; ``bag_ns`` is that at the end."""
+        while (left_ns := due_ns - time.monotonic_ns()) > 0:
+            self._tell_time(bag_ns - round(left_ns * self.config.rate))
+            if self._end.wait(min(left_ns * 1e-9, CLOCK_PERIOD_S)):
+                return False
+        self._tell_time(bag_ns)
+        return not self._end.is_set()
+
+    def _tell_time(self, bag_ns: int) -> None:
+        message = Clock()
+        sec, message.clock.nanosec = divmod(max(0, bag_ns), 10**9)
+        message.clock.sec = min(sec, 2**31 - 1)
+        self._clock_publisher.publish(message)
+
+
+def main() -> int:
+    """Run the node in a process of its own, until the recording has been played."""
+    return run_node(BagPlayerNode)

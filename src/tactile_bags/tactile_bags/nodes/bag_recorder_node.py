@@ -1,0 +1,324 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Records the topics of one or more fingers into an MCAP bag, as raw bytes."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+import json
+from pathlib import Path
+import threading
+import time
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.serialization import serialize_message
+
+from tactile_bags import (
+    AUDIT,
+    BagWriter,
+    EVENT_TOPIC,
+    recorded_topics,
+    RecordedTopic,
+    STRAIN_TOPIC,
+)
+from tactile_bags.auditing.audit import Audit, AuditSummary, FingerAuditor, nominal_rate_hz
+from tactile_bags.conversions import audit_to_msg
+from tactile_bags.errors import BagError
+from tactile_bags.records import RecorderConfig
+from tactile_features.conversions import event_from_msg, strain_block_from_msg
+from tactile_msgs.msg import RecordingAudit
+from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
+from tactile_ros.lifecycle import TactileNode
+from tactile_ros.message_classes import message_class
+from tactile_ros.programs.node_group import run_node
+from tactile_ros.qos import EVENTS, STREAM
+
+SAVE_PERIOD_S = 0.5
+"""How often what came is brought into the file, and from there to the disk: at most so much
+is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
+
+MAX_AUDITS = 10_000
+"""Audits of trials that are kept for who runs the node; the summary in the bag counts all."""
+
+
+class BagRecorderNode(TactileNode):
+    """Records while active; the bag is complete once the node is cleaned up.
+
+    Messages are written as they arrived on the wire, so that a replay sends the
+    very same bytes. Each trial is audited when it has ended.
+
+    When the bag cannot be written to any more, as on a full disk, the recording ends and the
+    node has failed; nothing else does, for other nodes may be moving things.
+
+    Attributes
+    ----------
+    message_count : int
+        Messages written.
+    audits : deque of Audit
+        Of the trials that have ended, the last `MAX_AUDITS` of them.
+    failure : str
+        Why the recording ended before its time, and what is saved; empty when it did not.
+    """
+
+    def __init__(self, node_name: str = 'bag_recorder', **node_options: Any) -> None:
+        super().__init__(node_name, RecorderConfig, **node_options)
+        self._writer: BagWriter | None = None
+        self._topics: dict[str, RecordedTopic] = {}
+        self._auditors: dict[str, FingerAuditor] = {}
+        self._recording: dict[str, Any] = {}
+        self._savers: list[_Saver] = []
+        self._diagnostics: Diagnostics | None = None
+        self._check_timer: Any = None
+        self._audit_publisher: Any = None
+        self._audit_topic = ''
+        self._started_ns = 0
+        self._has_said_missing = False
+        self.message_count = 0
+        self.audits: deque[Audit] = deque(maxlen=MAX_AUDITS)
+        self._summary = AuditSummary()
+        self.failure = ''
+
+    # -- lifecycle -----------------------------------------------------------------------
+
+    def set_up(self, config: RecorderConfig) -> None:
+        if not config.bag:
+            raise ValueError('parameter bag is empty; name the folder of the bag to write')
+        self.failure = ''
+        self.is_finished = self.has_failed = False
+        self.audits.clear()
+        self._summary = AuditSummary()
+        facts = json.loads(config.facts)
+        if not isinstance(facts, dict):
+            raise ValueError('parameter facts is no JSON object; write {"name": value}')
+        writer = self._writer = BagWriter(Path(config.bag), facts)
+        for namespace in config.namespaces:
+            for topic in recorded_topics(config.classifiers):
+                self._topics[writer.add_topic(topic, namespace)] = topic
+            self._auditors[namespace.strip('/')] = FingerAuditor(
+                namespace.strip('/'), nominal_rate_hz(facts)
+            )
+        self._audit_topic = writer.add_topic(
+            RecordedTopic(f'{self.get_name()}/audit', AUDIT, latched=True), self.get_namespace()
+        )
+        self._audit_publisher = self.create_publisher(RecordingAudit, '~/audit', EVENTS)
+        self._diagnostics = Diagnostics(self, lambda: str(writer.path), self._health)
+        # On a timer, because a disk can fail while nothing comes.
+        self._check_timer = self.create_timer(
+            SAVE_PERIOD_S, self._check_savers, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        # Two threads: a disk that is slow to confirm must not keep the file from growing.
+        self._savers = [_Saver(writer.save), _Saver(writer.sync)]
+
+    def start(self) -> None:
+        if self._writer is None:
+            raise ValueError(f'the recording has failed; clean up first: {self.failure}')
+        # Subscribed only now: what a latched topic holds must come while it can be written.
+        self._recording = {name: self._record(name, topic) for name, topic in self._topics.items()}
+        self._started_ns = time.monotonic_ns()
+        self._has_said_missing = False
+
+    def _record(self, name: str, topic: RecordedTopic) -> Any:
+        assert self._writer is not None
+        writer = self._writer
+        finger = name[: -len(topic.name)].strip('/')
+
+        def on_message(data: bytes) -> None:
+            if self.failure:
+                return  # it came before the subscription was gone
+            try:
+                writer.write_raw(name, self.get_clock().now().nanoseconds, data)
+                self.message_count += 1
+                if topic in (STRAIN_TOPIC, EVENT_TOPIC):
+                    self._audit(self._auditors[finger], topic, data, writer)
+            except BagError as error:
+                self._fail(error)
+
+        return self.create_subscription(
+            message_class(topic.type_name),
+            name,
+            on_message,
+            EVENTS if topic.latched else STREAM,
+            raw=True,
+        )
+
+    def stop(self) -> None:
+        for subscription in self._recording.values():
+            self.destroy_subscription(subscription)
+        self._recording = {}
+
+    def tear_down(self) -> None:
+        self.stop()
+        self._close_savers()
+        if self._writer is not None:
+            try:
+                self._finish(self._writer)
+            except BagError as error:
+                self._fail(error)
+            self._writer = None
+        if self._check_timer is not None:
+            self.destroy_timer(self._check_timer)
+            self._check_timer = None
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
+        if self._audit_publisher is not None:
+            self.destroy_publisher(self._audit_publisher)
+            self._audit_publisher = None
+        self._topics, self._auditors = {}, {}
+
+    def _finish(self, writer: BagWriter) -> None:
+        # A configuration that failed half way has no publisher, and nothing to audit.
+        if self._audit_publisher is not None:
+            for audit in [a for auditor in self._auditors.values() for a in auditor.finish()]:
+                self._publish(audit, writer)
+            writer.add_facts({'audit': self._summary.to_dict()})
+        writer.close()
+
+    # -- failure -------------------------------------------------------------------------
+
+    def _fail(self, error: BagError) -> None:
+        """End the recording, and no other node's work, because of what befell the bag."""
+        self.stop()
+        self._close_savers()
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        with suppress(BagError):  # of a disk that is full still
+            writer.close()
+        state = 'closed' if writer.is_complete else 'as after the kill of a recorder'
+        self.failure = (
+            f'recording ended: {error}; {writer.saved_count} messages are saved, '
+            f'and the bag is {state}'
+        )
+        self.has_failed = True
+        self.get_logger().error(self.failure)
+        if self._diagnostics is not None:
+            self._diagnostics.publish()  # a process of its own ends now
+        self.is_finished = True
+
+    def _check_savers(self) -> None:
+        for saver in self._savers:
+            if saver.error is not None:
+                self._fail(saver.error)
+                return
+
+    def _close_savers(self) -> None:
+        while self._savers:
+            self._savers.pop().close()
+
+    # -- audits --------------------------------------------------------------------------
+
+    def _audit(
+        self, auditor: FingerAuditor, topic: RecordedTopic, data: bytes, writer: BagWriter
+    ) -> None:
+        try:
+            message = writer.store.deserialize_cdr(data, topic.type_name)
+            if topic == STRAIN_TOPIC:
+                audits = auditor.add_block(strain_block_from_msg(message))
+            else:
+                audits = auditor.add_event(event_from_msg(message))
+        except Exception as error:  # bytes of a stranger; they are recorded as they are
+            reason = f'it is recorded, but cannot be audited: {error!r}'
+            self.message_guard.refuse(topic.name, reason)
+            return
+        for audit in audits:
+            self._publish(audit, writer)
+
+    def _publish(self, audit: Audit, writer: BagWriter) -> None:
+        self.audits.append(audit)
+        self._summary.add(audit)
+        message = audit_to_msg(audit, str(writer.path))
+        writer.write_raw(
+            self._audit_topic, self.get_clock().now().nanoseconds, serialize_message(message)
+        )
+        self._audit_publisher.publish(message)
+        if not audit.passed:
+            self.get_logger().warning(audit.describe())
+
+    # -- readiness -----------------------------------------------------------------------
+
+    def unmatched_topics(self) -> list[str]:
+        """Return the topics without a publisher that fits: a recording would lack them.
+
+        It is ready when there are none. Optional topics are recorded when they come, and
+        not waited for.
+        """
+        needed = [
+            name
+            for name, topic in self._topics.items()
+            if not topic.optional and (self.config.rig or not topic.of_rig)
+        ]
+        return [name for name in needed if not self._publisher_count(name)]
+
+    def _publisher_count(self, name: str) -> int:
+        subscription = self._recording.get(name)
+        # A publisher whose quality of service does not fit is there, and sends nothing.
+        count = subscription.get_publisher_count() if subscription else self.count_publishers(name)
+        return int(count)
+
+    def _health(self) -> Health:
+        values = {'messages': self.message_count, 'trials_audited': self._summary.trials}
+        if self.failure:
+            return Health(ERROR, self.failure, values)
+        if not self._recording:
+            return Health(WARN, 'not recording: activate the node', values)
+        missing = self.unmatched_topics()
+        if not missing:
+            failed = self._summary.last_failed
+            if failed is not None:
+                return Health(WARN, failed.describe(), values)
+            return Health(OK, 'recording', values)
+        names = ', '.join(missing)
+        if (time.monotonic_ns() - self._started_ns) * 1e-9 < self.config.match_timeout_s:
+            return Health(WARN, f'waiting for a publisher of {names}', values)
+        message = f'no publisher of {names}: the recording lacks it; start its node'
+        if not self._has_said_missing:
+            self._has_said_missing = True
+            self.get_logger().error(message)
+        return Health(ERROR, message, values)
+
+
+class _Saver:
+    """Does a thing for a bag again and again, on a thread of its own, until it fails.
+
+    ``error`` is what kept the bag from being saved.
+    """
+
+    def __init__(self, save: Callable[[], None]) -> None:
+        self._save = save
+        self._end = threading.Event()
+        self.error: BagError | None = None
+        self._thread = threading.Thread(target=self._run, name='bag saver', daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            while not self._end.wait(SAVE_PERIOD_S):
+                self._save()
+        except BagError as error:
+            self.error = error
+
+    def close(self) -> None:
+        """End the thread."""
+        self._end.set()
+        self._thread.join()
+
+
+def main() -> int:
+    """Run the node in a process of its own."""
+    return run_node(BagRecorderNode)

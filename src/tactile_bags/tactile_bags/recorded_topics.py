@@ -1,0 +1,149 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a recording holds: the topics of a finger, their types and quality of service."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from rosbags.typesys.store import Typestore
+
+from tactile_bags.errors import BagError
+
+STRAIN = 'tactile_msgs/msg/StrainBlock'
+EVENT = 'tactile_msgs/msg/TrialEvent'
+FEATURES = 'tactile_msgs/msg/TactileFeatures'
+CLASSIFICATION = 'tactile_msgs/msg/Classification'
+SLIP = 'tactile_msgs/msg/Slip'
+AUDIT = 'tactile_msgs/msg/RecordingAudit'
+WRENCH = 'geometry_msgs/msg/WrenchStamped'
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+TARE = 'tactile_msgs/msg/Tare'
+
+
+@dataclass(frozen=True)
+class RecordedTopic:
+    """A topic of one finger, relative to its namespace.
+
+    Attributes
+    ----------
+    name : str
+        For example ``tendon_sensor/strain``.
+    type_name : str
+        For example ``tactile_msgs/msg/StrainBlock``.
+    latched : bool
+        Whether late subscribers receive earlier messages.
+    optional : bool
+        A recording is not waiting for it: its node need not run.
+    of_rig : bool
+        Published by what moves a finger on the rig; optional where a hand moves it.
+    """
+
+    name: str
+    type_name: str
+    latched: bool = False
+    optional: bool = False
+    of_rig: bool = False
+
+
+STRAIN_TOPIC = RecordedTopic('tendon_sensor/strain', STRAIN)
+EVENT_TOPIC = RecordedTopic('trial_runner/events', EVENT, latched=True, of_rig=True)
+FEATURES_TOPIC = RecordedTopic('tactile_features/features', FEATURES)
+RUNNING_FEATURES_TOPIC = RecordedTopic(
+    'tactile_features/running_features', FEATURES, optional=True
+)
+
+FINGER_TOPICS = (
+    STRAIN_TOPIC,
+    EVENT_TOPIC,
+    FEATURES_TOPIC,
+    RUNNING_FEATURES_TOPIC,
+    RecordedTopic('tactile_features/detected_events', EVENT, latched=True, optional=True),
+    RecordedTopic('slip_detector/slip', SLIP, optional=True),
+    RecordedTopic('tendon_sensor/wrench', WRENCH),
+    RecordedTopic('tendon_sensor/tare_state', TARE, latched=True),
+    RecordedTopic('linear_guide/joint_states', JOINT_STATE, of_rig=True),
+    RecordedTopic('tendon_actuator/joint_states', JOINT_STATE, of_rig=True),
+)
+"""Every topic of one finger that a recording holds, but for those of its classifiers."""
+
+
+def classification_topic(classifier: str) -> RecordedTopic:
+    """Return the topic of the classifier node with this name."""
+    return RecordedTopic(f'{classifier}/classification', CLASSIFICATION)
+
+
+def running_topic(classifier: str) -> RecordedTopic:
+    """Return the topic of its answers while a window still fills."""
+    return RecordedTopic(f'{classifier}/running', CLASSIFICATION, optional=True)
+
+
+def recorded_topics(classifiers: tuple[str, ...]) -> tuple[RecordedTopic, ...]:
+    """Return every topic of one finger that a recording holds."""
+    of_classifiers = (
+        f(name) for name in classifiers for f in (classification_topic, running_topic)
+    )
+    return (*FINGER_TOPICS, *of_classifiers)
+
+
+@lru_cache(maxsize=1)
+def message_store() -> Typestore:
+    """Return the message types of ROS 2 Jazzy and of ``tactile_msgs``.
+
+    Raises
+    ------
+    BagError
+        When the workspace with ``tactile_msgs`` is not on the ament path.
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
+    try:
+        share = Path(get_package_share_directory('tactile_msgs'))
+    except LookupError as error:
+        raise BagError(
+            'the package tactile_msgs is not installed here; build the workspace and source it'
+        ) from error
+    for path in sorted(share.glob('msg/*.msg')):
+        store.register(get_types_from_msg(path.read_text(), f'tactile_msgs/msg/{path.stem}'))
+    return store
+
+
+def join_topic(namespace: str, name: str) -> str:
+    """Return the absolute name of a topic below a namespace."""
+    namespace = namespace.strip('/')
+    return f'/{namespace}/{name}' if namespace else f'/{name}'
+
+
+def qos_text(*, latched: bool) -> str:
+    """Return the offered quality of service of a topic, as rosbag2 writes it."""
+    forever = '\n    sec: 9223372036\n    nsec: 854775807'
+    policies: Mapping[str, object] = {
+        'history': 'keep_last',
+        'depth': 16 if latched else 1000,
+        'reliability': 'reliable',
+        'durability': 'transient_local' if latched else 'volatile',
+        'deadline': forever,
+        'lifespan': forever,
+        'liveliness': 'automatic',
+        'liveliness_lease_duration': forever,
+        'avoid_ros_namespace_conventions': 'false',
+    }
+    lines = [f'{key}:{"" if value is forever else " "}{value}' for key, value in policies.items()]
+    return '- ' + '\n  '.join(lines)

@@ -1,0 +1,179 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whether two passes over a recording agree, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from tactile_bags.replaying.replay import TactileResults
+from tactile_classifier.records import ClassificationResult
+from tactile_features.records import FeatureWindow
+
+TAIL_S = 1.0
+"""What became complete so late before the end of a recording need not be in it [s]."""
+
+Result = FeatureWindow | ClassificationResult
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Whether two passes over a recording agree, bit for bit.
+
+    Attributes
+    ----------
+    first_difference : str
+        Empty when equal; otherwise one sentence.
+    window_count, classification_count : int
+        How many were compared.
+    tail : str
+        Empty, or a sentence on what at the end of the recording is in one pass alone, because
+        the recording was interrupted. It was not compared.
+    """
+
+    first_difference: str
+    window_count: int
+    classification_count: int
+    tail: str = ''
+
+    @property
+    def is_equal(self) -> bool:
+        return not self.first_difference
+
+
+def compare_with_recorded(
+    recorded: TactileResults, core: TactileResults, end_ns: int
+) -> Comparison:
+    """Compare what was recorded with what the core makes of the recorded samples and events.
+
+    At its end, a recording that is interrupted can lack what became complete just then, or the
+    last samples of what was recorded. This tail is left out: it lies within `TAIL_S` of the end,
+    and nothing of its kind comes after it. What lacks before it is a difference.
+
+    Parameters
+    ----------
+    recorded, core : TactileResults
+        With ``made_at_ns``.
+    end_ns : int
+        When the last message of the recording arrived [ns].
+    """
+    from_ns = end_ns - round(TAIL_S * 1e9)
+    late = _tail(core, recorded, from_ns), _tail(recorded, core, from_ns)
+    one, other = _without(recorded, late[1]), _without(core, late[0])
+    comparison = compare(one, other, ('the recording', 'the core'))
+    if not comparison.is_equal:
+        return compare(recorded, core, ('the recording', 'the core'))
+    return replace(comparison, tail=_describe_tail(*late))
+
+
+def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Result]:
+    """Return what one pass has behind the last of another, by kind, if it is from the end."""
+    found: list[Result] = []
+    kinds = _by_kind(fewer)
+    for kind, results in _by_kind(more).items():
+        results.sort(key=lambda result: more.made_at_ns[id(result)])
+        rest = results[len(kinds.get(kind, ())) :]
+        if all(more.made_at_ns[id(result)] >= from_ns for result in rest):
+            found += rest
+    return found
+
+
+def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
+    """Return results by the topic that each is published on."""
+    kinds: dict[tuple[object, ...], list[Result]] = {}
+    for window in results.windows:
+        kinds.setdefault(('windows', window.running), []).append(window)
+    for answer in results.classifications:
+        kinds.setdefault((answer.model_id, answer.running), []).append(answer)
+    return kinds
+
+
+def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResults:
+    gone = {id(result) for result in left_out}
+    return TactileResults(
+        [window for window in results.windows if id(window) not in gone],
+        [answer for answer in results.classifications if id(answer) not in gone],
+    )
+
+
+def _describe_tail(unrecorded: Sequence[Result], unfounded: Sequence[Result]) -> str:
+    sentences = []
+    if unrecorded:
+        sentences.append(
+            f'{_count(unrecorded)} became complete within {TAIL_S:g} s before the recording was '
+            'interrupted, and could not be recorded any more'
+        )
+    if unfounded:
+        sentences.append(
+            f'the last samples or events of {_count(unfounded)} could not be recorded any more'
+        )
+    return '; '.join(sentences)
+
+
+def _count(results: Sequence[Result]) -> str:
+    windows = sum(isinstance(result, FeatureWindow) for result in results)
+    counts = {'feature windows': windows, 'classifications': len(results) - windows}
+    trials = ', '.join(sorted({result.trial_id or '(none)' for result in results}))
+    what = ' and '.join(f'{count} {name}' for name, count in counts.items() if count)
+    return f'{what} of trial {trials}'
+
+
+def compare(one: TactileResults, other: TactileResults, names: tuple[str, str]) -> Comparison:
+    """Compare two passes: every feature, label, score and stamp.
+
+    Parameters
+    ----------
+    one, other : TactileResults
+    names : tuple of str
+        What to call them in the sentence about a difference.
+    """
+    difference = _first_difference('feature windows', one.windows, other.windows, names)
+    difference = difference or _first_difference(
+        'classifications', one.classifications, other.classifications, names
+    )
+    return Comparison(difference, len(one.windows), len(one.classifications))
+
+
+def _first_difference(
+    what: str, one: Sequence[Any], other: Sequence[Any], names: tuple[str, str]
+) -> str:
+    for left, right in zip(one, other, strict=False):
+        for item in fields(left):
+            a, b = getattr(left, item.name), getattr(right, item.name)
+            if not _same(a, b):
+                return (
+                    f'{what} of trial {left.trial_id or "(none)"}: {item.name} is '
+                    f'{_short(a)} in {names[0]} and {_short(b)} in {names[1]}'
+                )
+    if len(one) != len(other):
+        return f'{len(one)} {what} in {names[0]}, {len(other)} in {names[1]}'
+    return ''
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+        return bool(a.shape == b.shape and a.tobytes() == b.tobytes())
+    # The texts tell -0.0 from 0.0, and no other two numbers that are equal.
+    return bool(a == b) and repr(a) == repr(b)
+
+
+def _short(value: Any) -> str:
+    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    return text if len(text) <= 60 else text[:57] + '...'

@@ -1,0 +1,204 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording run again through the plain core, and compared with what was recorded.
+
+Nothing here needs a ROS graph: `replay_through_core` reads the bag and calls the
+very objects that the nodes call. `tactile_bringup.nodes.replay_nodes` does the same
+through real nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tactile_bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.message_records import read_records
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.names import parse_classifier_name
+from tactile_classifier.records import ClassificationResult, ClassifierConfig
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError
+from tactile_features.extraction.extractor import TrialFeatureExtractor
+from tactile_features.feature_sets.registry import unstated_options
+from tactile_features.records import FeatureWindow, PHASES_STATED, TrialEvent
+from tactile_features.spec import spec_for
+
+
+@dataclass
+class TactileResults:
+    """What one pass over a recording yields, in the order of the windows' ends.
+
+    Attributes
+    ----------
+    windows : list of FeatureWindow
+    classifications : list of ClassificationResult
+    made_at_ns : dict of int to int
+        By the `id` of each: when it arrived in the recording, or when the message did that
+        completed it. Empty where this is not known.
+    """
+
+    windows: list[FeatureWindow] = field(default_factory=list)
+    classifications: list[ClassificationResult] = field(default_factory=list)
+    made_at_ns: dict[int, int] = field(default_factory=dict)
+
+    def sort(self) -> TactileResults:
+        """Bring the results into the order of time, whatever order they arrived in."""
+        self.windows.sort(
+            key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, not w.running)
+        )
+        self.classifications.sort(
+            key=lambda c: (c.window_end_ns, c.trial_id, c.model_id, not c.running)
+        )
+        return self
+
+
+def recorded_config(bag: TactileBag) -> FeatureConfig:
+    """Return the feature parameters that the recording was made with.
+
+    Options that its release did not have yet have the values which they had implicitly.
+    """
+    values = bag.facts.get('feature_config')
+    try:
+        return FeatureConfig() if values is None else FeatureConfig(**unstated_options() | values)
+    except (TypeError, FeatureError) as error:
+        raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
+
+
+def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
+    """Return the features and classifications that were published while recording."""
+    results = TactileResults()
+    for message, window in read_records(bag.messages(FEATURES, namespace=namespace)):
+        results.windows.append(window)
+        results.made_at_ns[id(window)] = message.received_at_ns
+    for message, answer in read_records(bag.messages(CLASSIFICATION, namespace=namespace)):
+        results.classifications.append(answer)
+        results.made_at_ns[id(answer)] = message.received_at_ns
+    return results.sort()
+
+
+@dataclass
+class ReplayedPhases:
+    """What the plain core makes of a recording's samples and events.
+
+    Attributes
+    ----------
+    windows : list of FeatureWindow
+        In the order in which they became complete.
+    completed_at_ns : list of int
+        For each, when the message arrived that completed it [ns].
+    events : list of TrialEvent
+        The phases that the windows go by: those of the recording, or those found in the signal.
+    """
+
+    windows: list[FeatureWindow] = field(default_factory=list)
+    completed_at_ns: list[int] = field(default_factory=list)
+    events: list[TrialEvent] = field(default_factory=list)
+
+
+def replay_phases(
+    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
+) -> ReplayedPhases:
+    """Return windows and phases of a recording, computed anew by the plain core.
+
+    With ``finish``, phases that were still undecided when the recording ended yield
+    a window without features too. Samples that had not come in time when it ended, a node
+    had given up as well: see `TrialFeatureExtractor`.
+    """
+    extractor = TrialFeatureExtractor(config)
+    replayed = ReplayedPhases()
+    arrived_ns = 0
+
+    def take(windows: list[FeatureWindow]) -> None:
+        replayed.windows += windows
+        replayed.completed_at_ns += [arrived_ns] * len(windows)
+
+    for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=namespace)):
+        arrived_ns = message.received_at_ns
+        if message.type_name == STRAIN:
+            take(extractor.add_block(record))
+            replayed.events += extractor.take_detected_events()
+        else:
+            take(extractor.add_event(record))
+            if config.phases == PHASES_STATED:
+                replayed.events.append(record)
+    arrived_ns = bag.end_ns
+    take(extractor.pass_time(arrived_ns))
+    if finish:
+        take(extractor.finish())
+    return replayed
+
+
+def replay_windows(
+    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
+) -> list[FeatureWindow]:
+    """Return the windows of `replay_phases`."""
+    return replay_phases(bag, config, namespace, finish=finish).windows
+
+
+def replay_through_core(
+    bag: TactileBag,
+    models: Mapping[str, TactileModel],
+    config: FeatureConfig,
+    namespace: str = '',
+) -> TactileResults:
+    """Return features and classifications of a recording, without any node.
+
+    Parameters
+    ----------
+    bag : TactileBag
+    models : mapping of str to TactileModel
+        By the name of the classifier node, which says the contact that it takes.
+    config : FeatureConfig
+    namespace : str
+        Namespace of the finger.
+    """
+    for model in models.values():
+        model.expect(spec_for(model.task, config))
+    replayed = replay_phases(bag, config, namespace)
+    results = TactileResults(replayed.windows)
+    for window, at_ns in zip(replayed.windows, replayed.completed_at_ns, strict=True):
+        results.made_at_ns[id(window)] = at_ns
+        for name, model in models.items():
+            task, contact = parse_classifier_name(name)
+            takes_contact = ClassifierConfig(task=task, contact=contact).takes_contact
+            if model.accepts(window) and takes_contact(window.contact):
+                answer = model.classify(window)
+                results.classifications.append(answer)
+                results.made_at_ns[id(answer)] = at_ns
+    return results.sort()
+
+
+def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:
+    """Load model files by the name of their classifier node.
+
+    Raises
+    ------
+    ModelFileError
+        When a file cannot be used, or is for another task or contact than its name says.
+    """
+    models = {}
+    for name, path in paths.items():
+        model = models[name] = TactileModel.load(Path(path))
+        task, contact = parse_classifier_name(name)
+        if model.task != task or model.contact not in ('', contact):
+            raise ModelFileError(
+                f'model {path} is for {model.task} {model.contact}, not for {task} {contact}; '
+                'give the file the name of what it is for'
+            )
+    return models

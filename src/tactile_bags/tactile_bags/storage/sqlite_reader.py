@@ -1,0 +1,105 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reads the SQLite storage of rosbag2 (``.db3``), for bags that others recorded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+import sqlite3
+from urllib.parse import quote
+
+from tactile_bags.errors import BagError
+from tactile_bags.storage.mcap_format import MAX_CHUNK_BYTES, StoredTopic
+from tactile_bags.storage.mcap_reader import Message
+
+MAX_TOPICS = 65_536
+"""Most topics in a file, as many as MCAP can have."""
+
+
+class SqliteFile:
+    """A ``.db3`` file for reading, with the attributes of `McapFile`.
+
+    Raises
+    ------
+    BagError
+        When it is no such file, or is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: dict[int, StoredTopic] = {}
+        self.counts: Counter[int] = Counter()
+        self.is_finished = True  # SQLite itself rolls back what was not finished
+        self.metadata = ''
+        if not path.is_file():
+            raise BagError('it does not exist')
+        # Read only: opening must not change the file.
+        self._database = sqlite3.connect(
+            f'file:{quote(str(path.resolve()))}?mode=ro', uri=True, check_same_thread=False
+        )
+        try:
+            self._read_topics()
+        except (sqlite3.Error, TypeError) as error:
+            self._database.close()
+            raise BagError(f'SQLite cannot read it: {error}') from error
+        except BaseException:
+            self._database.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file. Harmless when called twice."""
+        self._database.close()
+
+    def _read_topics(self) -> None:
+        # What a stranger's file computes for itself must not run: views, triggers, functions.
+        self._database.execute('PRAGMA trusted_schema = OFF')
+        kinds = dict(
+            self._database.execute(
+                "SELECT name, type FROM sqlite_master WHERE name IN ('topics', 'messages')"
+            )
+        )
+        if kinds != {'topics': 'table', 'messages': 'table'}:
+            raise BagError('it has not the tables of a bag')
+        query = f'SELECT id, name, type, serialization_format FROM topics LIMIT {MAX_TOPICS}'
+        for number, name, type_name, serialization in self._database.execute(query):
+            self.topics[int(number)] = StoredTopic(
+                str(name), str(type_name), serialization=str(serialization)
+            )
+        counts = 'SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id'
+        for number, count in self._database.execute(counts):
+            if number in self.topics:
+                self.counts[number] = count
+
+    @property
+    def newest_ns(self) -> int:
+        """When the last message arrived [ns]."""
+        (newest_ns,) = self._database.execute('SELECT MAX(timestamp) FROM messages').fetchone()
+        return int(newest_ns or 0)
+
+    def messages(self, channels: Collection[int]) -> Iterator[Message]:
+        """Yield the messages on these channels, by time of arrival."""
+        query = (
+            'SELECT timestamp, topic_id, data FROM messages '
+            f'WHERE typeof(data) = "blob" AND length(data) <= {MAX_CHUNK_BYTES} '
+            'ORDER BY timestamp, id'
+        )
+        try:
+            for received_at_ns, number, data in self._database.execute(query):
+                if number in channels:
+                    yield int(received_at_ns), number, data
+        except (sqlite3.Error, TypeError, ValueError) as error:
+            raise BagError(f'SQLite cannot read it: {error}') from error

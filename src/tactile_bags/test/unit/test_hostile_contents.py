@@ -1,0 +1,213 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What strangers put into a bag that opens: facts, files, databases, messages."""
+
+from contextlib import suppress
+import json
+import sqlite3
+
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+import zstandard
+
+from tactile_bags import (
+    BagMessage,
+    BagWriter,
+    EVENT,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bags.auditing.audit import FingerAuditor
+from tactile_bags.errors import BagError
+from tactile_bags.recorded_topics import message_store
+from tactile_features.config import FeatureConfig
+from tactile_features.extraction.extractor import TrialFeatureExtractor
+from tactile_features.records import StrainBlock, TrialEvent
+
+
+@pytest.fixture
+def small_bag(tmp_path):
+    path = tmp_path / 'bag'
+    with BagWriter(path, {'simulated': True}) as writer:
+        name = writer.add_topic(STRAIN_TOPIC)
+        for i in range(5):
+            writer.write_raw(name, i, strain_bytes(i))
+    return path
+
+
+def strain_bytes(sequence):
+    types = message_store().types
+    stamp = types['builtin_interfaces/msg/Time'](sec=1, nanosec=0)
+    block = types[STRAIN](
+        header=types['std_msgs/msg/Header'](stamp=stamp, frame_id='tendon_sensor_link'),
+        sequence=sequence,
+        period_ns=10**7,
+        tension_n=np.arange(4.0),
+        lost_before=0,
+        stamp_error_s=-1.0,
+        status=0,
+    )
+    return bytes(message_store().serialize_cdr(block, STRAIN))
+
+
+@pytest.mark.parametrize(
+    'facts', ['[' * 100_000, '[]', '{"a": ' + '9' * 5000 + '}', '{"models": 7}']
+)
+def test_hostile_facts_are_refused_with_a_sentence(small_bag, facts):
+    path = small_bag / 'metadata.yaml'
+    text = path.read_text()
+    old = json.dumps(json.dumps({'simulated': True}))
+    assert old in text
+    path.write_text(text.replace(old, json.dumps(facts)))
+    with pytest.raises(BagError, match='facts'):
+        TactileBag(small_bag)
+
+
+def test_files_outside_of_the_bag_are_not_opened(small_bag, tmp_path):
+    (tmp_path / 'outside.mcap').write_bytes(b'secret')
+    path = small_bag / 'metadata.yaml'
+    path.write_text(path.read_text().replace('bag_0.mcap', '../outside.mcap'))
+    with pytest.raises(BagError, match=r'outside\.mcap: No such file|No such file'):
+        TactileBag(small_bag)
+
+
+def test_a_packed_file_is_unpacked_up_to_a_limit(small_bag, monkeypatch):
+    data = small_bag / 'bag_0.mcap'
+    (small_bag / 'bag_0.mcap.zstd').write_bytes(zstandard.compress(data.read_bytes()))
+    data.unlink()
+    path = small_bag / 'metadata.yaml'
+    text = path.read_text().replace('bag_0.mcap', 'bag_0.mcap.zstd')
+    path.write_text(
+        text.replace('compression_mode: ""', 'compression_mode: FILE').replace(
+            'compression_format: ""', 'compression_format: zstd'
+        )
+    )
+    with TactileBag(small_bag) as bag:
+        assert len(list(bag.messages(STRAIN))) == 5
+    monkeypatch.setattr('tactile_bags.bag_reader.MAX_UNPACKED_BYTES', 100)
+    with pytest.raises(BagError, match='unpacked'):
+        TactileBag(small_bag)
+
+
+# -- SQLite -----------------------------------------------------------------------------------
+
+TABLES = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT,
+    offered_qos_profiles TEXT);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);
+INSERT INTO topics VALUES (1, '/tendon_sensor/strain', 'tactile_msgs/msg/StrainBlock', 'cdr', '');
+"""
+ENDLESS = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT);
+CREATE VIEW messages AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n)
+    SELECT id, 1 AS topic_id, id AS timestamp, zeroblob(1000000) AS data FROM n;
+"""
+
+
+def make_database(path, script, messages=()):
+    database = sqlite3.connect(path)
+    database.executescript(script)
+    for row in messages:
+        database.execute('INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)', row)
+    database.commit()
+    database.close()
+    return path
+
+
+def test_a_database_is_read_in_the_order_of_arrival(tmp_path):
+    messages = [(1, 7, b'late'), (1, 3, b'early'), (1, 5, None), (1, 6, 'text'), (9, 4, b'?')]
+    with TactileBag(make_database(tmp_path / 'a.db3', TABLES, messages)) as bag:
+        assert [m.data for m in bag.messages()] == [b'early', b'late']
+
+
+@pytest.mark.parametrize('script', [ENDLESS, 'CREATE TABLE x(y)'])
+def test_a_database_that_computes_is_refused(tmp_path, script):
+    with pytest.raises(BagError, match='tables of a bag'):
+        TactileBag(make_database(tmp_path / 'a.db3', script))
+
+
+def test_what_is_no_database_is_refused(tmp_path):
+    (tmp_path / 'a.db3').write_bytes(b'SQLite format 3\x00' + bytes(range(256)) * 40)
+    with pytest.raises(BagError, match='SQLite'):
+        TactileBag(tmp_path / 'a.db3')
+
+
+# -- anything at all -----------------------------------------------------------------------------
+
+
+@given(st.sampled_from([STRAIN, EVENT]), st.binary(max_size=200))
+def test_any_bytes_are_a_message_or_refused(type_name, data):
+    with suppress(BagError):
+        BagMessage('/x', type_name, 0, data, message_store()).decode()
+
+
+@settings(
+    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_a_changed_bag_is_read_or_refused(small_bag, data):
+    """Bytes flipped, taken out, put in or cut off: no other error than a sentence."""
+    (path,) = small_bag.glob('*.mcap')
+    original = path.read_bytes()
+    changed = bytearray(original)
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(changed)))
+        new = data.draw(st.binary(max_size=9))
+        changed[at : at + data.draw(st.integers(0, 9))] = new
+    try:
+        path.write_bytes(changed)
+        with suppress(BagError), TactileBag(small_bag) as bag:
+            for message in bag.messages():
+                message.decode()
+    finally:
+        path.write_bytes(original)
+
+
+EXTREME = st.sampled_from([0, 1, 2, 59, 2**31, 2**63 - 1])
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    blocks=st.lists(
+        st.builds(
+            StrainBlock,
+            stamp_ns=st.integers(-(2**31) * 10**9, (2**31) * 10**9 - 1),
+            sequence=st.one_of(EXTREME, st.just(2**64 - 1)),
+            period_ns=st.one_of(EXTREME, st.just(-1), st.just(-(2**63))),
+            tension_n=st.lists(st.floats(width=64), max_size=4).map(np.array),
+            lost_before=st.one_of(EXTREME, st.just(2**64 - 1)),
+            status=st.integers(0, 2**32 - 1),
+        ),
+        max_size=8,
+    ),
+    stamps_ns=st.lists(st.integers(-(2**31) * 10**9, (2**31) * 10**9 - 1), max_size=6),
+)
+def test_wild_numbers_harm_neither_audit_nor_features(blocks, stamps_ns):
+    """What a well-formed message can say at most: windows with a reason, not an exception."""
+    auditor, extractor = FingerAuditor('', 60.0), TrialFeatureExtractor(FeatureConfig())
+    audits = []
+    phases = ['approach', 'hold', 'glide', 'release', 'done', 'approach']
+    for phase, stamp_ns in zip(phases, stamps_ns, strict=False):
+        event = TrialEvent(stamp_ns, 't', '', 'stiffness', 'flexion', '', phase)
+        audits += auditor.add_event(event)
+        extractor.add_event(event)
+    for block in blocks:
+        audits += auditor.add_block(block)
+        extractor.add_block(block)
+    for audit in [*audits, *auditor.finish()]:
+        json.dumps(audit.to_dict(), allow_nan=False)

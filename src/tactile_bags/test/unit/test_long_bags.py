@@ -1,0 +1,191 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bags of long recordings: few chunks, little memory, and readable wherever they are cut."""
+
+from collections import Counter
+import os
+import sys
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+from rosbags.rosbag2 import Reader
+
+from tactile_bags import BagWriter, STRAIN, STRAIN_TOPIC, TactileBag
+from tactile_bags.bag_repair import repair_bag
+from tactile_bags.storage.mcap_format import StoredTopic
+from tactile_bags.storage.mcap_reader import McapFile
+from tactile_bags.storage.mcap_writer import CHUNK_BYTES, McapWriter
+
+SIZE = 3000
+COUNT = 900
+"""Messages of this many bytes [byte], saved one by one: less than three chunks."""
+
+
+def payload(i):
+    return i.to_bytes(4, 'little') * (SIZE // 4)
+
+
+@pytest.fixture(scope='module')
+def unfinished(tmp_path_factory):
+    """Return the data file of a recorder that was killed, and the closed bag."""
+    path = tmp_path_factory.mktemp('long') / 'bag'
+    with BagWriter(path, {'simulated': True}) as writer:
+        name = writer.add_topic(STRAIN_TOPIC)
+        for i in range(COUNT):
+            writer.write_raw(name, 100 + i, payload(i))
+            writer.save()
+        (file,) = path.glob('*.mcap')
+        data = file.read_bytes()
+    return data, path
+
+
+@pytest.fixture(scope='module')
+def files(unfinished, tmp_path_factory):
+    """Return what was left, and where to put what is made of it; both have short names."""
+
+    class Left(bytes):
+        def __repr__(self):
+            return 'what was left'
+
+    return Left(unfinished[0]), tmp_path_factory.mktemp('cut') / 'cut.mcap'
+
+
+def messages_of(path, **options):
+    with TactileBag(path) as bag:
+        return [(m.received_at_ns, m.data) for m in bag.messages(**options)]
+
+
+def expected(count):
+    return [(100 + i, payload(i)) for i in range(count)]
+
+
+def test_chunks_go_by_bytes_however_often_they_are_saved(unfinished):
+    _, path = unfinished
+    with TactileBag(path) as bag:
+        chunks = len(bag._files[0].segments)
+    assert chunks <= 2 + SIZE * COUNT // CHUNK_BYTES
+    assert messages_of(path) == expected(COUNT)
+
+
+def test_another_reader_finds_all_by_the_index(unfinished):
+    _, path = unfinished
+    with Reader(path) as reader:
+        assert [(at_ns, bytes(data)) for _, at_ns, data in reader.messages()] == expected(COUNT)
+
+
+def test_all_that_was_saved_is_read_after_a_kill(unfinished, tmp_path):
+    data, _ = unfinished
+    killed = tmp_path / 'killed.mcap'
+    killed.write_bytes(data)
+    assert messages_of(killed) == expected(COUNT)
+    assert repair_bag(killed, tmp_path / 'repaired').message_count == COUNT
+    assert messages_of(tmp_path / 'repaired') == expected(COUNT)
+
+
+@settings(max_examples=30, deadline=None)
+@given(part=st.floats(0.0, 1.0), zeros=st.sampled_from([0, 1, 4096, 10**7]))
+def test_wherever_it_is_cut_what_came_before_is_read(files, part, zeros):
+    """A file system may also give zeros where data did not come to the disk."""
+    whole, file = files
+    cut = 5000 + round(part * (len(whole) - 5000))
+    file.write_bytes((whole[:cut] + bytes(zeros))[: len(whole)])
+    found = messages_of(file)
+    assert found == expected(len(found))
+    least = (cut - 5000) // (SIZE + 60)  # records, heads and index around each message
+    assert len(found) >= least - 1
+
+
+def test_the_end_is_read_without_what_comes_before(unfinished):
+    _, path = unfinished
+    assert messages_of(path, since_ns=100 + COUNT - 5) == expected(COUNT)[-5:]
+    assert messages_of(path, since_ns=100 + COUNT) == []
+
+
+def test_a_recording_of_35_hours_in_small_chunks_opens_in_little_memory(tmp_path):
+    """Chunks were once cut twice a second; the limit was 250 000 of them."""
+    path = tmp_path / 'old.mcap'
+    writer = McapWriter(path)
+    channel = writer.add_channel(StoredTopic('/tendon_sensor/strain', STRAIN))
+    before = path.stat().st_size
+    writer.write(channel, 0, b'')
+    writer.cut()
+    one = path.read_bytes()[before:]  # a chunk and its index
+    count = 260_000
+    with path.open('ab') as file:
+        file.write(one * (count - 2))
+    writer._file.seek(0, os.SEEK_END)
+    writer._position = path.stat().st_size
+    writer.write(channel, 7, b'')
+    writer.close()
+    with TactileBag(path) as bag:
+        assert bag.topics['/tendon_sensor/strain'] == (STRAIN, count)
+        (newest,) = bag.messages(since_ns=7)
+        assert sys.getsizeof(bag._files[0].segments._rows) < 50 * count
+    assert newest.received_at_ns == 7
+
+
+def read_by_channel(path):
+    """Return the number of messages on each channel: as counted, and as read."""
+    file = McapFile(path)
+    try:
+        read = Counter(
+            channel
+            for _, i in file.segments.in_time(file.topics, 0)
+            for _, channel, _ in file.messages_of(file.segments[i], file.topics)
+        )
+        return file.counts, read
+    finally:
+        file.close()
+
+
+@pytest.fixture(scope='module')
+def two_channels(tmp_path_factory):
+    """Return a finished file of two channels in two chunks, and the span of its last index."""
+    path = tmp_path_factory.mktemp('two') / 'two.mcap'
+    writer = McapWriter(path)
+    channels = [writer.add_channel(StoredTopic(name, STRAIN)) for name in ('/a', '/b')]
+    for i in range(10):
+        for channel in channels:
+            writer.write(channel, i + 1, bytes([channel]) * 8)
+        if i == 4:
+            writer.cut()
+    writer.flush()
+    index_start = path.stat().st_size
+    writer.cut()
+    index_end = path.stat().st_size
+    writer.write_metadata('rosbag2_bagfile_information: {}')
+    writer.close()
+    return path.read_bytes(), index_start, index_end
+
+
+def test_a_file_cut_off_behind_its_last_chunk_loses_no_message(two_channels, tmp_path):
+    """The file is cut off before every byte of the last index, and of what follows."""
+    whole, index_start, _ = two_channels
+    path = tmp_path / 'cut.mcap'
+    counts = {1: 10, 2: 10}
+    for cut in range(index_start, len(whole) + 1):
+        path.write_bytes(whole[:cut])
+        assert read_by_channel(path) == (counts, counts), cut
+
+
+def test_an_index_that_turns_to_zeros_costs_no_message(two_channels, tmp_path):
+    whole, index_start, index_end = two_channels
+    path = tmp_path / 'zeros.mcap'
+    counts = {1: 10, 2: 10}
+    for cut in range(index_start, index_end + 1):
+        for zeros in (index_end - cut, len(whole) - cut, 10_000):
+            path.write_bytes(whole[:cut] + bytes(zeros))
+            assert read_by_channel(path) == (counts, counts), (cut, zeros)

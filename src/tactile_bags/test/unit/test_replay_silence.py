@@ -1,0 +1,128 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A sensor that dies in a hold: a replay refuses what the node refused, with the same bits."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+
+from tactile_bags import (
+    BagWriter,
+    EVENT_TOPIC,
+    FEATURES_TOPIC,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bags.recorded_topics import JOINT_STATE, RecordedTopic
+from tactile_bags.replaying.comparison import compare
+from tactile_bags.replaying.replay import recorded_results, replay_through_core
+from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
+from tactile_features.conversions import (
+    event_to_msg,
+    feature_window_to_msg,
+    strain_block_from_msg,
+)
+from tactile_features.extraction.extractor import GRACE_S
+from tendon_sensor_driver import StrainStatus
+from tendon_sensor_driver.conversions import to_strain_msg
+from tendon_sensor_driver.records import Block
+
+S = 1_000_000_000
+START_NS = 1_760_000_000 * S
+PERIOD_NS = 16_666_667
+CONFIG = FeatureConfig()
+GUIDE = RecordedTopic('linear_guide/joint_states', JOINT_STATE)
+NAMES = ('the recording', 'the core')
+
+
+def block(first, count, status=StrainStatus.OK):
+    tension_n = np.random.default_rng(first).normal(5.0, 0.1, count)
+    stamp_ns = START_NS + first * PERIOD_NS
+    return Block(stamp_ns, first, PERIOD_NS, tension_n, 0, 0.001, status)
+
+
+def event(time_s, phase, trial_id='t1'):
+    stamp_ns = START_NS + round(time_s * S)
+    return TrialEvent(stamp_ns, trial_id, 's1', 'stiffness', 'flexion', 'R1', phase)
+
+
+def write_bag(path, inputs, timed_out_s, end_s):
+    """Write what a node hears and what it answers; it gives up waiting at ``timed_out_s``."""
+    extractor = TrialFeatureExtractor(CONFIG)
+    with BagWriter(path, {'feature_config': dataclasses.asdict(CONFIG)}) as writer:
+        names = {
+            topic.name: writer.add_topic(topic)
+            for topic in (STRAIN_TOPIC, EVENT_TOPIC, FEATURES_TOPIC, GUIDE)
+        }
+
+        def write(topic, time_s, message):
+            arrived_ns = START_NS + round(time_s * S)
+            writer.write_raw(names[topic.name], arrived_ns, serialize_message(message))
+
+        for item in inputs:
+            if isinstance(item, TrialEvent):
+                time_s = (item.stamp_ns - START_NS) / S + 0.001
+                message, topic = event_to_msg(item), EVENT_TOPIC
+            else:
+                end_ns = item.stamp_ns + len(item.tension_n) * PERIOD_NS
+                time_s = (end_ns - START_NS) / S
+                message, topic = to_strain_msg(item, 'link'), STRAIN_TOPIC
+            if timed_out_s < time_s:
+                for window in extractor.time_out():
+                    write(FEATURES_TOPIC, timed_out_s, feature_window_to_msg(window))
+            write(topic, time_s, message)
+            windows = (
+                extractor.add_event(item)
+                if isinstance(item, TrialEvent)
+                else extractor.add_block(strain_block_from_msg(message))
+            )
+            for window in windows:
+                write(FEATURES_TOPIC, time_s + 0.002, feature_window_to_msg(window))
+        if timed_out_s < end_s:
+            for window in extractor.time_out():
+                write(FEATURES_TOPIC, timed_out_s, feature_window_to_msg(window))
+        writer.write_raw(names[GUIDE.name], START_NS + round(end_s * S), b'\0\1\0\0')
+
+
+DIED = [block(60 * i, 60) for i in range(3)]
+HOLD = [event(2.0, 'hold'), event(6.0, 'release')]
+GIVEN_UP_S = 6.0 + CONFIG.samples_timeout_s + GRACE_S + 0.25
+BACK = [block(n, 60, StrainStatus.RECONNECTED) for n in (900, 960, 1020, 1080, 1140, 1200)]
+NEXT = [event(15.0, 'hold', 't2'), *BACK, event(20.0, 'done', 't2')]
+
+
+@pytest.mark.parametrize(
+    ('inputs', 'end_s', 'count'),
+    [
+        ([*DIED, *HOLD], 60.0, 1),
+        ([*DIED, *HOLD], 7.0, 0),
+        ([*DIED, *HOLD, *NEXT], 60.0, 2),
+        ([*DIED, HOLD[0], HOLD[1], event(8.0, 'done'), event(300.0, 'approach', 't3')], 300.1, 1),
+    ],
+    ids=['to the end', 'recording ends before', 'sensor comes back', 'an event much later'],
+)
+def test_a_replay_gives_up_what_the_node_gave_up(tmp_path, inputs, end_s, count):
+    write_bag(tmp_path / 'bag', inputs, GIVEN_UP_S, end_s)
+    with TactileBag(tmp_path / 'bag') as bag:
+        assert bag.end_ns == START_NS + round(end_s * S)
+        recorded = recorded_results(bag)
+        core = replay_through_core(bag, {}, CONFIG)
+    assert len(recorded.windows) == count
+    assert compare(recorded, core, NAMES).first_difference == ''
+    if count:
+        assert recorded.windows[0].outcome == Outcome.GAP
+        assert 'no samples came within 5 s' in recorded.windows[0].reason

@@ -1,0 +1,351 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Scores and novelties of trials that were held out, and what follows from them.
+
+Trials of one session share a mounting, so a session is held out as a whole wherever
+the table has two or more of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+from sklearn.model_selection import StratifiedKFold
+
+from tactile_classifier.confidence.novelty import (
+    choose_metric,
+    compute_session_threshold,
+    compute_threshold,
+    NoveltyMeasure,
+    rank_of_sessions,
+)
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import TooFewTrialsError
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    compute_raw_scores,
+    RANDOM_STATE,
+    SCORE_KINDS,
+)
+from tactile_classifier.records import VOTES
+
+MAX_FOLDS = 6
+"""Parts that trials or sessions are dealt into, wherever so few will do."""
+
+BINS = 10
+"""Bins of the expected calibration error."""
+
+Matrix = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Deal:
+    """How trials are dealt into parts that are held out in turn.
+
+    Attributes
+    ----------
+    split : str
+        In words.
+    fold : ndarray of int, shape (trials,)
+        The part that each trial is held out with.
+    session : ndarray of int, shape (trials,), or None
+        The group of each trial; None when single trials are dealt.
+    """
+
+    split: str
+    fold: Indices
+    session: Indices | None
+
+    @property
+    def groups(self) -> int:
+        """Sessions; 0 when single trials are dealt."""
+        return 0 if self.session is None else int(self.session.max()) + 1
+
+    @property
+    def session_share(self) -> float:
+        """Share of new sessions in which thresholds by sessions hold [1]; negative: none."""
+        return rank_of_sessions(self.groups) / (self.groups + 1) if self.groups else -1.0
+
+
+def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
+    """Return parts of whole groups where each label comes in two groups or more, else of trials.
+
+    The groups of each label are spread over the parts, so that a model fitted on the other
+    parts knows every label of the one that is held out.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    columns : sequence of str
+        Trials that agree in all of them are one group. Those that the table does not have
+        do not count.
+
+    Raises
+    ------
+    TooFewTrialsError
+        When a label has one trial only.
+    """
+    group = np.zeros(len(table), dtype=np.intp)
+    for column in columns:
+        codes = np.unique(table.columns.get(column, group), return_inverse=True)[1]
+        group = np.unique(group * (codes.max() + 1) + codes, return_inverse=True)[1]
+    labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
+    groups = int(group.max()) + 1
+    contains = np.zeros((groups, len(labels)), dtype=bool)
+    contains[group, codes] = True
+    if (contains.sum(axis=0) > 1).all():
+        part_of_group = _spread(contains)
+        fold = part_of_group[group]
+        parts = int(part_of_group.max()) + 1
+        name = ' and '.join(column.removesuffix('_id') for column in columns)
+        words = f'one {name} held out' if groups == parts else f'{name} held out in {parts} parts'
+        return Deal(words, fold, group)
+    if counts.min() < 2:
+        raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
+    parts = min(MAX_FOLDS, int(counts.min()))
+    folds = StratifiedKFold(parts, shuffle=True, random_state=RANDOM_STATE)
+    fold = np.zeros(len(table), dtype=np.intp)
+    for i, (_, held_out) in enumerate(folds.split(table.values, table.labels)):
+        fold[held_out] = i
+    return Deal(f'stratified {parts}-fold over trials', fold, None)
+
+
+def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
+    """Return the part of each group, so that no label has all its groups in one part.
+
+    Groups are dealt one by one, those with the most labels first, each to the part that
+    has the fewest groups of its labels. Groups of the same labels are dealt in turn.
+
+    Parameters
+    ----------
+    contains : ndarray of bool, shape (groups, labels)
+        Each label in two groups or more.
+    """
+    groups, labels = contains.shape
+    parts = min(MAX_FOLDS, groups)
+    part = np.zeros(groups, dtype=np.intp)
+    size = np.zeros(parts, dtype=np.intp)
+    count = np.zeros((parts, labels), dtype=np.intp)
+    # Of names, only the order among groups of the same labels matters.
+    for i in sorted(range(groups), key=lambda i: (-contains[i].sum(), *~contains[i], i)):
+        same = count[:, contains[i]]
+        only_here = (same > 0) & (same == same.sum(axis=0))
+        part[i] = np.lexsort((size, same.sum(axis=1), only_here.sum(axis=1)))[0]
+        size[part[i]] += 1
+        count[part[i], contains[i]] += 1
+    if ((count > 0).sum(axis=0) > 1).all():
+        return part
+    # Labels so interwoven that so few parts do not keep them apart: each group on its own.
+    return np.arange(groups)
+
+
+def hold_out_scores(
+    table: FeatureTable, classifier: str, scaling: str, fold: Indices
+) -> tuple[Matrix, Indices]:
+    """Return raw scores by models that were fitted on the other parts of the trials.
+
+    Returns
+    -------
+    scores : ndarray of shape (trials, labels)
+    true : ndarray of int, shape (trials,)
+        Column of the true label.
+    """
+    classes, true = np.unique(table.labels, return_inverse=True)
+    scores = np.zeros((len(table), len(classes)))
+    for i in np.unique(fold):
+        estimator = build_estimator(classifier, scaling, table.channels)
+        estimator.fit(table.values[fold != i], table.labels[fold != i])
+        scores[fold == i] = compute_raw_scores(estimator, table.values[fold == i])
+    return scores, true
+
+
+def hold_out_novelty(table: FeatureTable, fold: Indices, metric: str) -> Matrix:
+    """Return novelties, shape (trials,), by measures fitted on the other parts of the trials."""
+    novelty = np.zeros(len(table))
+    for i in np.unique(fold):
+        inside = fold != i
+        measure = NoveltyMeasure.fit(
+            table.values[inside], table.labels[inside], fold[inside], metric
+        )
+        novelty[fold == i] = measure.compute(table.values[fold == i])
+    return novelty
+
+
+def fit_novelty(
+    table: FeatureTable, dealt: Deal, false_alarm_rate: float
+) -> tuple[NoveltyMeasure, Matrix, float]:
+    """Return the measure fitted to all trials, the held-out novelties, and their threshold.
+
+    This is not split conformal prediction: each part has a measure of its own, the one that is
+    returned is fitted to all, and the metric was chosen on the same trials. More references
+    bring the nearest closer, so that novelties of new trials are lower rather than higher.
+
+    Raises
+    ------
+    TooFewTrialsError
+        When there are too few for the rate.
+    """
+    fold = dealt.fold
+    metric = choose_metric(table.values, table.labels, fold)
+    novelty = hold_out_novelty(table, fold, metric)
+    if dealt.session is None:
+        threshold = compute_threshold(novelty, false_alarm_rate)
+    else:
+        threshold = compute_session_threshold(novelty, dealt.session, false_alarm_rate)
+    return NoveltyMeasure.fit(table.values, table.labels, fold, metric), novelty, threshold
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """A map from raw scores to probabilities that keeps their order.
+
+    The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017) with the
+    answer's own term raised by ``bonus``, as the constant of Platt's (1999) map would. A
+    bonus below 0 could put the second before the answer, so there is none.
+
+    Attributes
+    ----------
+    slope : float
+        Positive; in 1 over the unit of the scores.
+    bonus : float
+        Not negative; a natural logarithm [1].
+    """
+
+    slope: float
+    bonus: float
+
+    @classmethod
+    def fit(cls, scores: Matrix, true: Indices) -> Calibration:
+        """Return the map under which held-out labels are likeliest.
+
+        One imagined miss among the trials, as in Platt's targets, keeps a classifier that made
+        none from claiming certainty.
+
+        Parameters
+        ----------
+        scores : ndarray of shape (trials, labels)
+        true : ndarray of int, shape (trials,)
+        """
+        trials, labels = scores.shape
+        doubt = 1.0 / (trials + 2.0)
+        target = np.full(scores.shape, doubt / (labels - 1))
+        target[np.arange(trials), true] = 1.0 - doubt
+
+        def loss(parameters: Matrix) -> float:
+            return float(-(target * cls._from(parameters)._logarithms(scores)).sum())
+
+        return cls._from(minimize(loss, [0.0, 0.0], method='Nelder-Mead').x)
+
+    @classmethod
+    def _from(cls, parameters: Matrix) -> Calibration:
+        return cls(
+            float(np.exp(np.clip(parameters[0], -7.0, 7.0))), max(float(parameters[1]), 0.0)
+        )
+
+    def compute(self, scores: Matrix) -> Matrix:
+        """Return the probabilities for scores of shape (windows, labels)."""
+        return np.asarray(np.exp(self._logarithms(scores)))
+
+    def _logarithms(self, scores: Matrix) -> Matrix:
+        size = self.slope * scores
+        size[np.arange(len(size)), scores.argmax(axis=1)] += self.bonus
+        size -= size.max(axis=1, keepdims=True)
+        return np.asarray(size - np.log(np.exp(size).sum(axis=1, keepdims=True)))
+
+
+def compute_calibration_error(probabilities: Matrix, true: Indices) -> float:
+    """Return the expected calibration error of the answers [1].
+
+    Mean over the trials of the distance between the share of right answers and their mean
+    probability, in ten bins of equal width of that probability (Naeini et al. 2015).
+
+    Parameters
+    ----------
+    probabilities : ndarray of shape (trials, labels)
+    true : ndarray of int, shape (trials,)
+    """
+    answer = probabilities.argmax(axis=1)
+    stated = probabilities[np.arange(len(true)), answer]
+    bins = np.minimum((stated * BINS).astype(int), BINS - 1)
+    surplus = np.bincount(bins, stated - (answer == true), BINS)
+    return float(np.abs(surplus).sum() / len(true))
+
+
+def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
+    """Return what raw scores pass for without calibration: votes as they are, or a softmax."""
+    return scores if score_kind == VOTES else Calibration(1.0, 0.0).compute(scores)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class CalibratedPart:
+    """What held-out trials say of one length of window.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Fitted to all held-out scores.
+    novelty : NoveltyMeasure
+        Fitted to all trials.
+    novelty_threshold : float
+    error_before, error_after : float
+        Expected calibration error; after: of ``confidence`` [1].
+    confidence : ndarray of shape (trials,)
+        Probability of the answer, by a map that was fitted on the other parts of the
+        trials; -1 where the trial is turned away as unknown.
+    wrong : ndarray of bool, shape (trials,)
+        Whether the answer is not the label.
+    """
+
+    calibration: Calibration
+    novelty: NoveltyMeasure
+    novelty_threshold: float
+    error_before: float
+    error_after: float
+    confidence: Matrix
+    wrong: npt.NDArray[np.bool_]
+
+
+def calibrate_part(
+    table: FeatureTable, classifier: str, scaling: str, dealt: Deal, false_alarm_rate: float
+) -> CalibratedPart:
+    """Hold out each part of the trials in turn; return what follows.
+
+    Raises
+    ------
+    TooFewTrialsError
+        When there are too few for the rate, or for the classifier.
+    """
+    fold = dealt.fold
+    scores, true = hold_out_scores(table, classifier, scaling, fold)
+    measure, novelty, threshold = fit_novelty(table, dealt, false_alarm_rate)
+    probabilities = np.zeros(scores.shape)
+    for i in np.unique(fold):
+        others = Calibration.fit(scores[fold != i], true[fold != i])
+        probabilities[fold == i] = others.compute(scores[fold == i])
+    uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
+    return CalibratedPart(
+        calibration=Calibration.fit(scores, true),
+        novelty=measure,
+        novelty_threshold=threshold,
+        error_before=compute_calibration_error(uncalibrated, true),
+        error_after=compute_calibration_error(probabilities, true),
+        confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),
+        wrong=scores.argmax(axis=1) != true,
+    )

@@ -1,0 +1,108 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When a running answer is sure enough, at a stated share of wrong answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import binom
+
+from tactile_classifier.confidence.novelty import rank_of_sessions
+
+CONFIDENCE = 0.9
+"""Probability that the bound holds, over the calibration trials that might have come [1]."""
+
+THRESHOLDS = (
+    *(0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.96, 0.97),
+    *(0.98, 0.985, 0.99, 0.993, 0.995, 0.997, 0.998, 0.999, 0.9995, 0.9999),
+)
+"""Probabilities of an answer that a rule may ask for; fixed before any data is seen."""
+
+Matrix = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+def find_first_stop(confidence: Matrix, threshold: float) -> npt.NDArray[np.intp]:
+    """Return the first stage at which each trial is decided; the number of stages where none.
+
+    Parameters
+    ----------
+    confidence : ndarray of shape (stages, trials)
+        Probability of the answer; negative where the window is turned away as unknown.
+    threshold : float
+    """
+    decided = confidence >= threshold
+    return np.where(decided.any(axis=0), decided.argmax(axis=0), len(confidence))
+
+
+def fit_stop_threshold(
+    confidence: Matrix,
+    wrong: Flags,
+    error_rate: float,
+    session: npt.NDArray[np.intp] | None = None,
+) -> float | None:
+    """Return the lowest threshold whose early answers are proven good enough, if any is.
+
+    Learn then test (Angelopoulos et al. 2021): for each of `THRESHOLDS`, the exact binomial
+    test of "more than ``error_rate`` of the early answers are wrong", with
+    Bonferroni's correction for their number; the same as a one-sided Clopper-Pearson bound
+    at most ``error_rate``. An early answer is the first one of a trial that reaches the
+    threshold, at whatever stage. The bound holds with probability `CONFIDENCE`
+    for further trials that are drawn as these were, independently.
+
+    Trials of one session are not independent. Where sessions are known, the threshold is no
+    lower than the one that keeps the error in most of them: each session has a lowest threshold
+    from which on its own early answers keep ``error_rate``, and of these the one of
+    `rank_of_sessions` counts. It holds in ``rank / (count + 1)`` of new sessions.
+
+    Parameters
+    ----------
+    confidence : ndarray of shape (stages, trials)
+        As in `find_first_stop`, of trials that the models were not fitted on.
+    wrong : ndarray of bool, shape (stages, trials)
+        Whether the answer at that stage is wrong.
+    error_rate : float
+        Share of wrong answers among those given early [1].
+    session : ndarray of int, shape (trials,), optional
+        Session of each trial.
+    """
+    lowest = 0.0
+    if session is not None:
+        needed = [
+            _find_safe_threshold(confidence[:, session == i], wrong[:, session == i], error_rate)
+            for i in np.unique(session)
+        ]
+        lowest = np.sort(needed)[rank_of_sessions(len(needed)) - 1]
+    level = (1.0 - CONFIDENCE) / len(THRESHOLDS)
+    for threshold in THRESHOLDS:
+        stage = find_first_stop(confidence, threshold)
+        early = np.flatnonzero(stage < len(confidence))
+        mistakes = int(np.count_nonzero(wrong[stage[early], early]))
+        if threshold >= lowest and binom.cdf(mistakes, len(early), error_rate) <= level:
+            return threshold
+    return None
+
+
+def _find_safe_threshold(confidence: Matrix, wrong: Flags, error_rate: float) -> float:
+    """Return the lowest threshold from which on a session keeps the error; infinite: none."""
+    safe = np.inf
+    for threshold in reversed(THRESHOLDS):
+        stage = find_first_stop(confidence, threshold)
+        early = np.flatnonzero(stage < len(confidence))
+        if len(early) and wrong[stage[early], early].mean() > error_rate:
+            break
+        safe = threshold
+    return safe

@@ -1,0 +1,392 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Labelled-trials archives: raw signals of many trials in one NumPy ``.npz`` file.
+
+``x`` (trials, channels, samples), ``label`` (trials,), ``rate_hz`` () and any number
+of further columns (trials,) to select, group or hold out by. Trials of unequal length are
+padded, with ``length``, or joined, with ``offsets``: see `archive_layout`. No pickled objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+from fractions import Fraction
+import math
+from pathlib import Path
+from typing import Any, IO
+import zipfile
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import resample_poly
+
+from tactile_classifier.datasets.archive_layout import (
+    decode_text,
+    find_arrays,
+    LAYOUT,
+    unpack_signals,
+)
+from tactile_classifier.errors import DatasetError
+
+MAX_ARCHIVE_BYTES = 2**30
+"""Archives whose arrays take more than this are not loaded [byte]."""
+
+Array = npt.NDArray[Any]
+
+MAX_MAGNITUDE = 1e100
+"""Largest absolute value in an archive [its unit]."""
+
+
+_MAX_FACTOR = 10_000  # of a resampling: the filter has ten times as many taps on each side
+
+
+def _no_numbers() -> npt.NDArray[np.intp]:
+    return np.empty(0, dtype=np.intp)
+
+
+@dataclasses.dataclass(frozen=True)
+class Skipped:
+    """A trial that was left out.
+
+    Attributes
+    ----------
+    row : int
+        Its row in the archive, from 0.
+    reason : str
+    """
+
+    row: int
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class LabelledTrials:
+    """Raw signals of many trials, with what is known about each.
+
+    Attributes
+    ----------
+    x : ndarray of shape (trials, channels, samples)
+        Signals, in the unit of their source.
+    label : ndarray of str, shape (trials,)
+    rate_hz : float
+        Sample rate [Hz].
+    columns : mapping of str to ndarray of shape (trials,)
+    lengths : ndarray of int, shape (trials,)
+        Samples of each trial that count; what follows is padding. Left out: all.
+    rows : ndarray of int, shape (trials,)
+        The row of each trial in the archive, from 0. Left out: these trials are all.
+    skip_bad : bool
+        Leave out trials that cannot be used; otherwise the first one is an error.
+    skipped : tuple of Skipped
+        The trials that were left out.
+    steps : tuple of str
+        What was done to the signals, in words.
+    """
+
+    x: Array
+    label: Array
+    rate_hz: float
+    columns: Mapping[str, Array]
+    lengths: npt.NDArray[np.intp] = dataclasses.field(default_factory=_no_numbers)
+    rows: npt.NDArray[np.intp] = dataclasses.field(default_factory=_no_numbers)
+    skip_bad: bool = False
+    skipped: tuple[Skipped, ...] = ()
+    steps: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not len(self.lengths):
+            object.__setattr__(self, 'lengths', np.full(len(self.x), self.x.shape[2]))
+        if not len(self.rows):
+            object.__setattr__(self, 'rows', np.arange(len(self.x)))
+
+    def __len__(self) -> int:
+        return len(self.label)
+
+    def signal(self, channel: int | None = None) -> npt.NDArray[np.float64]:
+        """Return one channel, or the mean of all, shape (trials, samples).
+
+        Raises
+        ------
+        DatasetError
+            When there is no such channel.
+        """
+        if channel is None:
+            return np.asarray(self.x.mean(axis=1, dtype=np.float64))
+        if not 0 <= channel < self.x.shape[1]:
+            raise DatasetError(
+                f'there is no channel {channel}: the archive has {self.x.shape[1]}, from 0'
+            )
+        return self.x[:, channel].astype(np.float64)
+
+    def where(self, column: str, value: object = True) -> LabelledTrials:
+        """Return the trials whose column has this value.
+
+        Raises
+        ------
+        DatasetError
+            When there is no such column, or no such trial.
+        """
+        if column not in self.columns:
+            raise DatasetError(
+                f'there is no column "{column}"; there are: {", ".join(self.columns) or "none"}'
+            )
+        keep = np.asarray(self.columns[column] == value)
+        if keep.shape != self.label.shape or not keep.any():
+            raise DatasetError(f'no trial has {column} = {value}')
+        return self.take(keep)
+
+    def take(self, keep: Array) -> LabelledTrials:
+        return dataclasses.replace(
+            self,
+            x=self.x[keep],
+            label=self.label[keep],
+            columns={name: values[keep] for name, values in self.columns.items()},
+            lengths=self.lengths[keep],
+            rows=self.rows[keep],
+        )
+
+    def drop(self, bad: Mapping[int, str]) -> LabelledTrials:
+        """Return the trials without some that cannot be used, and remember why.
+
+        Parameters
+        ----------
+        bad : mapping of int to str
+            Reasons by place among these trials; empty drops nothing.
+
+        Raises
+        ------
+        DatasetError
+            When ``skip_bad`` is not set, or no trial is left.
+        """
+        if not bad:
+            return self
+        skipped = tuple(Skipped(int(self.rows[i]), bad[i]) for i in sorted(bad))
+        first = f'row {skipped[0].row}: {skipped[0].reason}'
+        if not self.skip_bad:
+            raise DatasetError(
+                f'{len(bad)} of {len(self)} trials cannot be used, first {first}; '
+                '--skip-bad leaves such trials out'
+            )
+        if len(bad) == len(self):
+            raise DatasetError(f'no trial of {len(self)} can be used, first {first}')
+        keep = np.ones(len(self), dtype=bool)
+        keep[list(bad)] = False
+        return dataclasses.replace(self.take(keep), skipped=(*self.skipped, *skipped))
+
+    def between(self, start_s: float, stop_s: float) -> LabelledTrials:
+        """Return the samples from ``start_s`` up to, not including, ``stop_s``.
+
+        Raises
+        ------
+        DatasetError
+            When no trial lasts so long, no sample is left, or single trials are shorter and
+            ``skip_bad`` is not set.
+        """
+        longest = int(self.lengths.max())
+        first, last = (round(t * self.rate_hz, 6) for t in (start_s, stop_s))
+        if not 0 <= first < last <= longest:
+            raise DatasetError(
+                f'the trials last {longest / self.rate_hz:.6g} s; '
+                f'{start_s:g} to {stop_s:g} s is not a part of them'
+            )
+        short = {
+            int(i): f'it lasts {self.lengths[i] / self.rate_hz:.6g} s, not {stop_s:g} s'
+            for i in np.flatnonzero(self.lengths < last)
+        }
+        kept = self.drop(short)
+        begin, end = math.ceil(first), math.ceil(last)
+        x = kept.x[:, :, begin:end]
+        return dataclasses.replace(kept, x=x, lengths=np.full(len(x), end - begin))
+
+    def cut_to_shortest(self) -> LabelledTrials:
+        """Return all trials cut to the samples of the shortest one, from their begin."""
+        shortest = int(self.lengths.min())
+        if shortest == self.x.shape[2]:
+            return self
+        step = (
+            f'cut to the first {shortest / self.rate_hz:.6g} s, the length of the shortest trial '
+            f'(row {self.rows[np.argmin(self.lengths)]})'
+        )
+        return dataclasses.replace(
+            self,
+            x=self.x[:, :, :shortest],
+            lengths=np.full(len(self), shortest),
+            steps=(*self.steps, step),
+        )
+
+    def resample(self, rate_hz: float) -> LabelledTrials:
+        """Return the trials at another rate, by `scipy.signal.resample_poly`.
+
+        Its low-pass against aliasing has linear phase and no delay: a Kaiser window with beta 5,
+        ten periods of the slower rate on each side. Beyond both ends, the line through the
+        first and last sample goes on.
+
+        Raises
+        ------
+        DatasetError
+            When the ratio of the rates is not that of two whole numbers up to 10,000.
+        """
+        ratio = Fraction(rate_hz / self.rate_hz).limit_denominator(_MAX_FACTOR)
+        up, down = ratio.numerator, ratio.denominator
+        if not 0 < up <= _MAX_FACTOR or abs(self.rate_hz * up / down / rate_hz - 1) > 1e-9:
+            raise DatasetError(
+                f'cannot resample from {self.rate_hz:g} to {rate_hz:g} Hz: their ratio must be '
+                f'that of two whole numbers up to {_MAX_FACTOR}'
+            )
+        if up == down:
+            return self
+        lengths = -(-self.lengths * up // down)
+        if self.x[:, :, :1].nbytes // self.x.itemsize * 8 * int(lengths.max()) > MAX_ARCHIVE_BYTES:
+            raise DatasetError(f'at {rate_hz:g} Hz the trials take more than the limit of memory')
+        x = np.zeros((*self.x.shape[:2], int(lengths.max())))
+        for count in np.unique(self.lengths):
+            same = self.lengths == count
+            part = self.x[same, :, :count].astype(np.float64)
+            new = resample_poly(part, up, down, axis=2, padtype='line')
+            x[same, :, : new.shape[2]] = new
+        step = (
+            f'resampled from {self.rate_hz:g} to {rate_hz:g} Hz: polyphase filter {up}/{down} '
+            'against aliasing, scipy.signal.resample_poly, Kaiser 5.0'
+        )
+        return dataclasses.replace(
+            self, x=x, rate_hz=rate_hz, lengths=lengths, steps=(*self.steps, step)
+        )
+
+
+def load_archive(path: str | Path, folds: int = 6, *, skip_bad: bool = False) -> LabelledTrials:
+    """Read a labelled-trials archive.
+
+    Parameters
+    ----------
+    path : str or Path
+    folds : int
+        Fewer trials than this are refused: they cannot be cross-validated.
+    skip_bad : bool
+        Leave out trials that cannot be used, with the reason in ``skipped``.
+
+    Raises
+    ------
+    DatasetError
+        With a sentence that says what is wrong with the file.
+    """
+    path = Path(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            _check_headers(path, archive)
+        with np.load(path, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+    except FileNotFoundError:
+        raise DatasetError(f'{path} does not exist') from None
+    except DatasetError:
+        raise
+    except Exception as error:  # zipfile, zlib and NumPy each have their own
+        raise DatasetError(f'{path} is not a readable .npz archive: {error}') from error
+    return _check_trials(path, arrays, folds, skip_bad)
+
+
+def _check_headers(path: Path, archive: zipfile.ZipFile) -> None:
+    """Refuse what must not be loaded, by what the headers announce."""
+    total = 0
+    for member in archive.infolist():
+        if not member.filename.endswith('.npy'):
+            raise DatasetError(f'{path} holds {member.filename}, which is not an array')
+        name = member.filename.removesuffix('.npy')
+        with archive.open(member) as stream:
+            shape, dtype = _read_header(stream)
+        if dtype.hasobject:
+            raise DatasetError(
+                f'array {name} in {path} holds pickled objects, which are never loaded: '
+                'save it with a numeric, boolean or string type'
+                + (f'; {LAYOUT}' if name == 'x' else f', as in {name}.astype(str)')
+            )
+        total += math.prod(shape) * dtype.itemsize
+    if total > MAX_ARCHIVE_BYTES:
+        raise DatasetError(
+            f'{path} unpacks to {total / 2**20:.0f} MiB; '
+            f'the limit is {MAX_ARCHIVE_BYTES / 2**20:.0f} MiB'
+        )
+
+
+def _read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+    read = np.lib.format.read_array_header_1_0
+    if version != (1, 0):
+        read = np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)  # type: ignore[no-untyped-call]
+    return shape, dtype
+
+
+def _check_trials(
+    path: Path, arrays: dict[str, Array], folds: int, skip_bad: bool
+) -> LabelledTrials:
+    x, label, rate = find_arrays(path, arrays)
+    x, lengths = unpack_signals(path, x, arrays, MAX_ARCHIVE_BYTES)
+    trials = len(x)
+    label = decode_text(path, 'label', label)
+    if label.shape != (trials,) or label.dtype.kind not in 'Uiu':
+        raise DatasetError(
+            f'label in {path} is {label.dtype} of shape {label.shape}; '
+            f'it must be strings or integers of shape ({trials},), one a trial'
+        )
+    if rate.size != 1 or rate.dtype.kind not in 'fiu' or not 0 < float(rate.item()) < math.inf:
+        raise DatasetError(f'rate_hz in {path} must be one positive number')
+    columns = {}
+    for name, column in arrays.items():
+        if column.shape != (trials,):
+            raise DatasetError(
+                f'column {name} in {path} has shape {column.shape}; it must be ({trials},)'
+            )
+        columns[name] = decode_text(path, name, column)
+    loaded = LabelledTrials(
+        x,
+        label.astype(str),
+        float(rate.item()),
+        columns,
+        lengths,
+        np.arange(trials, dtype=np.intp),
+        skip_bad,
+    )
+    loaded = loaded.drop(_find_unusable(path, x, lengths))
+    if len(np.unique(loaded.label)) < 2:
+        raise DatasetError(
+            f'{path} has one class only, "{loaded.label[0]}": nothing to tell apart'
+        )
+    if len(loaded) < folds:
+        raise DatasetError(f'{path} has {len(loaded)} trials, fewer than the {folds} folds')
+    return loaded
+
+
+def _find_unusable(path: Path, x: Array, lengths: npt.NDArray[np.intp]) -> dict[int, str]:
+    """Return why trials cannot be used, by row; padding does not count."""
+    if x.dtype.kind != 'f':
+        return {}
+    unusable = {}
+    for row, (trial, count) in enumerate(zip(x, lengths.tolist(), strict=True)):
+        # As Python's floats: a limit of 1e100 is beyond float32 and would warn there.
+        low, high = float(trial[:, :count].min()), float(trial[:, :count].max())
+        if not (math.isfinite(low) and math.isfinite(high)):
+            bad = ~np.isfinite(trial[:, :count])
+            channel, sample = (int(i) for i in np.argwhere(bad)[0])
+            unusable[row] = (
+                f'x in {path.name} is not finite at {bad.sum()} of {bad.size} samples, first '
+                f'channel {channel}, sample {sample}'
+            )
+        elif max(-low, high) > MAX_MAGNITUDE:
+            unusable[row] = (
+                f'x in {path.name} goes beyond {MAX_MAGNITUDE:g}, whose squares would overflow; '
+                'scale it'
+            )
+    return unusable

@@ -1,0 +1,128 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the columns of a table say against an evaluation: near copies, labels tied to groups."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.dataset import FeatureTable
+
+GROUPS = ('session_id', 'mounting_id', 'bag', 'session', 'mounting')
+"""Columns that say which trials share a state of the rig."""
+
+_NUMBERS = ('repetition', 'trial', 'trial_id', 'trial_block', 'window_start_ns', 'window_end_ns')
+"""Columns that number the trials, and so say nothing of the conditions."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cells:
+    """Trials of the same label under the same conditions.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        The columns that define the conditions.
+    cell : ndarray of int, shape (trials,)
+        The cell of each trial.
+    """
+
+    columns: tuple[str, ...]
+    cell: npt.NDArray[np.intp]
+
+    @property
+    def count(self) -> int:
+        return int(self.cell.max()) + 1
+
+    def average(
+        self, values: npt.NDArray[np.float64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+        """Return the mean of each cell of one value a trial, and each cell's trials."""
+        sizes = np.bincount(self.cell)
+        return np.bincount(self.cell, values) / sizes, sizes
+
+    @property
+    def warning(self) -> str:
+        """What random folds do with near copies, in one sentence."""
+        return (
+            f'random folds test near copies: {len(self.cell)} trials are {self.count} cells of '
+            f'equal label, {", ".join(self.columns)}, most of them in training and test at once; '
+            'a new condition may do worse, and the intervals are over cells'
+        )
+
+
+def find_cells(table: FeatureTable) -> Cells | None:
+    """Return the cells of near copies, or None when most trials have a cell of their own.
+
+    A condition is a column with two values or more, of which one label has several. Columns that
+    number trials or tell their time, such as ``repetition``, are none.
+    """
+    cell = np.unique(table.labels, return_inverse=True)[1]
+    columns: list[str] = []
+    for name, column in table.columns.items():
+        codes = np.unique(column, return_inverse=True)[1]
+        if name in _NUMBERS or codes.max() == 0 or 2 * codes.max() >= len(table):
+            continue
+        crossed = np.unique(cell * (codes.max() + 1) + codes, return_inverse=True)[1]
+        if crossed.max() > cell.max():
+            cell, columns = crossed, [*columns, name]
+    if not columns or np.median(np.bincount(cell)) < 2:
+        return None
+    return Cells(tuple(columns), cell)
+
+
+def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
+    """Return the session of each trial, for tests within sessions; None where there is one."""
+    codes = np.unique(table.columns.get('session_id', np.zeros(len(table))), return_inverse=True)[
+        1
+    ]
+    return codes if codes.max() > 0 else None
+
+
+def find_tied_labels(table: FeatureTable, columns: Sequence[str] = ()) -> list[str]:
+    """Return a warning for each grouping column in which labels and groups coincide.
+
+    A label is tied when all its trials are of one group that has no other label. What is
+    learnt then may be the group: random folds flatter, and with that group held out nobody
+    knows the label.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    columns : sequence of str
+        Grouping columns besides `GROUPS`; those that the table does not have do not count.
+    """
+    labels, label = np.unique(table.labels, return_inverse=True)
+    warnings = []
+    for name in dict.fromkeys((*GROUPS, *columns)):
+        if name not in table.columns:
+            continue
+        group = np.unique(table.columns[name], return_inverse=True)[1]
+        together = np.zeros((len(labels), group.max() + 1), dtype=bool)
+        together[label, group] = True
+        alone = together[:, together.sum(axis=0) == 1].sum(axis=1)
+        tied = labels[(together.sum(axis=1) == 1) & (alone == 1)]
+        if len(tied):
+            names = ', '.join(tied[:6]) + (' and more' if len(tied) > 6 else '')
+            warnings.append(
+                f'{name} and label coincide for {len(tied)} of {len(labels)} labels ({names}): a '
+                f'model may learn the {name.removesuffix("_id")} instead of the label, and random '
+                f'folds cannot show it; record each label in several'
+            )
+    return warnings

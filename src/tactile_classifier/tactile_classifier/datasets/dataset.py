@@ -1,0 +1,227 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of features with labels: what training and evaluation work on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import dataclasses
+import hashlib
+import json
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.errors import DatasetError
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.extraction.extractor import features_from_trials
+from tactile_features.feature_sets import find_feature_set, task_of
+from tactile_features.spec import FeatureSpec
+
+ALL: Final = 'all'
+"""In place of a channel: every one."""
+
+Channel = int | Literal['all'] | None
+
+_CHANNEL = 'channel_'
+
+
+@dataclasses.dataclass(frozen=True)
+class FeatureTable:
+    """The features of many trials, what they mean, and what lay under the finger.
+
+    Attributes
+    ----------
+    values : ndarray of shape (trials, k)
+        Features in the order and units of ``spec``.
+    labels : ndarray of str, shape (trials,)
+    spec : FeatureSpec
+    columns : mapping of str to ndarray of shape (trials,)
+        What else is known of each trial, such as ``trial_id``, ``session_id``,
+        ``contact`` and ``simulated``.
+
+    Raises
+    ------
+    DatasetError
+        When shapes do not fit or a value is not finite.
+    """
+
+    values: npt.NDArray[np.float64]
+    labels: npt.NDArray[Any]
+    spec: FeatureSpec
+    columns: Mapping[str, npt.NDArray[Any]] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        values = np.ascontiguousarray(self.values, dtype=np.float64)
+        object.__setattr__(self, 'values', values)
+        labels = np.asarray(self.labels).astype(str)
+        object.__setattr__(self, 'labels', labels)
+        columns = {name: np.asarray(column) for name, column in self.columns.items()}
+        object.__setattr__(self, 'columns', columns)
+        if values.ndim != 2 or values.shape[1] != len(self.spec.names) or not len(values):
+            raise DatasetError(
+                f'the features have shape {values.shape}; it must be '
+                f'(trials, {len(self.spec.names)}) for {self.spec.feature_set}'
+            )
+        for name, column in [('labels', labels), *columns.items()]:
+            if column.shape != (len(values),):
+                raise DatasetError(
+                    f'{name} has shape {column.shape}; it must be ({len(values)},), one a trial'
+                )
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise DatasetError(f'the features of trial {bad[0]} are not finite')
+        unlabelled = np.flatnonzero(labels == '')
+        if len(unlabelled):
+            raise DatasetError(f'trial {unlabelled[0]} has an empty label')
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    @property
+    def task(self) -> str:
+        """``texture`` or ``stiffness``."""
+        task = task_of(self.spec.feature_set)
+        if not task:
+            raise DatasetError(f'no task uses the feature set "{self.spec.feature_set}"')
+        return task
+
+    @property
+    def channels(self) -> int:
+        """How many channels the features are of; those of each stand together."""
+        return (
+            len({name.partition('__')[0] for name in self.spec.names if name.startswith(_CHANNEL)})
+            or 1
+        )
+
+    @property
+    def is_waveform(self) -> bool:
+        """Whether the features of a channel are values of one signal in their order."""
+        found = find_feature_set(self.spec.feature_set)
+        return found is not None and found.is_waveform
+
+    def column(self, name: str) -> npt.NDArray[Any]:
+        """Return a column.
+
+        Raises
+        ------
+        DatasetError
+            When there is none of that name.
+        """
+        if name not in self.columns:
+            raise DatasetError(
+                f'there is no column "{name}"; there are: {", ".join(self.columns) or "none"}'
+            )
+        return self.columns[name]
+
+    def take(self, keep: npt.NDArray[Any]) -> FeatureTable:
+        """Return the trials that a mask or an index array selects."""
+        return FeatureTable(
+            self.values[keep],
+            self.labels[keep],
+            self.spec,
+            {name: column[keep] for name, column in self.columns.items()},
+        )
+
+    def compute_sha256(self) -> str:
+        """Return the digest of specification, labels and the bits of the values."""
+        digest = hashlib.sha256()
+        text = json.dumps([self.spec.to_dict(), self.labels.tolist()], sort_keys=True)
+        digest.update(text.encode())
+        digest.update(self.values.astype('<f8').tobytes())
+        return digest.hexdigest()
+
+
+def table_from_trials(
+    task: str,
+    trials: LabelledTrials,
+    channel: Channel = None,
+    *,
+    config: FeatureConfig | None = None,
+    speeds_m_s: npt.NDArray[Any] | None = None,
+) -> FeatureTable:
+    """Return the features of one channel, or of all, of ready-cut trials.
+
+    With ``skip_bad`` set, trials that give none are left out: see `usable_table`.
+
+    Parameters
+    ----------
+    task : str
+        ``texture`` or ``stiffness``.
+    trials : LabelledTrials
+        Each trial one window: crop with `LabelledTrials.between` before. A feature set over
+        distance takes the middle of each.
+    channel : int, ``'all'`` or None
+        Which channel. ``'all'`` takes the features of each, one after another; None those of the
+        mean of all.
+    config : FeatureConfig, optional
+        Names the feature set and its options; the defaults where not given.
+    speeds_m_s : ndarray of shape (trials,), optional
+        Sliding speed of each trial [m/s]; for sets that need it.
+
+    Raises
+    ------
+    DatasetError
+        When the channel does not exist or a trial gives no features.
+    """
+    return usable_table(task, trials, channel, config=config, speeds_m_s=speeds_m_s)[0]
+
+
+def usable_table(
+    task: str,
+    trials: LabelledTrials,
+    channel: Channel = None,
+    *,
+    config: FeatureConfig | None = None,
+    speeds_m_s: npt.NDArray[Any] | None = None,
+) -> tuple[FeatureTable, LabelledTrials]:
+    """Return the features as `table_from_trials` does, and the trials that gave them."""
+    trials = trials.cut_to_shortest()
+    channels = range(trials.x.shape[1]) if channel == ALL else [channel]
+    while True:
+        signals = [trials.signal(one) for one in channels]
+        try:
+            found = [
+                features_from_trials(
+                    task, signal, trials.rate_hz, config=config, speeds_m_s=speeds_m_s
+                )
+                for signal in signals
+            ]
+        except UndefinedFeatureError as error:
+            if not error.windows:
+                raise DatasetError(f'no features from these trials: {error}') from error
+            reason = str(error.__cause__ or error).partition(' (window')[0]  # names them all
+            bad = dict.fromkeys(error.windows, reason)
+            if speeds_m_s is not None:
+                speeds_m_s = np.delete(speeds_m_s, list(bad))
+            trials = trials.drop(bad)
+        except FeatureError as error:
+            raise DatasetError(f'no features from these trials: {error}') from error
+        else:
+            values, spec = found[0] if channel != ALL else _join(found)
+            return FeatureTable(values, trials.label, spec, trials.columns), trials
+
+
+def _join(
+    found: Sequence[tuple[npt.NDArray[np.float64], FeatureSpec]],
+) -> tuple[npt.NDArray[np.float64], FeatureSpec]:
+    """Return the features of several channels as those of one table."""
+    spec = found[0][1]
+    names = tuple(f'{_CHANNEL}{i:03d}__{name}' for i in range(len(found)) for name in spec.names)
+    spec = dataclasses.replace(spec, names=names, units=spec.units * len(found))
+    return np.hstack([values for values, _ in found]), spec

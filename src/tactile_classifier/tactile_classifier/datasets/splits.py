@@ -1,0 +1,218 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How trials are divided into those to train on and those to test on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, StratifiedKFold
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import EvaluationError
+
+IndexArray = npt.NDArray[np.intp]
+Fold = tuple[IndexArray, IndexArray]
+"""Trials to train on, trials to test on."""
+
+FOLDS = 6
+REPETITIONS = 10
+"""Folds and how often the trials are dealt anew, as in the paper (section IV)."""
+
+_INNER_FOLDS = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Split:
+    """The trials divided once or several times.
+
+    Attributes
+    ----------
+    name : str
+        In words, as it stands beside every result.
+    deals : tuple of tuple of (ndarray, ndarray)
+        The folds of each repetition. Within one repetition each trial is tested once.
+    groups : ndarray of int, shape (trials,), or None
+        The group of each trial where whole groups are held out.
+    """
+
+    name: str
+    deals: tuple[tuple[Fold, ...], ...]
+    groups: IndexArray | None = None
+
+    @property
+    def tested(self) -> IndexArray:
+        """The trials that each repetition tests, in order."""
+        return np.sort(np.concatenate([test for _, test in self.deals[0]]))
+
+    @property
+    def spread_of(self) -> str:
+        """``groups``, or ``repetitions``: what a spread of accuracies is over."""
+        return 'repetitions' if self.groups is None else 'groups'
+
+    def once(self) -> Split:
+        """Return the split with its first repetition alone."""
+        name = self.name if self.groups is not None else f'{self.name.split(",")[0]}, once'
+        return dataclasses.replace(self, name=name, deals=self.deals[:1])
+
+    def divide_again(
+        self, train: IndexArray, labels: npt.NDArray[np.str_], random_state: int
+    ) -> list[Fold]:
+        """Divide the trials of one fold's training once more, to choose something on them.
+
+        Groups stay whole where the split holds groups out and two are left; three folds
+        at most. Indices are into the table, not into ``train``.
+
+        Raises
+        ------
+        EvaluationError
+            When too few trials of a class are left.
+        """
+        inner: list[Fold] = []
+        left = np.unique(self.groups[train]) if self.groups is not None else np.empty(0)
+        if self.groups is not None and len(left) > 1:
+            folds = GroupKFold(min(_INNER_FOLDS, len(left)))
+            inner = [(a, b) for a, b in folds.split(train, groups=self.groups[train])]
+        else:
+            fewest = int(np.unique(labels[train], return_counts=True)[1].min())
+            if fewest < 2:
+                raise EvaluationError('a class has one trial to train on: nothing to choose by')
+            stratified = StratifiedKFold(
+                min(_INNER_FOLDS, fewest), shuffle=True, random_state=random_state
+            )
+            inner = [(a, b) for a, b in stratified.split(train, labels[train])]
+        return [(train[a], train[b]) for a, b in inner]
+
+
+def stratified_split(
+    table: FeatureTable,
+    folds: int = FOLDS,
+    repetitions: int = REPETITIONS,
+    random_state: int = 0,
+) -> Split:
+    """Return random folds in which each class has its share, dealt several times.
+
+    Raises
+    ------
+    EvaluationError
+        When a class has fewer trials than there are folds, or too few would be left.
+    """
+    if folds < 2 or repetitions < 1:
+        raise EvaluationError('cross-validation takes two folds or more, once or more often')
+    _check_classes(table)
+    for name, count in zip(*np.unique(table.labels, return_counts=True), strict=True):
+        if count < folds:
+            raise EvaluationError(
+                f'class "{name}" has {count} trials, fewer than the {folds} folds: '
+                'record more of it, leave it out, or use fewer folds'
+            )
+    deals = tuple(
+        tuple(
+            StratifiedKFold(folds, shuffle=True, random_state=random_state + i).split(
+                table.values, table.labels
+            )
+        )
+        for i in range(repetitions)
+    )
+    times = 'once' if repetitions == 1 else f'{repetitions} times'
+    return _checked(Split(f'stratified {folds}-fold, {times}', deals))
+
+
+def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
+    """Return a split that holds out each group of trials that agree in all columns, in turn.
+
+    Raises
+    ------
+    EvaluationError
+        When there is one group only, or a class is in one group only.
+    DatasetError
+        When there is no such column.
+    """
+    name = ' and '.join(columns)
+    _check_classes(table)
+    groups = np.zeros(len(table), dtype=np.intp)
+    for column in columns:
+        codes = np.unique(table.column(column), return_inverse=True)[1]
+        groups = np.unique(groups * (codes.max() + 1) + codes, return_inverse=True)[1]
+    if groups.max() < 1:
+        raise EvaluationError(f'all trials have the same {name}: there is nothing to hold out')
+    for label in np.unique(table.labels):
+        if len(np.unique(groups[table.labels == label])) < 2:
+            raise EvaluationError(
+                f'all trials of class "{label}" have the same {name}: with that held out, '
+                'no model can know the class'
+            )
+    folds = tuple(LeaveOneGroupOut().split(table.values, table.labels, groups))
+    return _checked(Split(f'one {name} held out', (folds,), groups))
+
+
+def stated_split(
+    table: FeatureTable,
+    train: npt.NDArray[np.bool_],
+    test: npt.NDArray[np.bool_],
+    train_is: str,
+    test_is: str,
+) -> Split:
+    """Return a split that trains on some trials and tests on others, once.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    train, test : ndarray of bool, shape (trials,)
+    train_is, test_is : str
+        Which trials these are, in words.
+
+    Raises
+    ------
+    EvaluationError
+        When a trial is in both, a class is in ``test`` only, or there is one class to train on.
+    """
+    both = np.flatnonzero(train & test)
+    if len(both):
+        raise EvaluationError(
+            f'{len(both)} trials are in both: trained on {train_is}, tested on {test_is}'
+        )
+    known = np.unique(table.labels[train])
+    new = np.setdiff1d(table.labels[test], known)
+    if len(new):
+        raise EvaluationError(
+            f'class "{new[0]}" has trials with {test_is} and none with {train_is}: no model can '
+            'know it'
+        )
+    if len(known) < 2:
+        raise EvaluationError(
+            f'the trials with {train_is} are all of one class: nothing to tell apart'
+        )
+    deal = (np.flatnonzero(train), np.flatnonzero(test))
+    name = f'trained on {train_is} ({train.sum()} trials), tested on {test_is}'
+    return _checked(Split(name, ((deal,),)))
+
+
+def _check_classes(table: FeatureTable) -> None:
+    classes = np.unique(table.labels)
+    if len(classes) < 2:
+        raise EvaluationError(f'there is one class only, "{classes[0]}": nothing to tell apart')
+
+
+def _checked(split: Split) -> Split:
+    smallest = min(len(train) for deal in split.deals for train, _ in deal)
+    if smallest < 3:
+        raise EvaluationError(
+            f'{smallest} trials would be left to train on; three neighbours need three'
+        )
+    return split

@@ -1,0 +1,162 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The four classifiers of the paper and random convolutions, by name."""
+
+from __future__ import annotations
+
+from typing import Any
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.svm import SVC
+from sklearn.tree import DecisionTreeClassifier
+
+from tactile_classifier.estimators.neighbours import NearestNeighbours
+from tactile_classifier.estimators.random_convolution_classifier import RandomConvolutionClassifier
+from tactile_classifier.records import (
+    ALL_CLASSIFIERS,
+    CLASSIFIERS,
+    MARGIN,
+    ROCKET,
+    SCALINGS,
+    VOTES,
+)
+
+__all__ = [
+    'ALL_CLASSIFIERS',
+    'CLASSIFIERS',
+    'DEFAULT_SCALING',
+    'MAX_SVM_STEPS',
+    'SCALINGS',
+    'SCALING_REASONS',
+    'SCORE_KINDS',
+    'build_estimator',
+    'compute_raw_scores',
+    'default_scaling',
+]
+
+DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
+"""The scaling of a task when none is asked for; `SCALING_REASONS` says why."""
+
+SCALING_REASONS = {
+    'texture': (
+        'all texture features are amplitudes in newtons: their sizes are information, and '
+        'scaling would give components that hold only noise the weight of the others'
+    ),
+    'stiffness': (
+        'slope [N/s], intercept [N] and correlation [1] are in different units: without '
+        'scaling the unit of force would decide which of them counts'
+    ),
+}
+
+SCORE_KINDS = {
+    'knn': VOTES,
+    'svm_linear': MARGIN,
+    'svm_rbf': MARGIN,
+    'tree': VOTES,
+    ROCKET: MARGIN,
+}
+"""What the scores of each classifier are before calibration; see Classification.msg."""
+
+RANDOM_STATE = 0
+
+MAX_SVM_STEPS = 1_000_000
+"""Steps of a machine's solver for one pair of labels. The most that any of our recordings,
+real or simulated, scaled or not, has needed is 58 499; large features that no border parts
+could take any number."""
+
+
+class SupportVectorMachine(SVC):  # type: ignore[misc]
+    """scikit-learn's `SVC`, which says in our words that it was stopped."""
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> SupportVectorMachine:  # noqa: N803
+        """Fit; warn when `MAX_SVM_STEPS` were not enough."""
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', ConvergenceWarning)
+            super().fit(X, y, sample_weight)
+        if self.fit_status_:
+            warnings.warn(
+                f'the {self.kernel} support vector machine was stopped after {self.max_iter:,} '
+                'steps, before it had converged: its answers depend on where it stopped; '
+                'use the scaling "standard", or another classifier',
+                ConvergenceWarning,
+                stacklevel=2,
+            )
+        return self
+
+
+def default_scaling(task: str, classifier: str) -> str:
+    """Return the scaling when none is asked for."""
+    return 'none' if classifier == ROCKET else DEFAULT_SCALING[task]
+
+
+def build_estimator(classifier: str, scaling: str, channels: int = 1) -> Pipeline:
+    """Return an unfitted pipeline of scaling and classifier.
+
+    Parameters
+    ----------
+    classifier : str
+        One of `ALL_CLASSIFIERS`.
+    scaling : str
+        One of `SCALINGS`; random convolutions take ``none`` alone.
+    channels : int
+        The features are those of so many channels, one after another.
+
+    Raises
+    ------
+    ValueError
+        When a name is not known, or the two do not go together.
+    """
+    if scaling not in SCALINGS:
+        raise ValueError(f'scaling is "{scaling}"; it must be one of {", ".join(SCALINGS)}')
+    if classifier == ROCKET and scaling != 'none':
+        raise ValueError('random convolutions take a waveform as it is: use the scaling "none"')
+    steps: list[tuple[str, Any]] = [('classify', _classifier(classifier, channels))]
+    if scaling == 'standard':
+        steps.insert(0, ('scale', StandardScaler()))
+    return Pipeline(steps)
+
+
+def compute_raw_scores(
+    estimator: Pipeline, values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return one score a label, before calibration, of windows of shape (windows, k)."""
+    if hasattr(estimator, 'predict_proba'):
+        return np.asarray(estimator.predict_proba(values))
+    scores = np.asarray(estimator.decision_function(values))
+    # Of two labels, scikit-learn gives one value, positive for the second.
+    return np.stack([-scores, scores], axis=1) if scores.ndim == 1 else scores
+
+
+def _classifier(name: str, channels: int) -> Any:
+    if name == 'knn':
+        return NearestNeighbours()
+    if name in ('svm_linear', 'svm_rbf'):
+        # break_ties: the label is the one with the largest decision value, always.
+        return SupportVectorMachine(
+            kernel=name.removeprefix('svm_'),
+            break_ties=True,
+            max_iter=MAX_SVM_STEPS,
+            random_state=RANDOM_STATE,
+        )
+    if name == 'tree':
+        return DecisionTreeClassifier(random_state=RANDOM_STATE)
+    if name == ROCKET:
+        return RandomConvolutionClassifier(channels, RANDOM_STATE)
+    raise ValueError(f'classifier is "{name}"; it must be one of {", ".join(ALL_CLASSIFIERS)}')

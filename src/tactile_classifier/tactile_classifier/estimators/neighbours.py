@@ -1,0 +1,180 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Three nearest neighbours by a rule that leaves no label to rounding.
+
+Between two training trials, at a midpoint or beside duplicates, distances agree but for their
+last digits, and these depend on the order of additions: a search tree, a matrix routine and
+an ONNX runtime each have their own, and so other labels. Here the order is defined: squared
+differences are summed by halves (`halve`), each addition an operation of its own, which IEEE 754
+rounds in one way everywhere. Of trials at the same distance the earlier one is nearer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.distance import cdist
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.validation import check_array
+
+from tactile_classifier.datasets.splits import Fold
+from tactile_classifier.errors import TooFewTrialsError
+
+__all__ = ['NEIGHBOURS', 'NearestNeighbours', 'halve', 'predict_neighbours']
+
+NEIGHBOURS = 3
+
+Matrix = npt.NDArray[np.float64]
+
+
+class NearestNeighbours(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
+    """The three nearest training trials vote; Euclidean distance.
+
+    Of trials at the same distance the earlier one is nearer; of labels with as many votes
+    the first in the order of the alphabet wins.
+
+    Attributes
+    ----------
+    classes_ : ndarray of str, shape (labels,)
+    values_ : ndarray of shape (trials, k)
+        The training trials.
+    codes_ : ndarray of int, shape (trials,)
+        Their labels, as positions in ``classes_``.
+    """
+
+    def fit(self, values: npt.ArrayLike, labels: npt.ArrayLike) -> NearestNeighbours:
+        """Keep the training trials, shape (trials, k), and one label a trial.
+
+        Raises
+        ------
+        TooFewTrialsError
+            When there are fewer than three.
+        ValueError
+            When a value is not finite.
+        """
+        self.values_ = check_array(values, dtype=np.float64, copy=True)
+        self.classes_, self.codes_ = np.unique(labels, return_inverse=True)
+        self.n_features_in_ = self.values_.shape[1]
+        _check_trials(len(self.values_))
+        return self
+
+    def predict_proba(self, values: npt.ArrayLike) -> Matrix:
+        """Return the share of votes of each label, shape (windows, labels)."""
+        rows = check_array(values, dtype=np.float64)
+        nearest = _find_nearest(cdist(rows, self.values_, 'sqeuclidean'), rows, self.values_)
+        return _count(self.codes_[nearest], len(self.classes_)) / NEIGHBOURS
+
+    def predict(self, values: npt.ArrayLike) -> npt.NDArray[np.str_]:
+        """Return one label a window of ``values``, shape (windows, k)."""
+        return np.asarray(self.classes_[self.predict_proba(values).argmax(axis=1)])
+
+
+def predict_neighbours(
+    values: Matrix, labels: npt.NDArray[np.str_], folds: Sequence[Fold], scaling: str
+) -> list[npt.NDArray[np.str_]]:
+    """Return what `NearestNeighbours` answers for the tests of each fold.
+
+    Unscaled features need one matrix of distances for all folds.
+
+    Parameters
+    ----------
+    values : ndarray of shape (trials, k)
+        Finite.
+    labels : ndarray of str, shape (trials,)
+    folds : sequence of (ndarray, ndarray)
+    scaling : str
+        ``standard``, fitted to the training trials of each fold, or ``none``.
+
+    Raises
+    ------
+    TooFewTrialsError
+        When a fold leaves fewer than three training trials.
+    """
+    classes, codes = np.unique(labels, return_inverse=True)
+    distances = cdist(values, values, 'sqeuclidean') if scaling == 'none' else None
+    answers = []
+    for train, test in folds:
+        _check_trials(len(train))
+        known, asked = values[train], values[test]
+        if distances is None:
+            scaler = StandardScaler().fit(known)
+            known, asked = scaler.transform(known), scaler.transform(asked)
+            near = cdist(asked, known, 'sqeuclidean')
+        else:
+            near = distances[np.ix_(test, train)]
+        votes = _count(codes[train[_find_nearest(near, asked, known)]], len(classes))
+        answers.append(classes[votes.argmax(axis=1)])
+    return answers
+
+
+def halve(size: int) -> Iterator[tuple[int, int]]:
+    """Yield where a sum of ``size`` terms is folded, until one term is left.
+
+    Of each pair ``(half, size)``, the terms from ``half`` on are added to the first ones, and
+    ``half`` terms remain: the largest power of two below ``size``, then halves of it.
+    """
+    while size > 1:
+        half = 1 << (size - 1).bit_length() - 1
+        yield half, size
+        size = half
+
+
+def _sum_squares(known: Matrix, row: Matrix) -> Matrix:
+    """Return the squared distance of each trial to one row, shape (trials,), as defined."""
+    terms = (known - row).T
+    terms = terms * terms
+    for half, size in halve(len(terms)):
+        terms[: size - half] += terms[half:size]
+    return np.asarray(terms[0])
+
+
+def _find_nearest(near: Matrix, rows: Matrix, known: Matrix) -> npt.NDArray[np.intp]:
+    """Return the three nearest trials of each row, shape (windows, 3), in the order of trials.
+
+    Parameters
+    ----------
+    near : ndarray of shape (windows, trials)
+        Squared distances, summed in any order. Where their rounding errors could decide who
+        is nearest, the distances are computed again as defined; there are few such rows.
+    rows, known : ndarrays of shape (windows, k) and (trials, k)
+    """
+    third = np.partition(near, NEIGHBOURS - 1, axis=1)[:, NEIGHBOURS - 1]
+    # k + 2 roundings of half an epsilon each, in both sums and both trials of a pair, are
+    # 2 (k + 2) epsilon; twice that. The second term: below it squares lose digits.
+    k = rows.shape[1]
+    limits = np.finfo(np.float64)
+    third += third * (4 * (k + 2) * limits.eps) + 4 * k * limits.tiny
+    # Not ``near <= third``: of distances that overflow to infinity each is a candidate.
+    is_candidate = ~(near > third[:, np.newaxis])
+    for i in np.flatnonzero(is_candidate.sum(axis=1) > NEIGHBOURS):
+        candidates = np.flatnonzero(is_candidate[i])
+        order = np.argsort(_sum_squares(known[candidates], rows[i]), kind='stable')
+        is_candidate[i, candidates[order[NEIGHBOURS:]]] = False
+    return np.nonzero(is_candidate)[1].reshape(len(rows), NEIGHBOURS)
+
+
+def _count(codes: npt.NDArray[np.intp], labels: int) -> npt.NDArray[np.intp]:
+    """Return the votes for each label, shape (windows, labels)."""
+    return np.asarray((codes[:, :, np.newaxis] == np.arange(labels)).sum(axis=1))
+
+
+def _check_trials(count: int) -> None:
+    if count < NEIGHBOURS:
+        raise TooFewTrialsError(
+            f'{NEIGHBOURS} neighbours are asked of {count} training trials: record more'
+        )

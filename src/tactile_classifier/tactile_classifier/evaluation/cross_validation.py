@@ -1,0 +1,397 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cross-validated accuracy: repeated stratified folds, or groups held out in turn."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+import contextlib
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.conditions import find_cells, find_tied_labels
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import (
+    Fold,
+    FOLDS,
+    grouped_split,
+    REPETITIONS,
+    Split,
+    stratified_split,
+)
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.estimators.classifiers import (
+    ALL_CLASSIFIERS,
+    build_estimator,
+    CLASSIFIERS,
+    RANDOM_STATE,
+    SCALINGS,
+)
+from tactile_classifier.estimators.neighbours import predict_neighbours
+from tactile_classifier.evaluation.intervals import accuracy_interval, Interval
+from tactile_classifier.evaluation.plans import run_plans, Task
+from tactile_classifier.records import ROCKET
+
+Answers = list[npt.NDArray[np.str_]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """How well one classifier with one scaling did under one split.
+
+    Attributes
+    ----------
+    split : str
+        How the trials were divided, in words.
+    fold_accuracies : ndarray of shape (repetitions, folds)
+        Share of the held-out trials that were named correctly [1].
+    mean : float
+        Mean of ``fold_accuracies`` [1].
+    spread : float
+        Standard deviation of what ``spread_of`` says [1].
+    spread_of : str
+        ``repetitions`` (of their mean accuracies) or ``groups`` (held out in turn).
+    interval : Interval
+        Of the mean, over groups where they are held out; otherwise over cells of near copies
+        where there are any, and over trials where not.
+    confusion : ndarray of int, shape (labels, labels)
+        Counts over all repetitions; row: true label, column: answer.
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    labels: tuple[str, ...]
+    fold_accuracies: npt.NDArray[np.float64]
+    mean: float
+    spread: float
+    spread_of: str
+    interval: Interval
+    confusion: npt.NDArray[np.int64]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the score as what JSON can hold."""
+        return {
+            'classifier': self.classifier,
+            'scaling': self.scaling,
+            'split': self.split,
+            'labels': list(self.labels),
+            'fold_accuracies': self.fold_accuracies.tolist(),
+            'mean': self.mean,
+            'spread': self.spread,
+            'spread_of': self.spread_of,
+            'interval': self.interval.to_dict(),
+            'confusion': self.confusion.tolist(),
+        }
+
+
+@dataclasses.dataclass(frozen=True)
+class NestedChoice:
+    """How well the best classifier and scaling do when each fold picks them without its tests.
+
+    The largest of several means is too good on average, because chance decided too. Here folds
+    inside each fold's training trials pick, and the fold's tests only judge (nested
+    cross-validation; Varma and Simon 2006).
+
+    Attributes
+    ----------
+    picks : tuple of (str, str, int)
+        Classifier, scaling, and how many folds picked them; the most frequent first.
+    mean : float
+        Mean accuracy of the folds [1].
+    interval : Interval
+        As in `Score`.
+    """
+
+    picks: tuple[tuple[str, str, int], ...]
+    mean: float
+    interval: Interval
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the choice as what JSON can hold."""
+        picks = [
+            {'classifier': classifier, 'scaling': scaling, 'folds': folds}
+            for classifier, scaling, folds in self.picks
+        ]
+        return {'picks': picks, 'mean': self.mean, 'interval': self.interval.to_dict()}
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """The scores of several classifiers and scalings under one split.
+
+    Attributes
+    ----------
+    chance : float
+        Accuracy of always naming the commonest label [1].
+    warnings : tuple of str
+        What the columns of the table say against these numbers, one sentence each.
+    nested : NestedChoice or None
+        None where it was not asked for, or too few trials are left to choose by.
+    """
+
+    split: str
+    labels: tuple[str, ...]
+    trials: int
+    feature_set: str
+    chance: float
+    scores: tuple[Score, ...]
+    warnings: tuple[str, ...] = ()
+    nested: NestedChoice | None = None
+
+    def score(self, classifier: str, scaling: str) -> Score:
+        """Return the score of one classifier with one scaling; KeyError when not evaluated."""
+        for score in self.scores:
+            if (score.classifier, score.scaling) == (classifier, scaling):
+                return score
+        raise KeyError(f'{classifier} with scaling {scaling} was not evaluated')
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the evaluation as what JSON can hold."""
+        return {
+            'split': self.split,
+            'labels': list(self.labels),
+            'trials': self.trials,
+            'feature_set': self.feature_set,
+            'chance': self.chance,
+            'scores': [score.to_dict() for score in self.scores],
+            'warnings': list(self.warnings),
+            'nested': None if self.nested is None else self.nested.to_dict(),
+        }
+
+
+class AccuracyPlan:
+    """The cross-validation of a table under one split; a `Plan` of an `Evaluation`.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    split : Split
+    classifiers, scalings : sequence of str
+        All their combinations are evaluated, unless others are named those of `list_pairs`. The
+        scaling is fitted inside each fold.
+    random_state : int or None
+        Of the folds inside the folds for the nested choice; None: no such choice.
+
+    Raises
+    ------
+    ValueError
+        When a name is not known.
+    """
+
+    def __init__(
+        self,
+        table: FeatureTable,
+        split: Split,
+        classifiers: Sequence[str] | None = None,
+        scalings: Sequence[str] = SCALINGS,
+        random_state: int | None = None,
+    ) -> None:
+        self._table = table
+        self._split = split
+        self._inner: list[list[Fold]] = []
+        if random_state is not None:
+            with contextlib.suppress(EvaluationError):  # too few trials: no choice
+                self._inner = [
+                    split.divide_again(train, table.labels, random_state)
+                    for train, _ in split.deals[0]
+                ]
+        self._tested = split.tested
+        self._cells = find_cells(table.take(self._tested)) if split.groups is None else None
+        self._pairs = list_pairs(table, classifiers, scalings)
+        for pair in self._pairs:
+            build_estimator(*pair)  # a wrong name fails here, not in a worker
+
+    def tasks(self) -> list[Task]:
+        """Return one task a classifier, scaling and repetition, and those of the nested choice."""
+        table = self._table
+        tests = [(pair, deal) for pair in self._pairs for deal in self._split.deals]
+        inner = [fold for folds in self._inner for fold in folds]
+        tests += [(pair, tuple(inner)) for pair in self._pairs if inner]
+        return [
+            (predict_folds, (*pair, table.values, table.labels, folds, table.channels))
+            for pair, folds in tests
+        ]
+
+    def finish(self, answers: Sequence[Answers]) -> Evaluation:
+        """Return the scores."""
+        table, deals = self._table, len(self._split.deals)
+        labels = tuple(str(name) for name in np.unique(table.labels))
+        counts = np.unique(table.labels[self._tested], return_counts=True)[1]
+        scores = [
+            self._score(*pair, labels, answers[i * deals : (i + 1) * deals])
+            for i, pair in enumerate(self._pairs)
+        ]
+        is_random = self._split.groups is None and len(self._tested) == len(table)
+        near_copies = [self._cells.warning] if self._cells is not None and is_random else []
+        return Evaluation(
+            self._split.name,
+            labels,
+            len(self._tested),
+            table.spec.feature_set,
+            float(counts.max() / counts.sum()),
+            tuple(scores),
+            (*near_copies, *find_tied_labels(table)),
+            self._choose(answers) if self._inner else None,
+        )
+
+    def _choose(self, answers: Sequence[Answers]) -> NestedChoice:
+        """Return what the first repetition's folds pick, and how that does on their tests."""
+        true, deals = self._table.labels, len(self._split.deals)
+        inner = [iter(said) for said in answers[len(self._pairs) * deals :]]
+        right, accuracies, picks = np.zeros(len(true)), [], []
+        for i, ((_, test), folds) in enumerate(
+            zip(self._split.deals[0], self._inner, strict=True)
+        ):
+            counts = [
+                sum(int(np.sum(next(said) == true[held_out])) for _, held_out in folds)
+                for said in inner
+            ]
+            pick = int(np.argmax(counts))
+            right[test] = answers[pick * deals][i] == true[test]
+            accuracies.append(right[test].mean())
+            picks.append(self._pairs[pick])
+        return NestedChoice(
+            tuple((*pair, folds) for pair, folds in Counter(picks).most_common()),
+            float(np.mean(accuracies)),
+            self._interval(right, np.array(accuracies)),
+        )
+
+    def _interval(
+        self, right: npt.NDArray[np.float64], accuracies: npt.NDArray[np.float64]
+    ) -> Interval:
+        """Return the interval of a mean, from the trials' accuracies or those of the groups."""
+        if self._split.groups is not None:
+            return accuracy_interval(accuracies, 'groups')
+        if self._cells is not None:
+            share, sizes = self._cells.average(right[self._tested])
+            return accuracy_interval(share, 'cells of near copies', sizes)
+        return accuracy_interval(right[self._tested], 'trials')
+
+    def _score(
+        self, classifier: str, scaling: str, labels: tuple[str, ...], answers: Sequence[Answers]
+    ) -> Score:
+        true, split = self._table.labels, self._split
+        accuracies = np.zeros((len(split.deals), len(split.deals[0])))
+        confusion = np.zeros((len(labels), len(labels)), dtype=np.int64)
+        right = np.zeros(len(true), dtype=np.int64)
+        for i, (deal, said) in enumerate(zip(split.deals, answers, strict=True)):
+            for j, ((_, test), answer) in enumerate(zip(deal, said, strict=True)):
+                is_right = answer == true[test]
+                accuracies[i, j] = np.mean(is_right)
+                right[test] += is_right
+                rows, columns = (np.searchsorted(labels, y) for y in (true[test], answer))
+                np.add.at(confusion, (rows, columns), 1)
+        parts = accuracies[0] if split.groups is not None else accuracies.mean(axis=1)
+        return Score(
+            classifier,
+            scaling,
+            split.name,
+            labels,
+            accuracies,
+            float(accuracies.mean()),
+            float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
+            split.spread_of,
+            self._interval(right / len(split.deals), accuracies[0]),
+            confusion,
+        )
+
+
+def evaluate(
+    table: FeatureTable,
+    classifiers: Sequence[str] | None = None,
+    scalings: Sequence[str] = SCALINGS,
+    *,
+    folds: int = FOLDS,
+    repetitions: int = REPETITIONS,
+    hold_out: Sequence[str] = (),
+    random_state: int = RANDOM_STATE,
+    jobs: int | None = 1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Evaluation:
+    """Cross-validate classifiers on a table of features.
+
+    The same arguments give the same result, whatever ``jobs``.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    classifiers, scalings : sequence of str
+        All their combinations are evaluated, unless others are named those of `list_pairs`.
+    folds, repetitions : int
+        Stratified folds, and how often the trials are dealt anew.
+    hold_out : sequence of str
+        Columns. When given, each group of trials that agree in all of them is held
+        out once, and ``folds`` and ``repetitions`` do not apply.
+    jobs : int or None
+        Workers to share the work; -1 is all cores.
+    progress : callable
+        ``progress(done, total)`` after each part of the work.
+
+    Raises
+    ------
+    EvaluationError
+        When the trials do not allow the split.
+    """
+    if hold_out:
+        split = grouped_split(table, hold_out)
+    else:
+        split = stratified_split(table, folds, repetitions, random_state)
+    plan = AccuracyPlan(table, split, classifiers, scalings)
+    (evaluation,) = run_plans([plan], jobs, progress)
+    assert isinstance(evaluation, Evaluation)
+    return evaluation
+
+
+def list_pairs(
+    table: FeatureTable,
+    classifiers: Sequence[str] | None = None,
+    scalings: Sequence[str] = SCALINGS,
+) -> list[tuple[str, str]]:
+    """Return the pairs of classifier and scaling that go with a table.
+
+    Unless others are named: the four of the paper, and random convolutions where the features are
+    a waveform. These take it without scaling alone.
+    """
+    if classifiers is None:
+        classifiers = ALL_CLASSIFIERS if table.is_waveform else CLASSIFIERS
+    return [
+        (classifier, scaling)
+        for classifier in classifiers
+        for scaling in (scalings if classifier != ROCKET else ('none',))
+    ]
+
+
+def predict_folds(
+    classifier: str,
+    scaling: str,
+    values: npt.NDArray[np.float64],
+    labels: npt.NDArray[np.str_],
+    folds: Sequence[Fold],
+    channels: int = 1,
+) -> Answers:
+    """Return the answers on the test trials of each fold, fitted to its training trials."""
+    if classifier == 'knn':
+        return predict_neighbours(values, labels, folds, scaling)
+    answers = []
+    for train, test in folds:
+        estimator = build_estimator(classifier, scaling, channels)
+        estimator.fit(values[train], labels[train])
+        answers.append(estimator.predict(values[test]))
+    return answers

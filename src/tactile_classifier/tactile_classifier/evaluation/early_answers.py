@@ -1,0 +1,213 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How well running answers do: accuracy against seconds seen, and the stopping rule's errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.confidence.calibration import calibrate_part, deal
+from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError, EvaluationError
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    compute_raw_scores,
+    default_scaling,
+)
+
+Matrix = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclasses.dataclass(frozen=True)
+class RuleEvaluation:
+    """What a stopping rule did on trials that were held out.
+
+    Attributes
+    ----------
+    error_rate : float
+        Asked for: share of wrong answers among the early ones [1].
+    early_share : float
+        Share of trials that were decided before their window was full [1].
+    early_error : float
+        Share of wrong answers among these; 0 when there are none [1].
+    worst_part_error : float
+        The same in the worst of the parts held out [1].
+    accuracy : float
+        Share of right answers, early or at the end [1].
+    mean_s, full_s : float
+        Mean time of signal behind an answer, and that of the whole window [s].
+    parts_without_rule : int
+        Parts held out for which the other trials proved no threshold.
+    """
+
+    error_rate: float
+    early_share: float
+    early_error: float
+    worst_part_error: float
+    accuracy: float
+    mean_s: float
+    full_s: float
+    parts_without_rule: int
+
+
+@dataclasses.dataclass(frozen=True)
+class StoppingEvaluation:
+    """Running answers on trials that were held out, under one split.
+
+    Attributes
+    ----------
+    seconds : tuple of float
+        Signal seen; the last is the whole window [s].
+    accuracies : tuple of float
+        Share of right answers after each [1].
+    rules : tuple of RuleEvaluation
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    trials: int
+    seconds: tuple[float, ...]
+    accuracies: tuple[float, ...]
+    rules: tuple[RuleEvaluation, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the evaluation as what JSON can hold."""
+        return dataclasses.asdict(self)
+
+
+def evaluate_stopping(
+    table: FeatureTable,
+    running: Mapping[int, FeatureTable],
+    classifier: str,
+    scaling: str = '',
+    *,
+    hold_out: Sequence[str] = ('session_id',),
+    error_rates: Sequence[float] = (0.01, 0.05),
+    false_alarm_rate: float = 0.05,
+) -> StoppingEvaluation:
+    """Hold out parts of the trials in turn; fit and calibrate on the others.
+
+    Parameters
+    ----------
+    table : FeatureTable
+        Whole windows, of a known number of samples.
+    running : mapping of int to FeatureTable
+        By samples seen: the first part of each window, trial by trial.
+    classifier, scaling : str
+        See `build_estimator`; an empty scaling means the task's default.
+    hold_out : sequence of str
+        As in `evaluate_open_set`.
+    error_rates : sequence of float
+        Shares of wrong early answers; a rule is made for each [1].
+    false_alarm_rate : float
+        Windows above the novelty threshold of this rate are not decided [1].
+
+    Raises
+    ------
+    EvaluationError
+        When the trials do not allow it.
+    """
+    scaling = scaling or default_scaling(table.task, classifier)
+    counts = sorted(running)
+    if not counts:
+        raise EvaluationError('there are no running windows to decide on')
+    stages = [running[count] for count in counts]
+    seconds = tuple(count / table.spec.rate_hz for count in (*counts, table.spec.sample_count))
+    wrong = np.zeros((len(seconds), len(table)), dtype=bool)
+    stop = np.zeros((len(error_rates), len(table)), dtype=np.intp)
+    without = np.zeros(len(error_rates), dtype=int)
+    try:
+        outer = deal(table, hold_out)
+        for i in np.unique(outer.fold):
+            test = outer.fold == i
+            inner = deal(table.take(~test), hold_out)
+            held_out = [
+                calibrate_part(stage.take(~test), classifier, scaling, inner, false_alarm_rate)
+                for stage in stages
+            ]
+            confidence = np.zeros((len(stages), int(test.sum())))
+            for j, (stage, part) in enumerate(zip(stages, held_out, strict=True)):
+                scores, wrong[j, test] = _answer(stage, test, classifier, scaling)
+                novelty = part.novelty.compute(stage.values[test])
+                confidence[j] = part.calibration.compute(scores).max(axis=1)
+                confidence[j, novelty > part.novelty_threshold] = -1.0
+            wrong[-1, test] = _answer(table, test, classifier, scaling)[1]
+            for r, rate in enumerate(error_rates):
+                threshold = fit_stop_threshold(
+                    np.stack([part.confidence for part in held_out]),
+                    np.stack([part.wrong for part in held_out]),
+                    rate,
+                    inner.session,
+                )
+                without[r] += threshold is None
+                found = np.full(len(confidence[0]), len(stages))
+                stop[r, test] = (
+                    found if threshold is None else find_first_stop(confidence, threshold)
+                )
+    except (DatasetError, ValueError) as error:
+        raise EvaluationError(f'the trials do not allow it: {error}') from error
+    return StoppingEvaluation(
+        classifier=classifier,
+        scaling=scaling,
+        split=outer.split,
+        trials=len(table),
+        seconds=seconds,
+        accuracies=tuple(float(1.0 - part.mean()) for part in wrong),
+        rules=tuple(
+            _count(rate, stop[r], wrong, np.array(seconds), outer.fold, int(without[r]))
+            for r, rate in enumerate(error_rates)
+        ),
+    )
+
+
+def _answer(
+    table: FeatureTable, test: Flags, classifier: str, scaling: str
+) -> tuple[Matrix, Flags]:
+    """Return scores, and which answers are wrong, of the trials that are held out."""
+    estimator = build_estimator(classifier, scaling)
+    estimator.fit(table.values[~test], table.labels[~test])
+    scores = compute_raw_scores(estimator, table.values[test])
+    return scores, estimator.classes_[scores.argmax(axis=1)] != table.labels[test]
+
+
+def _count(
+    rate: float,
+    stop: npt.NDArray[np.intp],
+    wrong: Flags,
+    seconds: Matrix,
+    fold: npt.NDArray[np.intp],
+    without: int,
+) -> RuleEvaluation:
+    mistaken = wrong[stop, np.arange(len(stop))]
+    early = stop < len(seconds) - 1
+    errors = [mistaken[early & (fold == i)].mean() for i in np.unique(fold[early])]
+    return RuleEvaluation(
+        error_rate=rate,
+        early_share=float(early.mean()),
+        early_error=float(mistaken[early].mean()) if early.any() else 0.0,
+        worst_part_error=float(max(errors, default=0.0)),
+        accuracy=float(1.0 - mistaken.mean()),
+        mean_s=float(seconds[stop].mean()),
+        full_s=float(seconds[-1]),
+        parts_without_rule=without,
+    )

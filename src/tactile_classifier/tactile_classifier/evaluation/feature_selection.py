@@ -1,0 +1,228 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whether it helps to keep only the features with the lowest mean rank-sum p (section IV).
+
+The ranking and the number of features kept are chosen on the training trials of each fold
+alone: chosen on all trials, they would have seen those of the test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.conditions import find_cells, find_strata
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import Fold, Split
+from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
+from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.intervals import difference_interval, Interval
+from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.evaluation.significance import rank_features
+
+
+@dataclasses.dataclass(frozen=True)
+class SelectionResult:
+    """One classifier with all features, and with those selected inside each fold.
+
+    Attributes
+    ----------
+    split : str
+        How the trials were divided, in words.
+    chosen_counts : tuple of int
+        Features kept in each fold.
+    all_mean, selected_mean : float
+        Accuracy with all features, and with the selected ones [1].
+    difference : Interval
+        Of ``selected_mean - all_mean``, paired over trials or held-out groups.
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    chosen_counts: tuple[int, ...]
+    all_mean: float
+    selected_mean: float
+    difference: Interval
+
+    @property
+    def verdict(self) -> str:
+        """``helps``, ``hurts``, or ``no clear difference``."""
+        if not self.difference.reason and self.difference.low > 0:
+            return 'helps'
+        if not self.difference.reason and self.difference.high < 0:
+            return 'hurts'
+        return 'no clear difference'
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as what JSON can hold."""
+        return {
+            'classifier': self.classifier,
+            'scaling': self.scaling,
+            'split': self.split,
+            'chosen_counts': list(self.chosen_counts),
+            'all_mean': self.all_mean,
+            'selected_mean': self.selected_mean,
+            'difference': self.difference.to_dict(),
+            'verdict': self.verdict,
+        }
+
+
+class SelectionPlan:
+    """The comparison under one split; a `Plan` of a tuple of `SelectionResult`.
+
+    Parameters
+    ----------
+    table : FeatureTable
+        With at least two features.
+    split : Split
+        Of which the first repetition is used.
+    classifiers, scalings : sequence of str
+    random_state : int
+
+    Raises
+    ------
+    EvaluationError
+        When a fold's training trials cannot be divided once more.
+    """
+
+    def __init__(
+        self,
+        table: FeatureTable,
+        split: Split,
+        classifiers: Sequence[str] = CLASSIFIERS,
+        scalings: Sequence[str] = SCALINGS,
+        random_state: int = RANDOM_STATE,
+    ) -> None:
+        self._table = table
+        self._split = split.once()
+        self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
+        (self._folds,) = self._split.deals
+        self._inner = [
+            self._split.divide_again(train, table.labels, random_state) for train, _ in self._folds
+        ]
+        self.counts = choose_counts(table.values.shape[1])
+
+    def tasks(self) -> list[Task]:
+        """Return one task a fold."""
+        table, strata = self._table, find_strata(self._table)
+        return [
+            (
+                compare_selection,
+                (self._pairs, table.values, table.labels, fold, inner, self.counts, strata),
+            )
+            for fold, inner in zip(self._folds, self._inner, strict=True)
+        ]
+
+    def finish(self, answers: Sequence[list[FoldSelection]]) -> tuple[SelectionResult, ...]:
+        """Return one result a classifier and scaling."""
+        grouped = self._split.groups is not None
+        results = []
+        for i, (classifier, scaling) in enumerate(self._pairs):
+            folds = [answer[i] for answer in answers]
+            gains = [fold.selected_right - fold.all_right for fold in folds]
+            if grouped:
+                difference = difference_interval(np.array([g.mean() for g in gains]), 'groups')
+            else:
+                difference = self._interval_over_trials(gains)
+            results.append(
+                SelectionResult(
+                    classifier,
+                    scaling,
+                    self._split.name,
+                    tuple(fold.count for fold in folds),
+                    float(np.mean([fold.all_right.mean() for fold in folds])),
+                    float(np.mean([fold.selected_right.mean() for fold in folds])),
+                    difference,
+                )
+            )
+        return tuple(results)
+
+    def _interval_over_trials(self, gains: Sequence[npt.NDArray[np.float64]]) -> Interval:
+        gain = np.zeros(len(self._table))
+        for (_, test), some in zip(self._folds, gains, strict=True):
+            gain[test] = some
+        cells = find_cells(self._table)
+        if cells is None:
+            return difference_interval(gain, 'trials')
+        means, sizes = cells.average(gain)
+        return difference_interval(means, 'cells of near copies', sizes)
+
+
+@dataclasses.dataclass(frozen=True)
+class FoldSelection:
+    """One fold of one classifier: the features kept, and which tests were right (1 or 0)."""
+
+    count: int
+    all_right: npt.NDArray[np.float64]
+    selected_right: npt.NDArray[np.float64]
+
+
+def choose_counts(features: int) -> tuple[int, ...]:
+    """Return the numbers of features to choose from: about doubling, and all of them.
+
+    From a twentieth of all to about half; of fewer than ten, each step.
+    """
+    doubling = (1, 2, 5, 10, 20, 40, 80, 160, 320, 640)
+    most = features - 1 if features < 10 else 0.6 * features
+    return (*(count for count in doubling if features / 20 <= count <= most), features)
+
+
+def compare_selection(
+    pairs: Sequence[tuple[str, str]],
+    values: npt.NDArray[np.float64],
+    labels: npt.NDArray[np.str_],
+    fold: Fold,
+    inner: Sequence[Fold],
+    counts: Sequence[int],
+    strata: npt.NDArray[np.intp] | None = None,
+) -> list[FoldSelection]:
+    """Return what selection does in one fold, for each classifier and scaling.
+
+    The count with the best accuracy over the inner folds is kept, the smallest of the best.
+    """
+    train, test = fold
+    strata = np.zeros(len(labels), dtype=np.intp) if strata is None else strata
+    ranked, *inner_ranked = (
+        rank_features(values[part], labels[part], strata[part])
+        for part in (train, *(some for some, _ in inner))
+    )
+    results = []
+    for pair in pairs:
+        right_counts = [
+            sum(
+                int(
+                    np.sum(
+                        predict_folds(*pair, values[:, order[:count]], labels, [part])[0]
+                        == labels[part[1]]
+                    )
+                )
+                for order, part in zip(inner_ranked, inner, strict=True)
+            )
+            for count in counts
+        ]
+        best = counts[int(np.argmax(right_counts))]
+        answers = [
+            predict_folds(*pair, np.ascontiguousarray(chosen), labels, [fold])[0]
+            for chosen in (values, values[:, ranked[:best]])
+        ]
+        results.append(
+            FoldSelection(best, *((said == labels[test]).astype(np.float64) for said in answers))
+        )
+    return results

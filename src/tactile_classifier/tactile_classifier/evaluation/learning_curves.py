@@ -1,0 +1,156 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Accuracy against the number of trials that were trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import Fold, Split
+from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
+from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.plans import Task
+
+_FEWEST = 2  # of each class: three neighbours need three trials, and there are two classes
+
+
+@dataclasses.dataclass(frozen=True)
+class LearningCurve:
+    """How one classifier with one scaling does with fewer trials to train on.
+
+    Attributes
+    ----------
+    split : str
+        How the trials were divided, in words.
+    trials_per_class : tuple of int
+        Trials of each class in the training.
+    accuracies : ndarray of shape (sizes, folds)
+        On the whole of each fold's, or group's, held-out trials [1].
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    trials_per_class: tuple[int, ...]
+    accuracies: npt.NDArray[np.float64]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the curve as what JSON can hold."""
+        return {
+            'classifier': self.classifier,
+            'scaling': self.scaling,
+            'split': self.split,
+            'trials_per_class': list(self.trials_per_class),
+            'accuracies': self.accuracies.tolist(),
+            'mean': self.accuracies.mean(axis=1).tolist(),
+        }
+
+
+class LearningPlan:
+    """Learning curves of a table under one split; a `Plan` of a tuple of `LearningCurve`.
+
+    Each fold's training trials are thinned out to as many of each class, drawn at random
+    and the same for all classifiers; a larger choice holds the smaller ones. The tests stay
+    as they are, so held-out groups remain whole.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    split : Split
+        Of which the first repetition is used.
+    classifiers, scalings : sequence of str
+    random_state : int
+    """
+
+    def __init__(
+        self,
+        table: FeatureTable,
+        split: Split,
+        classifiers: Sequence[str] = CLASSIFIERS,
+        scalings: Sequence[str] = SCALINGS,
+        random_state: int = RANDOM_STATE,
+    ) -> None:
+        self._table = table
+        self._split = split.once()
+        self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
+        (self._folds,) = self._split.deals
+        self._drawn = [
+            draw_training(table.labels, train, np.random.default_rng([random_state, i]))
+            for i, (train, _) in enumerate(self._folds)
+        ]
+        self.trials_per_class = choose_sizes(min(map(len, self._drawn)))
+
+    def tasks(self) -> list[Task]:
+        """Return one task a classifier, scaling and size."""
+        table = self._table
+        tasks: list[Task] = []
+        for pair in self._pairs:
+            for size in self.trials_per_class:
+                folds: list[Fold] = [
+                    (np.sort(drawn[:size].ravel()), test)
+                    for drawn, (_, test) in zip(self._drawn, self._folds, strict=True)
+                ]
+                tasks.append((_score_folds, (*pair, table.values, table.labels, folds)))
+        return tasks
+
+    def finish(self, answers: Sequence[npt.NDArray[np.float64]]) -> tuple[LearningCurve, ...]:
+        """Return one curve a classifier and scaling."""
+        sizes = len(self.trials_per_class)
+        return tuple(
+            LearningCurve(
+                *pair,
+                self._split.name,
+                self.trials_per_class,
+                np.array(answers[i * sizes : (i + 1) * sizes]),
+            )
+            for i, pair in enumerate(self._pairs)
+        )
+
+
+def draw_training(
+    labels: npt.NDArray[np.str_], train: npt.NDArray[np.intp], generator: np.random.Generator
+) -> npt.NDArray[np.intp]:
+    """Return trials of ``train`` in random order, shape (fewest of a class, classes)."""
+    mixed = generator.permutation(train)
+    of_class = [mixed[labels[mixed] == label] for label in np.unique(labels[train])]
+    fewest = min(map(len, of_class))
+    return np.stack([trials[:fewest] for trials in of_class], axis=1)
+
+
+def choose_sizes(most: int) -> tuple[int, ...]:
+    """Return the numbers of trials a class: doubling from 2, and ``most`` itself."""
+    doubling = (_FEWEST * 2**i for i in range(most.bit_length()))
+    # The last step would be a short one where the next doubling lies just below ``most``.
+    sizes = [size for size in doubling if size <= most / 1.25]
+    return (*sizes, most) if most >= _FEWEST else ()
+
+
+def _score_folds(
+    classifier: str,
+    scaling: str,
+    values: npt.NDArray[np.float64],
+    labels: npt.NDArray[np.str_],
+    folds: Sequence[Fold],
+) -> npt.NDArray[np.float64]:
+    answers = predict_folds(classifier, scaling, values, labels, folds)
+    return np.array(
+        [np.mean(said == labels[test]) for said, (_, test) in zip(answers, folds, strict=True)]
+    )

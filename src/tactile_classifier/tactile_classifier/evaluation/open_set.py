@@ -1,0 +1,248 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How well a model knows what it does not know: each label left out in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from sklearn.metrics import roc_auc_score
+
+from tactile_classifier.confidence.calibration import (
+    Calibration,
+    compute_calibration_error,
+    compute_uncalibrated,
+    deal,
+    fit_novelty,
+    hold_out_scores,
+)
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError, EvaluationError
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    compute_raw_scores,
+    default_scaling,
+    SCORE_KINDS,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class UnknownLabel:
+    """How one label fares that the model was never told of.
+
+    Attributes
+    ----------
+    auroc : float
+        Probability that a trial of it is more novel than one of a known label; mean over
+        the parts held out [1].
+    miss_rate : float
+        Share of its trials that are named as something known [1].
+    trials : int
+    """
+
+    label: str
+    auroc: float
+    miss_rate: float
+    trials: int
+
+
+@dataclasses.dataclass(frozen=True)
+class OpenSetEvaluation:
+    """Rejection of unknown labels and calibration of scores, under one split.
+
+    Attributes
+    ----------
+    split, calibration_split : str
+        How trials were held out for testing, and among the others for calibration.
+    trials : int
+    false_alarm_rate : float
+        Asked for [1].
+    realised_false_alarm_rate : float
+        Share of held-out trials of known labels that were turned away, all labels
+        being known [1].
+    group_false_alarm_rates : tuple of float
+        The same for each part held out [1].
+    accuracy : float
+        Share of right answers among those not turned away [1].
+    auroc, miss_rate : float
+        Means over ``unknown`` [1].
+    unknown : tuple of UnknownLabel
+    calibration_error_before, calibration_error_after : float
+        Expected calibration error on held-out trials [1].
+    """
+
+    classifier: str
+    scaling: str
+    split: str
+    calibration_split: str
+    trials: int
+    false_alarm_rate: float
+    realised_false_alarm_rate: float
+    group_false_alarm_rates: tuple[float, ...]
+    accuracy: float
+    auroc: float
+    miss_rate: float
+    unknown: tuple[UnknownLabel, ...]
+    calibration_error_before: float
+    calibration_error_after: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the evaluation as what JSON can hold."""
+        return dataclasses.asdict(self)
+
+
+def evaluate_open_set(
+    table: FeatureTable,
+    classifier: str,
+    scaling: str = '',
+    *,
+    hold_out: Sequence[str] = ('session_id',),
+    false_alarm_rate: float = 0.05,
+) -> OpenSetEvaluation:
+    """Hold out parts of the trials in turn, and each label from the training.
+
+    What is fitted and calibrated sees none of the trials that it is tested on: threshold and
+    probabilities come from the other parts, by holding out parts of those.
+
+    Parameters
+    ----------
+    table : FeatureTable
+        Three labels or more.
+    classifier, scaling : str
+        See `build_estimator`; an empty scaling means the task's default.
+    hold_out : sequence of str
+        Columns; trials that agree in all of them are held out together, dealt into parts
+        as `calibration.deal` does it. Where they do not allow it, trials are dealt at
+        random, and ``split`` says so.
+    false_alarm_rate : float
+        Share of trials of known labels that may be turned away [1].
+
+    Raises
+    ------
+    EvaluationError
+        When there are too few labels or trials, or a label is never held out together
+        with another one.
+    """
+    scaling = scaling or default_scaling(table.task, classifier)
+    labels = np.unique(table.labels)
+    if len(labels) < 3:
+        raise EvaluationError(
+            f'there are {len(labels)} labels; with one left out as unknown, two must remain'
+        )
+    try:
+        outer = deal(table, hold_out)
+        parts = [
+            _evaluate_part(table, outer.fold == i, classifier, scaling, hold_out, false_alarm_rate)
+            for i in np.unique(outer.fold)
+        ]
+    except DatasetError as error:
+        raise EvaluationError(f'the trials do not allow it: {error}') from error
+    except ValueError as error:
+        raise EvaluationError(str(error)) from error
+    rejected, right, before, after, true, unknown, splits = zip(*parts, strict=True)
+    all_true, all_right = np.concatenate(true), np.concatenate(right)
+    kept = ~np.concatenate(rejected)
+    found = tuple(_pool_unknown(str(label), unknown, outer.split) for label in labels)
+    return OpenSetEvaluation(
+        classifier=classifier,
+        scaling=scaling,
+        split=outer.split,
+        calibration_split=' or '.join(dict.fromkeys(splits)),
+        trials=len(table),
+        false_alarm_rate=false_alarm_rate,
+        realised_false_alarm_rate=float(1.0 - kept.mean()),
+        group_false_alarm_rates=tuple(float(part.mean()) for part in rejected),
+        accuracy=float(all_right[kept].mean()) if kept.any() else 0.0,
+        auroc=float(np.mean([label.auroc for label in found])),
+        miss_rate=float(np.mean([label.miss_rate for label in found])),
+        unknown=found,
+        calibration_error_before=compute_calibration_error(np.concatenate(before), all_true),
+        calibration_error_after=compute_calibration_error(np.concatenate(after), all_true),
+    )
+
+
+class _Part(NamedTuple):
+    """What one part, held out, gave; arrays over its trials."""
+
+    rejected: npt.NDArray[np.bool_]
+    right: npt.NDArray[np.bool_]
+    before: npt.NDArray[np.float64]
+    after: npt.NDArray[np.float64]
+    true: npt.NDArray[np.intp]
+    unknown: dict[str, tuple[float, npt.NDArray[np.bool_]]]
+    calibration_split: str
+
+
+def _evaluate_part(
+    table: FeatureTable,
+    held_out: npt.NDArray[np.bool_],
+    classifier: str,
+    scaling: str,
+    columns: Sequence[str],
+    rate: float,
+) -> _Part:
+    train, test = table.take(~held_out), table.take(held_out)
+    classes = np.unique(train.labels)
+    inner = deal(train, columns)
+    scores, true = hold_out_scores(train, classifier, scaling, inner.fold)
+    calibration = Calibration.fit(scores, true)
+    estimator = build_estimator(classifier, scaling).fit(train.values, train.labels)
+    scores = compute_raw_scores(estimator, test.values)
+    true = np.searchsorted(classes, test.labels)
+
+    novelty, threshold = _fit_novelty(train, test, columns, rate)
+    unknown = {}
+    for label in np.unique(test.labels):
+        others = train.take(train.labels != label)
+        less, its_threshold = _fit_novelty(others, test, columns, rate)
+        is_new = test.labels == label
+        if is_new.all():
+            continue
+        unknown[str(label)] = roc_auc_score(is_new, less), less[is_new] <= its_threshold
+    return _Part(
+        rejected=novelty > threshold,
+        right=scores.argmax(axis=1) == true,
+        before=compute_uncalibrated(scores, SCORE_KINDS[classifier]),
+        after=calibration.compute(scores),
+        true=true,
+        unknown=unknown,
+        calibration_split=inner.split,
+    )
+
+
+def _fit_novelty(
+    train: FeatureTable, test: FeatureTable, columns: Sequence[str], rate: float
+) -> tuple[npt.NDArray[np.float64], float]:
+    measure, _, threshold = fit_novelty(train, deal(train, columns), rate)
+    return measure.compute(test.values), threshold
+
+
+def _pool_unknown(
+    label: str, parts: Sequence[dict[str, tuple[float, npt.NDArray[np.bool_]]]], split: str
+) -> UnknownLabel:
+    found = [part[label] for part in parts if label in part]
+    if not found:
+        raise EvaluationError(
+            f'the trials do not allow it: label "{label}" is never held out together with '
+            f'another one ({split}), so there is nothing known to tell it from; record several '
+            'labels in each session, or hold out by another column'
+        )
+    missed = np.concatenate([missed for _, missed in found])
+    auroc = float(np.mean([auroc for auroc, _ in found]))
+    return UnknownLabel(label, auroc, float(missed.mean()), len(missed))

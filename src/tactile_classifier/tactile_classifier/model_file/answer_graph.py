@@ -1,0 +1,79 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What lies around a classifier, as operators of an ONNX graph.
+
+Before it the scaling; after it answer, probabilities and novelty.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tactile_classifier.confidence.calibration import Calibration
+from tactile_classifier.confidence.novelty import NoveltyMeasure
+from tactile_classifier.model_file.onnx_graph import Graph
+
+if TYPE_CHECKING:
+    from sklearn.pipeline import Pipeline
+
+
+def add_scaling(graph: Graph, pipeline: Pipeline, x: str) -> str:
+    """Add the pipeline's `StandardScaler`, if it has one; shape (windows, k) as before.
+
+    The same bits as scikit-learn's: one difference and one quotient a value.
+    """
+    if 'scale' not in pipeline.named_steps:
+        return x
+    scaler = pipeline.named_steps['scale']
+    x = graph.add('Sub', x, graph.constant(scaler.mean_))
+    return graph.add('Div', x, graph.constant(scaler.scale_))
+
+
+def add_answer(graph: Graph, scores: str) -> str:
+    """Add the column of the first largest raw score, shape (windows, 1).
+
+    From the raw scores, because equal ones need not give probabilities of equal bits.
+    """
+    return graph.add('ArgMax', scores, axis=1, keepdims=1)
+
+
+def add_probabilities(
+    graph: Graph, scores: str, answer: str, labels: int, calibration: Calibration
+) -> str:
+    """Add what `Calibration.compute` gives for the raw scores, shape (windows, labels)."""
+    size = graph.add('Mul', scores, graph.constant(np.float64(calibration.slope)))
+    bonus = graph.constant(np.float64(calibration.bonus))
+    is_answer = graph.add('Equal', answer, graph.constant(np.arange(labels)))
+    zero = graph.constant(np.float64(0.0))
+    raised = graph.add('Add', size, graph.add('Where', is_answer, bonus, zero))
+    return graph.add('Softmax', raised, axis=1)
+
+
+def add_novelty(graph: Graph, x: str, measure: NoveltyMeasure) -> str:
+    """Add what `NoveltyMeasure.compute` gives for features, shape (windows, 1)."""
+    rows = graph.add('Sub', x, graph.constant(measure.centre))
+    rows = graph.add('MatMul', rows, graph.constant(measure.transform))
+    axes = graph.constant(np.array([1]))
+    squares = graph.add('ReduceSumSquare', rows, axes, keepdims=1)
+    squares = graph.add('Add', squares, graph.constant((measure.references**2).sum(axis=1)))
+    products = graph.add('MatMul', rows, graph.constant(-2.0 * measure.references.T))
+    squares = graph.add('Add', squares, products)
+    nearest = graph.add('ArgMin', squares, axis=1, keepdims=1)
+    square = graph.add('ReduceMin', squares, axes, keepdims=1)
+    square = graph.add('Max', square, graph.constant(np.float64(0.0)))
+    usual = graph.add('Gather', graph.constant(measure.usual), nearest, axis=0)
+    return graph.add('Div', graph.add('Sqrt', square), usual)

@@ -1,0 +1,384 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A model file in use: checked when loaded, then one answer a window."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+import hashlib
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.manifest import Manifest, WHOLE
+from tactile_classifier.model_file.onnx_container import check_seal, open_container
+from tactile_classifier.model_file.specification import describe_mismatch
+from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_features.records import FeatureWindow
+from tactile_features.records import Outcome as FeatureOutcome
+from tactile_features.spec import FeatureSpec
+
+__all__ = ['ClassificationResult', 'TactileModel', 'read_manifest']
+
+MAX_MODEL_BYTES = 64 * 2**20
+"""Larger files are not read [byte]."""
+
+MAX_INFERENCE_BYTES = 256 * 2**20
+"""Most that the models of a process take together while they answer [byte]: a graph of a
+few bytes can ask for any amount."""
+
+ROWS_AT_ONCE = 64
+BYTES_AT_ONCE = 16 * 2**20
+"""Most windows in one run, and most of their number times the size of the file [byte]:
+differences to all training trials take memory in proportion to both."""
+
+INPUT, SAMPLES = 'features', 'samples'
+ANSWER, SCORES, NOVELTY = 'answer', 'scores', 'novelty'
+
+
+class Answers(NamedTuple):
+    """What a model says of many windows of one length.
+
+    Attributes
+    ----------
+    answer : ndarray of int, shape (windows,)
+        Position of each answer among the labels: the first largest score before calibration.
+    scores : ndarray of shape (windows, labels)
+        Larger is likelier; what they are, the manifest's ``score_kind`` says.
+    novelty : ndarray of shape (windows,)
+        Empty when the model has no novelty.
+    """
+
+    answer: npt.NDArray[np.int64]
+    scores: npt.NDArray[np.float64]
+    novelty: npt.NDArray[np.float64]
+
+
+def read_manifest(path: str | Path) -> Manifest:
+    """Return what a model file says of itself; its graph is checked, but not loaded.
+
+    Raises
+    ------
+    ModelFileError
+        With a sentence that says why the file is not used.
+    """
+    with _refusals_of(path):
+        return _read_sealed(_read_limited(path))
+
+
+class TactileModel:
+    """A trained classifier, ready to answer.
+
+    Use `load`.
+
+    Attributes
+    ----------
+    manifest : Manifest
+    spec : FeatureSpec
+        The features that it takes.
+    labels : tuple of str
+        What it can answer, in the order of its scores.
+    model_id : str
+        Task, contact, classifier and the first 12 digits of the file's SHA-256.
+    running_samples : tuple of int
+        Sample counts of the running windows that it answers.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.manifest = _read_sealed(data)
+        self.spec: FeatureSpec = self.manifest.spec
+        self.labels = self.manifest.labels
+        self.model_id = '-'.join(
+            (
+                self.manifest.task,
+                self.manifest.contact or 'any',
+                self.manifest.classifier,
+                hashlib.sha256(data).hexdigest()[:12],
+            )
+        )
+        self.running_samples = self.manifest.running_samples
+        # What ready-cut windows or an older file do not state, `expect` says.
+        self._expected = None if self.spec.missing_parameters else self.spec
+        self._parts = {part.sample_count: part for part in self.manifest.parts}
+        self._offsets = _read_offsets(self.manifest)
+        self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
+        self._session = _open_session(data)
+        self._check_graph()
+
+    @classmethod
+    def load(cls, path: str | Path) -> TactileModel:
+        """Read and check a model file.
+
+        Raises
+        ------
+        ModelFileError
+            With a sentence that says why the file is not used.
+        """
+        with _refusals_of(path):
+            return cls(_read_limited(path))
+
+    @property
+    def task(self) -> str:
+        return self.manifest.task
+
+    @property
+    def contact(self) -> str:
+        return self.manifest.contact
+
+    def check_fits(self, spec: FeatureSpec) -> None:
+        """Raise ModelFileError when features of ``spec`` are not those it was trained on."""
+        reason = self.spec.mismatch(spec)
+        if reason:
+            raise ModelFileError(
+                f'model {self.model_id} does not fit the features: {reason} '
+                '(here: the model, there: the features)'
+            )
+
+    def expect(self, spec: FeatureSpec) -> None:
+        """Answer windows of this specification alone.
+
+        Without it, a model answers windows of the specification in its file. Where that does not
+        state how windows were cut, they are not compared in this.
+
+        Parameters
+        ----------
+        spec : FeatureSpec
+            What the feature node is to compute, as its parameters say.
+
+        Raises
+        ------
+        ModelFileError
+            When features of ``spec`` are not those the model was trained on.
+        """
+        self.check_fits(spec)
+        self._expected = spec
+
+    def compute(self, values: npt.ArrayLike, sample_count: int = 0) -> Answers:
+        """Return what the model says of many windows of one length.
+
+        Parameters
+        ----------
+        values : array_like of shape (windows, k)
+            Features in the order and units of ``spec``.
+        sample_count : int
+            Samples in the windows, one of ``running_samples``; 0: whole windows.
+
+        Raises
+        ------
+        KeyError
+            When the model has no answers for windows of that length.
+        """
+        rows = np.ascontiguousarray(values, dtype=np.float64)
+        if sample_count in self._offsets:
+            rows = rows - self._offsets[sample_count]
+        feed = {SAMPLES: np.array(sample_count)} if self.running_samples else {}
+        if sample_count not in self._parts:
+            raise KeyError(sample_count)
+        blocks = [
+            self._session.run(self._outputs, {INPUT: rows[i : i + self._rows], **feed})
+            for i in range(0, len(rows), self._rows)
+        ]
+        found = [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
+        if self._outputs == [SCORES]:  # format version 1
+            return Answers(found[0].argmax(axis=1), found[0], np.empty(0))
+        answer, scores, *novelty = found
+        return Answers(answer[:, 0], scores, novelty[0][:, 0] if novelty else np.empty(0))
+
+    def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> list[str]:
+        """Return the answers for many windows; arguments as in `compute`."""
+        return [self.labels[i] for i in self.compute(values, sample_count).answer]
+
+    def accepts(self, window: FeatureWindow) -> bool:
+        """Return whether the window is of its feature set, a known length, no other contact."""
+        contacts = {self.contact, window.contact} - {''}
+        if window.running and window.sample_count not in self.running_samples:
+            return False
+        return window.feature_set == self.spec.feature_set and len(contacts) < 2
+
+    def classify(self, window: FeatureWindow) -> ClassificationResult:
+        """Return what the model says of one window, or why it says nothing.
+
+        A window whose novelty is above the model's threshold is unknown. A running window is
+        decided when it is known and its answer's probability reaches the stopping rule's.
+        """
+        part = self._parts[window.sample_count if window.running else 0]
+        outcome, label, reason = Outcome.NO_FEATURES, '', self._why_not(window)
+        scores: tuple[float, ...] = ()
+        novelty = -1.0
+        decided = False
+        if not reason:
+            found = self.compute(window.values[np.newaxis], part.sample_count)
+            scores = tuple(found.scores[0].tolist())
+            novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
+            if not all(map(math.isfinite, (*scores, novelty))):
+                scores, novelty = (), -1.0
+                reason = 'the model gives no finite scores for these features'
+            elif novelty > part.novelty_threshold >= 0.0:
+                outcome = Outcome.UNKNOWN
+                reason = (
+                    f'unlike all that the model was trained on: novelty {novelty:.3g}, '
+                    f'the threshold is {part.novelty_threshold:.3g}'
+                )
+            else:
+                outcome, label = Outcome.LABEL, self.labels[int(found.answer[0])]
+                decided = max(scores) >= part.stop_threshold >= 0.0
+        return ClassificationResult(
+            task=self.manifest.task,
+            trial_id=window.trial_id,
+            contact=window.contact,
+            model_id=self.model_id,
+            simulated=window.simulated or self.manifest.simulated,
+            outcome=outcome,
+            label=label,
+            reason=reason,
+            labels=self.labels,
+            scores=scores,
+            score_kind=self.manifest.score_kind,
+            novelty=novelty,
+            novelty_threshold=part.novelty_threshold,
+            window_start_ns=window.window_start_ns,
+            window_end_ns=window.window_end_ns,
+            frame_id=window.frame_id,
+            false_alarm_rate=self.manifest.false_alarm_rate,
+            running=window.running,
+            decided=decided if window.running else True,
+            error_rate=self.manifest.stop_error_rate if window.running else -1.0,
+        )
+
+    def _why_not(self, window: FeatureWindow) -> str:
+        if window.outcome != FeatureOutcome.OK:
+            return window.reason or f'the window ended with {FeatureOutcome(window.outcome).name}'
+        reason = self.describe_mismatch(window)
+        if reason:
+            return reason
+        if not np.isfinite(window.values).all():
+            return 'the features are not finite'
+        return ''
+
+    def describe_mismatch(self, window: FeatureWindow) -> str:
+        """Return why a window has features of another specification, or an empty string."""
+        return describe_mismatch(window, self.spec, self._expected)
+
+    def _check_graph(self) -> None:
+        """Try the graph once: its width, its outputs and their types."""
+        inputs = self._session.get_inputs()
+        self._outputs = [output.name for output in self._session.get_outputs()]
+        k, labels = len(self.spec.names), len(self.labels)
+        has_novelty = {part.novelty_threshold >= 0.0 for part in self.manifest.parts}
+        wanted = [ANSWER, SCORES, NOVELTY] if has_novelty == {True} else [ANSWER, SCORES]
+        sources = [INPUT, SAMPLES] if self.running_samples else [INPUT]
+        is_version_1 = self._outputs == [SCORES] and self.manifest.parts == (WHOLE,)
+        if [i.name for i in inputs] != sources or not (self._outputs == wanted or is_version_1):
+            raise ModelFileError(
+                f'its graph does not lead from {", ".join(sources)} to {", ".join(wanted)}'
+            )
+        if inputs[0].type != 'tensor(double)' or inputs[0].shape[1:] != [k]:
+            raise ModelFileError(
+                f'its graph takes {inputs[0].type} of shape {inputs[0].shape}; '
+                f'the feature set has {k} features, as doubles'
+            )
+        for part in self.manifest.parts:
+            try:
+                found = self.compute(np.zeros((1, k)), part.sample_count)
+            except Exception as error:  # onnxruntime has many
+                raise ModelFileError(f'its graph does not run: {error}') from error
+            if found.scores.shape != (1, labels):
+                raise ModelFileError(
+                    f'its graph gives scores of shape {found.scores.shape}; it has {labels} labels'
+                )
+            if found.answer.dtype != np.int64 or not 0 <= found.answer[0] < labels:
+                raise ModelFileError('its graph gives answers that are none of its labels')
+
+
+def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
+    """Return what a recalibrated model takes off features, by samples; empty: nothing."""
+    entry = manifest.calibration.get('recalibrated', {'offsets': []})
+    try:
+        offsets = [np.array(offset, dtype=np.float64) for offset in entry['offsets']]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ModelFileError(f'its recalibration is damaged: {error}') from error
+    shape = (len(manifest.spec.names),)
+    if any(offset.shape != shape or not np.isfinite(offset).all() for offset in offsets):
+        raise ModelFileError('its recalibration does not fit its features')
+    if offsets and len(offsets) != len(manifest.parts):
+        raise ModelFileError('its recalibration does not have one offset a part')
+    counts = [part.sample_count for part in manifest.parts]
+    return dict(zip(counts, offsets, strict=False))
+
+
+def _read_sealed(data: bytes) -> Manifest:
+    manifest = Manifest.from_json(open_container(data))
+    check_seal(data)
+    return manifest
+
+
+def _read_limited(path: str | Path) -> bytes:
+    path = Path(path)
+    size = path.stat().st_size
+    if size > MAX_MODEL_BYTES:
+        raise ModelFileError(
+            f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
+        )
+    return path.read_bytes()
+
+
+@contextmanager
+def _refusals_of(path: str | Path) -> Iterator[None]:
+    """Name the file in what is wrong with it."""
+    try:
+        yield
+    except OSError as error:
+        raise ModelFileError(f'cannot read model {path}: {error.strerror}') from error
+    except ModelFileError as error:
+        raise ModelFileError(f'model {path} is refused: {error}') from error
+
+
+@lru_cache(maxsize=1)
+def _limit_memory() -> None:
+    """Give all models of this process one arena of `MAX_INFERENCE_BYTES`."""
+    import onnxruntime
+
+    kind = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
+    memory = onnxruntime.OrtMemoryInfo('Cpu', kind, 0, onnxruntime.OrtMemType.DEFAULT)
+    default = -1  # of onnxruntime: how it grows, and in which steps
+    limits = onnxruntime.OrtArenaCfg(MAX_INFERENCE_BYTES, default, default, default)
+    onnxruntime.create_and_register_allocator(memory, limits)
+
+
+def _open_session(data: bytes) -> Any:
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1  # one row: a thread pool costs more than it brings
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 4  # what goes wrong comes as an exception
+    _limit_memory()
+    options.add_session_config_entry('session.use_env_allocators', '1')
+    try:
+        return onnxruntime.InferenceSession(
+            data,
+            options,
+            providers=['CPUExecutionProvider'],
+            # It computes what is constant while loading, in memory that nobody limits.
+            disabled_optimizers=['ConstantFolding'],
+        )
+    except Exception as error:
+        raise ModelFileError(f'onnxruntime cannot load its graph: {error}') from error

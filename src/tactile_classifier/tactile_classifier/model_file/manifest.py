@@ -1,0 +1,277 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a model file says of itself, as JSON inside the ONNX file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+from itertools import pairwise
+import json
+import math
+from typing import Any
+
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.records import (
+    ALL_CLASSIFIERS,
+    CONTACTS,
+    MARGIN,
+    PROBABILITY,
+    SCALINGS,
+    VOTES,
+)
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets import task_of
+from tactile_features.spec import FeatureSpec
+
+FORMAT_VERSION = 4
+"""2: parts and calibration. 3: the digest of the specification, which states its gap policy.
+4: recalibration, whose offsets older software would not take."""
+
+_DIGEST = 'specification_digest'
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """How the answers on one length of window are to be read.
+
+    Attributes
+    ----------
+    sample_count : int
+        Samples in the window; 0: the whole window.
+    novelty_threshold : float
+        Novelty above which the answer is "unknown" [1]; negative: there is no novelty.
+    stop_threshold : float
+        Probability of the answer from which one need not wait for more samples [1];
+        negative: never.
+    calibration_error_before, calibration_error_after : float
+        Expected calibration error on held-out trials [1]; negative: not calibrated.
+    accuracy : float
+        On the same held-out trials [1]; negative: not calibrated.
+    """
+
+    sample_count: int = 0
+    novelty_threshold: float = -1.0
+    stop_threshold: float = -1.0
+    calibration_error_before: float = -1.0
+    calibration_error_after: float = -1.0
+    accuracy: float = -1.0
+
+
+WHOLE = Part()
+"""A whole window without novelty and calibration, as in files of format version 1."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Manifest:
+    """What a model is, what it takes and where it came from.
+
+    Attributes
+    ----------
+    task, contact : str
+        ``contact`` is empty when the model was trained on both or on neither.
+    spec : FeatureSpec
+        The features that it takes.
+    labels : tuple of str
+        What it can answer, in the order of its scores.
+    score_kind : str
+        See Classification.msg.
+    classifier, scaling : str
+        See `tactile_classifier.estimators.classifiers`.
+    simulated : bool
+        True when any of the training trials was simulated.
+    training_sha256 : str
+        Digest of the training table, see `FeatureTable.compute_sha256`.
+    trials : int
+        How many trials it was trained on.
+    versions : mapping of str to str
+        Library versions.
+    cross_validation : mapping
+        ``mean``, ``spread``, ``spread_of`` and ``split``; empty when not evaluated.
+    created : str
+        When it was trained (ISO 8601, UTC).
+    parts : tuple of Part
+        The whole window, then the running ones by rising sample count.
+    calibration : mapping
+        ``split``, ``groups`` and ``trials`` of the held-out trials behind the thresholds and
+        probabilities, and ``session_share``, the share of new sessions in which the thresholds
+        hold (negative: there were no sessions), or ``reason`` why there are none. With
+        sessions also ``session_statistics``, one entry a part, for `recalibrate`; and
+        ``recalibrated``, what `recalibrate` took and found.
+    false_alarm_rate : float
+        Share of windows of known labels that the thresholds turn away [1]; negative: no
+        thresholds.
+    stop_error_rate : float
+        Share of wrong answers among those given early [1]; negative: no running windows.
+    """
+
+    task: str
+    contact: str
+    spec: FeatureSpec
+    labels: tuple[str, ...]
+    score_kind: str
+    classifier: str
+    scaling: str
+    simulated: bool
+    training_sha256: str
+    trials: int
+    versions: Mapping[str, str]
+    cross_validation: Mapping[str, Any]
+    created: str
+    parts: tuple[Part, ...] = (WHOLE,)
+    calibration: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    false_alarm_rate: float = -1.0
+    stop_error_rate: float = -1.0
+
+    @property
+    def running_samples(self) -> tuple[int, ...]:
+        """Sample counts of the running windows that the model answers."""
+        return tuple(part.sample_count for part in self.parts[1:])
+
+    def feature_values(self) -> dict[str, Any]:
+        """Return what the feature node must be told, by the fields of `FeatureConfig`."""
+        running = {'running_samples': self.running_samples} if self.running_samples else {}
+        return {**self.spec.config_values(), **running}
+
+    def to_json(self) -> str:
+        """Return the manifest as JSON text."""
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        fields['spec'] = self.spec.to_dict()
+        fields[_DIGEST] = self.spec.digest
+        fields['parts'] = [dataclasses.asdict(part) for part in self.parts]
+        return json.dumps({'format_version': FORMAT_VERSION, **fields}, sort_keys=True)
+
+    @classmethod
+    def from_json(cls, text: str) -> Manifest:
+        """Return the manifest that `to_json` wrote.
+
+        Raises
+        ------
+        ModelFileError
+            When the text is not a manifest or of a newer format.
+        """
+        try:
+            fields = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise ModelFileError(f'its manifest is not JSON: {error}') from error
+        version = fields.pop('format_version', None) if isinstance(fields, dict) else None
+        if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+            raise ModelFileError('its manifest states no format version')
+        if version > FORMAT_VERSION:
+            raise ModelFileError(
+                f'it has format version {version}, this software reads up to {FORMAT_VERSION}: '
+                'update the software or train the model again'
+            )
+        _check_types(fields, version)
+        try:
+            fields['spec'] = FeatureSpec.from_dict(fields['spec'])
+        except FeatureError as error:
+            raise ModelFileError(f'its manifest is damaged: {error}') from error
+        if version > 2 and fields.pop(_DIGEST) != fields['spec'].digest:
+            raise ModelFileError(
+                f'its {_DIGEST} is not that of its feature specification: one of them was changed'
+            )
+        fields['labels'] = tuple(fields['labels'])
+        if version > 1:
+            fields['parts'] = tuple(map(_read_part, fields['parts']))
+        manifest = cls(**fields)
+        manifest._check()
+        return manifest
+
+    def _check(self) -> None:
+        task = task_of(self.spec.feature_set)
+        if not task:
+            raise ModelFileError(
+                f'its feature set "{self.spec.feature_set}" is not installed here: install the '
+                'package that it was trained with'
+            )
+        if task != self.task:
+            raise ModelFileError(
+                f'its task "{self.task}" does not go with its feature set '
+                f'"{self.spec.feature_set}"'
+            )
+        if len(self.labels) < 2 or len(set(self.labels)) < len(self.labels) or '' in self.labels:
+            raise ModelFileError('its labels are not two or more different names')
+        for name, value, choices in (
+            ('contact', self.contact, ('', *CONTACTS)),
+            ('score_kind', self.score_kind, (VOTES, MARGIN, PROBABILITY)),
+            ('classifier', self.classifier, ALL_CLASSIFIERS),
+            ('scaling', self.scaling, SCALINGS),
+        ):
+            if value not in choices:
+                raise ModelFileError(
+                    f'its {name} is "{value}"; it must be one of {", ".join(choices)}'
+                )
+        counts = [part.sample_count for part in self.parts]
+        whole = self.spec.sample_count
+        rises = all(a < b for a, b in pairwise(counts)) and max(counts[1:], default=-1) < whole
+        if counts[:1] != [0] or not rises:
+            raise ModelFileError(
+                f'its parts have {counts} samples; they must be 0, for the whole window, and then '
+                f'rise to fewer than {whole}'
+            )
+
+
+_TYPES: dict[str, type] = {
+    'task': str,
+    'contact': str,
+    'spec': dict,
+    'labels': list,
+    'score_kind': str,
+    'classifier': str,
+    'scaling': str,
+    'simulated': bool,
+    'training_sha256': str,
+    'trials': int,
+    'versions': dict,
+    'cross_validation': dict,
+    'created': str,
+}
+
+_TYPES_2: dict[str, type] = {
+    **_TYPES,
+    'parts': list,
+    'calibration': dict,
+    'false_alarm_rate': float,
+    'stop_error_rate': float,
+}
+
+_TYPES_3: dict[str, type] = {**_TYPES_2, _DIGEST: str}
+
+
+def _read_part(entry: Any) -> Part:
+    defaults = dataclasses.asdict(WHOLE)
+    if not isinstance(entry, dict) or set(entry) != set(defaults):
+        raise ModelFileError('its manifest has no valid entry "parts"')
+    for name, value in entry.items():
+        if type(value) is not type(defaults[name]) or not -1 <= value < math.inf:
+            raise ModelFileError(f'its manifest has no valid entry "{name}" in "parts"')
+    return Part(**entry)
+
+
+def _check_types(fields: dict[str, Any], version: int) -> None:
+    types = (_TYPES, _TYPES_2, _TYPES_3, _TYPES_3)[version - 1]
+    for name, expected in types.items():
+        if type(fields.get(name)) is not expected:
+            raise ModelFileError(f'its manifest has no valid entry "{name}"')
+    if version > 1 and not all(
+        -1 <= fields[name] <= 1 for name in ('false_alarm_rate', 'stop_error_rate')
+    ):
+        raise ModelFileError('its manifest has a rate that is not between 0 and 1')
+    if not all(type(label) is str for label in fields['labels']):
+        raise ModelFileError('its manifest has no valid entry "labels"')
+    unknown = sorted(set(fields) - set(types))
+    if unknown:
+        raise ModelFileError(f'its manifest has the unknown entry "{unknown[0]}"')

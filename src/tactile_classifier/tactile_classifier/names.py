@@ -1,0 +1,51 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What there are classifiers for, and how their nodes are named."""
+
+from __future__ import annotations
+
+from tactile_classifier.records import CONTACTS, TASKS
+from tactile_ros.errors import TactileError
+
+
+def classifier_name(task: str, contact: str) -> str:
+    """Return the node name of the classifier for a task and a kind of contact.
+
+    Without a contact: of one that takes windows of any.
+    """
+    return '_'.join(part for part in (task, contact, 'classifier') if part)
+
+
+def all_classifier_names() -> tuple[str, ...]:
+    """Return the node names of the classifiers for every task and contact."""
+    return tuple(classifier_name(task, contact) for task in TASKS for contact in (*CONTACTS, ''))
+
+
+def parse_classifier_name(name: str) -> tuple[str, str]:
+    """Return task and contact from a node name made by `classifier_name`.
+
+    Raises
+    ------
+    TactileError
+        The name is none of `all_classifier_names`.
+    """
+    for task in TASKS:
+        for contact in (*CONTACTS, ''):
+            if name == classifier_name(task, contact):
+                return task, contact
+    raise TactileError(
+        f'"{name}" does not name a classifier; it must be one of '
+        + ', '.join(all_classifier_names())
+    )

@@ -1,0 +1,169 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which set of features and which classifier, chosen inside the folds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+import dataclasses
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import Fold, Split
+from tactile_classifier.errors import DatasetError
+from tactile_classifier.estimators.classifiers import RANDOM_STATE
+from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
+from tactile_classifier.records import ROCKET
+
+
+class Candidate(NamedTuple):
+    """A set of features, and a classifier with its scaling."""
+
+    feature_set: str
+    classifier: str
+    scaling: str
+
+
+@dataclasses.dataclass(frozen=True)
+class CandidateScore:
+    """How a candidate did on the folds.
+
+    Attributes
+    ----------
+    accuracy : float
+        Mean over the folds [1]; of the best candidate it is too good on average.
+    fold_s : float
+        Time to train and test a fold, without the features, mean of the folds [s].
+    """
+
+    candidate: Candidate
+    accuracy: float
+    fold_s: float
+
+
+@dataclasses.dataclass(frozen=True)
+class FeatureChoice:
+    """What was chosen, and what it was chosen from.
+
+    Attributes
+    ----------
+    split : str
+        How the trials were divided, in words.
+    ranking : tuple of CandidateScore
+        All candidates, the best first; of equals the one that was named first.
+    nested_accuracy : float
+        When each fold's training trials choose, and its tests only judge [1].
+    picks : tuple of (Candidate, int)
+        What the folds chose, and how many of them.
+    """
+
+    split: str
+    ranking: tuple[CandidateScore, ...]
+    nested_accuracy: float
+    picks: tuple[tuple[Candidate, int], ...]
+
+    @property
+    def best(self) -> CandidateScore:
+        """What is chosen."""
+        return self.ranking[0]
+
+    @property
+    def runner_up(self) -> CandidateScore | None:
+        """The best candidate with another set of features, if there is one."""
+        others = (s for s in self.ranking if s.candidate[0] != self.best.candidate[0])
+        return next(others, None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the choice as what JSON can hold."""
+        return {
+            'split': self.split,
+            'ranking': [
+                {**s.candidate._asdict(), 'accuracy': s.accuracy, 'fold_s': s.fold_s}
+                for s in self.ranking
+            ],
+            'nested_accuracy': self.nested_accuracy,
+            'picks': [{**c._asdict(), 'folds': count} for c, count in self.picks],
+        }
+
+
+def choose_candidate(
+    tables: Mapping[str, FeatureTable], split: Split, random_state: int = RANDOM_STATE
+) -> FeatureChoice:
+    """Choose among tables of the same trials and the classifiers that go with each.
+
+    Folds inside each fold's training trials choose for that fold (nested cross-validation), which
+    says how good the choice is. The choice itself is made by the folds.
+
+    Parameters
+    ----------
+    tables : mapping of str to FeatureTable
+        By feature set; of equally good ones the first is chosen, so cheap ones come first.
+    split : Split
+        Of which the first repetition is used.
+    random_state : int
+        Of the folds inside the folds.
+
+    Raises
+    ------
+    DatasetError
+        When the tables are not of the same trials.
+    EvaluationError
+        When a fold's training trials cannot be divided once more.
+    """
+    first = next(iter(tables.values()))
+    for name, table in tables.items():
+        if not np.array_equal(table.labels, first.labels):
+            raise DatasetError(f'the table of {name} is not of the same trials')
+    folds = split.deals[0]
+    inner = [split.divide_again(train, first.labels, random_state) for train, _ in folds]
+    candidates = [
+        Candidate(name, *pair) for name, table in tables.items() for pair in _list_pairs(table)
+    ]
+    right, scores, counts = [], [], []
+    for candidate in candidates:
+        table = tables[candidate.feature_set]
+        start_s = time.perf_counter()
+        right.append(_check(candidate, table, folds))
+        fold_s = (time.perf_counter() - start_s) / len(folds)
+        accuracy = float(np.mean([each.mean() for each in right[-1]]))
+        scores.append(CandidateScore(candidate, accuracy, fold_s))
+        counts.append([sum(int(e.sum()) for e in _check(candidate, table, f)) for f in inner])
+    picked = np.argmax(counts, axis=0)
+    nested = [right[pick][i].mean() for i, pick in enumerate(picked)]
+    return FeatureChoice(
+        split.once().name,
+        tuple(sorted(scores, key=lambda score: -score.accuracy)),
+        float(np.mean(nested)),
+        tuple(Counter(candidates[pick] for pick in picked).most_common()),
+    )
+
+
+def _list_pairs(table: FeatureTable) -> list[tuple[str, str]]:
+    # The four classifiers on a waveform itself take its samples for features of any order.
+    return list_pairs(table, [ROCKET] if table.is_waveform else None)
+
+
+def _check(
+    candidate: Candidate, table: FeatureTable, folds: tuple[Fold, ...] | list[Fold]
+) -> list[npt.NDArray[np.bool_]]:
+    """Return which tests of each fold a candidate names correctly."""
+    _, classifier, scaling = candidate
+    said = predict_folds(classifier, scaling, table.values, table.labels, folds, table.channels)
+    return [answer == table.labels[test] for answer, (_, test) in zip(said, folds, strict=True)]

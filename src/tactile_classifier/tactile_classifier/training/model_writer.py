@@ -1,0 +1,225 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Writing what was trained and its manifest as one ONNX file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+import os
+from pathlib import Path
+import tempfile
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.answer_graph import (
+    add_answer,
+    add_novelty,
+    add_probabilities,
+    add_scaling,
+)
+from tactile_classifier.model_file.inference import (
+    ANSWER,
+    INPUT,
+    MAX_MODEL_BYTES,
+    NOVELTY,
+    SAMPLES,
+    SCORES,
+    TactileModel,
+)
+from tactile_classifier.model_file.neighbours_graph import add_neighbours
+from tactile_classifier.model_file.onnx_container import seal
+from tactile_classifier.model_file.onnx_graph import Graph, Shape
+from tactile_classifier.model_file.random_convolutions_graph import add_random_convolutions
+from tactile_classifier.model_file.svm_graph import add_svm
+from tactile_classifier.records import ROCKET
+from tactile_classifier.training.trainer import FittedPart, Trained
+
+if TYPE_CHECKING:
+    from sklearn.pipeline import Pipeline
+
+__all__ = ['TactileModel', 'write_model']
+
+TARGET_OPSET = {'': 18, 'ai.onnx.ml': 3}
+IR_VERSION = 8
+"""Versions of operators and file format that onnxruntime reads since 1.14."""
+
+
+def write_model(path: str | Path, trained: Trained) -> TactileModel:
+    """Convert, check and write a model; return it as loaded from the written bytes.
+
+    Everything is computed in doubles, but for trees, whose thresholds scikit-learn
+    too compares in single precision. The converted model must give the
+    estimator's label for every training trial and length of window, or it is not written.
+
+    Parameters
+    ----------
+    path : str or Path
+        Replaced at once when the model is complete; never half written.
+    trained : Trained
+        From `train`.
+
+    Raises
+    ------
+    ModelFileError
+        When the conversion fails or changes a label, or the file cannot be written.
+    """
+    try:
+        try:
+            data = seal(_convert(trained), trained.manifest.to_json())
+        except ImportError as error:
+            raise ModelFileError(
+                f'writing a model needs skl2onnx ({error}): pip install skl2onnx'
+            ) from error
+        if len(data) > MAX_MODEL_BYTES:
+            raise ModelFileError(
+                f'it would have {len(data) / 2**20:.0f} MiB, the limit is '
+                f'{MAX_MODEL_BYTES >> 20} MiB: train it on fewer trials'
+            )
+        model = TactileModel(data)
+    except ModelFileError as error:
+        raise ModelFileError(f'model {path} is not written: {error}') from error
+    for part in trained.parts:
+        _check_answers(path, model, part)
+    replace_file(Path(path), data)
+    return model
+
+
+def _check_answers(path: str | Path, model: TactileModel, part: FittedPart) -> None:
+    if list(part.estimator.classes_) != list(model.labels):
+        raise ModelFileError(
+            f"model {path} is not written: the labels of the manifest are not the estimator's"
+        )
+    found = np.array(model.predict(part.values, part.sample_count))
+    changed = np.flatnonzero(found != part.estimator.predict(part.values))
+    if len(changed):
+        raise ModelFileError(
+            f'model {path} is not written: conversion to ONNX changes the label of '
+            f'{len(changed)} of {len(part.values)} training trials, first of trial '
+            f'{changed[0]}; such trials lie on the border between classes: look for '
+            'duplicates with different labels, or choose another classifier'
+        )
+
+
+def _convert(trained: Trained) -> bytes:
+    from onnx import helper
+
+    manifest = trained.manifest
+    k, labels = len(manifest.spec.names), len(manifest.labels)
+    shapes: dict[str, Shape] = {ANSWER: (int, [None, 1]), SCORES: (float, [None, labels])}
+    if trained.parts[0].novelty is not None:
+        shapes[NOVELTY] = (float, [None, 1])
+    inputs: dict[str, Shape] = {INPUT: (float, [None, k])}
+    if len(trained.parts) > 1:
+        inputs[SAMPLES] = (int, [])
+    graph = Graph()
+    _add_parts(graph, trained.parts, manifest.classifier, shapes)
+    model = helper.make_model(
+        graph.to_proto(inputs, shapes),
+        opset_imports=[helper.make_opsetid(*item) for item in TARGET_OPSET.items()],
+        ir_version=IR_VERSION,
+        producer_name='tactile_classifier',
+    )
+    data: bytes = model.SerializeToString()
+    return data
+
+
+def _add_parts(
+    graph: Graph, parts: Sequence[FittedPart], classifier: str, shapes: Mapping[str, Shape]
+) -> None:
+    """Add what answers windows of several lengths, of which the input says which it is.
+
+    Halves, and halves of these, are branches: only one part is computed, and none lies
+    deeply nested.
+    """
+    names = [graph.name(name) for name in shapes]
+    if len(parts) == 1:
+        for found, name in zip(_add_part(graph, parts[0], classifier), names, strict=True):
+            graph.add('Identity', found, output=name)
+        return
+    middle = len(parts) // 2
+    branches = {}
+    for side, half in (('then', parts[:middle]), ('else', parts[middle:])):
+        inner = Graph(graph.name(f'{side}_'))
+        _add_parts(inner, half, classifier, shapes)
+        outputs = {inner.name(name): shape for name, shape in shapes.items()}
+        branches[f'{side}_branch'] = inner.to_proto({}, outputs)
+    border = graph.constant(np.array(parts[middle].sample_count))
+    graph.add_many('If', [graph.add('Less', SAMPLES, border)], names, **branches)
+
+
+def _add_part(graph: Graph, part: FittedPart, classifier: str) -> list[str]:
+    """Add one part; return the names of answer, scores and novelty."""
+    if classifier == 'tree':
+        scores = graph.embed(_convert_tree(part.estimator), INPUT)
+    else:
+        scaled = add_scaling(graph, part.estimator, INPUT)
+        add: Callable[[Graph, Any, str], str] = {
+            'knn': add_neighbours,
+            ROCKET: add_random_convolutions,
+        }.get(classifier, add_svm)
+        scores = add(graph, part.estimator.named_steps['classify'], scaled)
+    answer = add_answer(graph, scores)
+    if part.calibration is None or part.novelty is None:
+        return [answer, scores]
+    labels = len(part.estimator.classes_)
+    scores = add_probabilities(graph, scores, answer, labels, part.calibration)
+    return [answer, scores, add_novelty(graph, INPUT, part.novelty)]
+
+
+def _convert_tree(estimator: Pipeline) -> Any:
+    from skl2onnx import to_onnx
+    from skl2onnx.common.data_types import DoubleTensorType
+    from skl2onnx.helpers.onnx_helper import select_model_inputs_outputs
+    from skl2onnx.sklapi import CastTransformer
+
+    steps: list[tuple[str, Any]] = list(estimator.steps)
+    # scikit-learn's trees compare in single precision, whatever they are given.
+    steps.insert(-1, ('cast', CastTransformer(dtype=np.float32).fit(np.zeros((1, 1)))))
+    pipeline = type(estimator)(steps)
+    try:
+        model = to_onnx(
+            pipeline,
+            initial_types=[(INPUT, DoubleTensorType([None, estimator.n_features_in_]))],
+            options={id(pipeline): {'zipmap': False}},
+            target_opset=TARGET_OPSET,
+        )
+        # Only the scores: the label is the largest, by one rule for all classifiers.
+        return select_model_inputs_outputs(model, 'probabilities')
+    except Exception as error:  # skl2onnx, onnx and protobuf each have their own
+        cause = error.__cause__ or error
+        raise ModelFileError(
+            f'skl2onnx cannot convert it ({cause}): pip install "skl2onnx>=1.20"'
+        ) from error
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file at once, so that it is never half written."""
+    temporary = None
+    try:
+        with tempfile.NamedTemporaryFile(
+            dir=path.parent, prefix=f'.{path.name}.', delete=False
+        ) as file:
+            temporary = file.name
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)  # a temporary file is the owner's alone
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+        raise ModelFileError(f'cannot write model {path}: {error.strerror}') from error

@@ -1,0 +1,118 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A model file for the session of some known trials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.confidence.recalibration import SessionStatistics
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.onnx_container import replace_manifest
+from tactile_classifier.training.model_writer import replace_file
+
+STATISTICS, RECALIBRATED = 'session_statistics', 'recalibrated'
+
+
+def write_recalibrated(
+    path: str | Path, source: str | Path, tables: Mapping[int, FeatureTable]
+) -> TactileModel:
+    """Write a model with offsets and thresholds for a session; return it as loaded.
+
+    The graph stays as it is. The manifest states the model that it came from, and what the known
+    trials were.
+
+    Parameters
+    ----------
+    path, source : str or Path
+        The file to write, and the trained model.
+    tables : mapping of int to FeatureTable
+        Known trials of the session by samples: 0, the whole windows, and each of the model's
+        ``running_samples``.
+
+    Raises
+    ------
+    ModelFileError
+        When the model cannot be recalibrated, or the trials do not fit it.
+    TooFewTrialsError
+        When there are too few trials.
+    """
+    model = TactileModel.load(source)
+    manifest = recalibrate(model, tables)
+    data = replace_manifest(Path(source).read_bytes(), manifest.to_json())
+    recalibrated = TactileModel(data)
+    replace_file(Path(path), data)
+    return recalibrated
+
+
+def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Manifest:
+    """Return the manifest of the recalibrated model. See `write_recalibrated`."""
+    manifest = model.manifest
+    if RECALIBRATED in manifest.calibration:
+        raise ModelFileError(
+            f'model {model.model_id} is recalibrated: take the model that it came from, '
+            f'{manifest.calibration[RECALIBRATED].get("model_id")}'
+        )
+    if STATISTICS not in manifest.calibration:
+        raise ModelFileError(
+            f'model {model.model_id} states nothing of sessions: train it on two sessions or more'
+        )
+    entries = manifest.calibration[STATISTICS]
+    if not isinstance(entries, list) or len(entries) != len(manifest.parts):
+        raise ModelFileError('its statistics of sessions are not one entry a part')
+    table = tables[0]
+    unknown = np.setdiff1d(table.labels, model.labels)
+    if len(unknown):
+        raise ModelFileError(f'model {model.model_id} does not know the label "{unknown[0]}"')
+    offsets, parts = [], []
+    for part, entry in zip(manifest.parts, entries, strict=True):
+        known = tables[part.sample_count]
+        model.check_fits(known.spec)
+        statistics = SessionStatistics.from_dict(
+            entry, len(model.labels), len(manifest.spec.names)
+        )
+        offset, threshold = statistics.recalibrate(
+            known.values,
+            np.searchsorted(model.labels, known.labels),
+            partial(_compute_novelty, model, part.sample_count),
+        )
+        offsets.append(offset.tolist())
+        parts.append(dataclasses.replace(part, novelty_threshold=threshold))
+    stated: dict[str, Any] = {
+        'model_id': model.model_id,
+        'trials': len(table),
+        'sessions': sorted({str(name) for name in table.columns.get('session_id', [])}),
+        'labels': sorted({str(name) for name in table.labels}),
+        'sha256': table.compute_sha256(),
+        'offsets': offsets,
+    }
+    calibration = {**manifest.calibration, RECALIBRATED: stated}
+    return dataclasses.replace(manifest, parts=tuple(parts), calibration=calibration)
+
+
+def _compute_novelty(
+    model: TactileModel, sample_count: int, values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    return model.compute(values, sample_count).novelty

@@ -1,0 +1,267 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fitting a classifier to a table of features, with the manifest of its model file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import dataclasses
+import datetime
+import importlib.metadata
+from itertools import zip_longest
+import platform
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sklearn.pipeline import Pipeline
+
+from tactile_classifier.confidence.calibration import (
+    calibrate_part,
+    CalibratedPart,
+    Calibration,
+    deal,
+)
+from tactile_classifier.confidence.novelty import NoveltyMeasure
+from tactile_classifier.confidence.recalibration import SessionStatistics
+from tactile_classifier.confidence.stopping import fit_stop_threshold
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import DatasetError, TooFewTrialsError
+from tactile_classifier.estimators.classifiers import build_estimator, default_scaling, SCORE_KINDS
+from tactile_classifier.evaluation.cross_validation import Score
+from tactile_classifier.model_file.manifest import Manifest, Part, WHOLE
+from tactile_classifier.records import PROBABILITY, ROCKET
+
+LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FittedPart:
+    """What answers windows of one length.
+
+    Attributes
+    ----------
+    sample_count : int
+        Samples in the window; 0: the whole window.
+    estimator : sklearn.pipeline.Pipeline
+    values : ndarray of shape (trials, k)
+        The features that it was fitted on.
+    calibration : Calibration or None
+    novelty : NoveltyMeasure or None
+    """
+
+    sample_count: int
+    estimator: Pipeline
+    values: npt.NDArray[np.float64]
+    calibration: Calibration | None
+    novelty: NoveltyMeasure | None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trained:
+    """Fitted parts, the whole window's first, and what their model file will say of them."""
+
+    parts: tuple[FittedPart, ...]
+    manifest: Manifest
+
+    @property
+    def estimator(self) -> Pipeline:
+        """What answers whole windows."""
+        return self.parts[0].estimator
+
+
+def train(
+    table: FeatureTable,
+    classifier: str,
+    scaling: str = '',
+    *,
+    running: Mapping[int, FeatureTable] | None = None,
+    false_alarm_rate: float = 0.05,
+    stop_error_rate: float = 0.05,
+    score: Score | None = None,
+    created: datetime.datetime | None = None,
+) -> Trained:
+    """Fit a classifier to all the trials of a table, and calibrate its answers.
+
+    Thresholds and probabilities come from trials that are held out in turn, whole sessions
+    where there are several (`calibration.deal`); the classifier in the file is then fitted to
+    all trials. Too few trials: no novelty, no probabilities, and the manifest says why.
+
+    Parameters
+    ----------
+    table : FeatureTable
+        Its columns ``contact``, ``simulated`` and ``session_id``, where present, count.
+    classifier, scaling : str
+        See `build_estimator`; an empty scaling means the task's default.
+    running : mapping of int to FeatureTable, optional
+        Features of the first so many samples of the same windows, trial by trial, of which
+        the model is to give running answers.
+    false_alarm_rate : float
+        Share of windows of known labels that may be turned away as unknown [1].
+    stop_error_rate : float
+        Share of wrong answers among those given before the window is full [1].
+    score : Score, optional
+        What cross-validation said of the same classifier and scaling.
+    created : datetime, optional
+        Stated in the manifest; now when not given.
+
+    Raises
+    ------
+    DatasetError
+        When there are too few trials, one class only, or the running tables hold others.
+    ValueError
+        When a name is not known, a rate is not between 0 and 1, or the score is of another
+        classifier.
+    """
+    scaling = scaling or default_scaling(table.task, classifier)
+    if score is not None and (score.classifier, score.scaling) != (classifier, scaling):
+        raise ValueError(
+            f'the score is of {score.classifier} with scaling {score.scaling}, '
+            f'not of {classifier} with scaling {scaling}'
+        )
+    for rate in (false_alarm_rate, stop_error_rate):
+        if not 0.0 < rate < 1.0:
+            raise ValueError(f'a rate is {rate}; it must lie between 0 and 1')
+    if classifier == ROCKET and not table.is_waveform:
+        raise DatasetError(
+            f'random convolutions need a waveform, and {table.spec.feature_set} is none: take '
+            'glide_waveform, spatial_waveform or hold_waveform'
+        )
+    labels = np.unique(table.labels)
+    if len(labels) < 2:
+        raise DatasetError(f'there is one class only, "{table.labels[0]}": nothing to tell apart')
+    if len(table) < 3:
+        raise DatasetError('training needs three trials at least')
+    tables = {0: table, **dict(sorted((running or {}).items()))}
+    for count, other in tables.items():
+        if not np.array_equal(other.labels, table.labels) or table.spec.mismatch(other.spec):
+            raise DatasetError(f'the table of {count} samples is not of the same trials')
+
+    calibrated, stated, session = _calibrate(
+        list(tables.values()), classifier, scaling, false_alarm_rate
+    )
+    if running and not calibrated:
+        raise DatasetError(f'running answers need calibrated ones: {stated["reason"]}')
+    parts = [
+        FittedPart(
+            sample_count=count,
+            estimator=build_estimator(classifier, scaling, table.channels).fit(
+                part.values, part.labels
+            ),
+            values=part.values,
+            calibration=held_out.calibration if held_out else None,
+            novelty=held_out.novelty if held_out else None,
+        )
+        for (count, part), held_out in zip_longest(tables.items(), calibrated)
+    ]
+    stop_threshold = _fit_stop_threshold(calibrated[1:], stop_error_rate, session)
+    manifest = Manifest(
+        task=table.task,
+        contact=_only_contact(table),
+        spec=table.spec,
+        labels=tuple(str(label) for label in labels),
+        score_kind=PROBABILITY if calibrated else SCORE_KINDS[classifier],
+        classifier=classifier,
+        scaling=scaling,
+        simulated=bool(np.any(table.columns.get('simulated', False))),
+        training_sha256=table.compute_sha256(),
+        trials=len(table),
+        versions=_versions(),
+        cross_validation=_summary(score),
+        created=(created or datetime.datetime.now(datetime.timezone.utc)).isoformat(
+            timespec='seconds'
+        ),
+        parts=tuple(
+            Part(
+                sample_count=count,
+                novelty_threshold=held_out.novelty_threshold,
+                stop_threshold=stop_threshold if count else -1.0,
+                calibration_error_before=held_out.error_before,
+                calibration_error_after=held_out.error_after,
+                accuracy=float(1.0 - held_out.wrong.mean()),
+            )
+            for count, held_out in zip(tables, calibrated, strict=False)
+        )
+        or (WHOLE,),
+        calibration=stated,
+        false_alarm_rate=false_alarm_rate if calibrated else -1.0,
+        stop_error_rate=stop_error_rate if running else -1.0,
+    )
+    return Trained(tuple(parts), manifest)
+
+
+def _calibrate(
+    tables: list[FeatureTable], classifier: str, scaling: str, false_alarm_rate: float
+) -> tuple[list[CalibratedPart], dict[str, Any], npt.NDArray[np.intp] | None]:
+    """Return calibrated parts, the manifest's entry, and sessions; no parts, and why, if not."""
+    try:
+        dealt = deal(tables[0])
+        parts = [
+            calibrate_part(table, classifier, scaling, dealt, false_alarm_rate) for table in tables
+        ]
+    except TooFewTrialsError as error:
+        return [], {'reason': str(error)}, None
+    stated = {
+        'split': dealt.split,
+        'groups': dealt.groups,
+        'trials': len(tables[0]),
+        'session_share': dealt.session_share,
+    }
+    statistics = [
+        SessionStatistics.fit(table, dealt, part.novelty.metric, false_alarm_rate)
+        for table, part in zip(tables, parts, strict=True)
+    ]
+    if all(statistics):
+        stated['session_statistics'] = [each.to_dict() for each in statistics if each]
+    return parts, stated, dealt.session
+
+
+def _fit_stop_threshold(
+    running: list[CalibratedPart], error_rate: float, session: npt.NDArray[np.intp] | None
+) -> float:
+    """Return the stopping rule's threshold; -1, which never decides, when none is proven."""
+    if not running:
+        return -1.0
+    threshold = fit_stop_threshold(
+        np.stack([part.confidence for part in running]),
+        np.stack([part.wrong for part in running]),
+        error_rate,
+        session,
+    )
+    return -1.0 if threshold is None else threshold
+
+
+def _only_contact(table: FeatureTable) -> str:
+    contacts = np.unique(table.columns.get('contact', np.array([''])))
+    return str(contacts[0]) if len(contacts) == 1 else ''
+
+
+def _summary(score: Score | None) -> dict[str, Any]:
+    if score is None:
+        return {}
+    summary = score.to_dict()
+    return {key: summary[key] for key in ('mean', 'spread', 'spread_of', 'split')}
+
+
+def _versions() -> dict[str, str]:
+    versions = {name: _version(name) for name in LIBRARIES}
+    return {'python': platform.python_version(), **{k: v for k, v in versions.items() if v}}
+
+
+def _version(library: str) -> str:
+    try:
+        return importlib.metadata.version(library)
+    except importlib.metadata.PackageNotFoundError:
+        return ''

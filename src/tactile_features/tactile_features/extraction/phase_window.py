@@ -1,0 +1,361 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The window that belongs to one finished phase: its samples, their fitness, its features."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.feature_set import RATE_TOLERANCE, WindowSamples
+from tactile_features.measures.measured import measure_glide, measure_hold
+from tactile_features.records import (
+    FeatureWindow,
+    Measure,
+    Outcome,
+    PHASE_ABORTED,
+    PHASE_CONTACT,
+    PHASE_GLIDE,
+    STATUS_DEVICE_ERROR,
+    STATUS_SATURATED,
+    STATUS_STUCK,
+    TrialEvent,
+)
+from tactile_features.spec import spec_of
+from tactile_features.windows import SAMPLE, SampleBuffer, Samples
+
+_BAD_STATUS = {
+    STATUS_SATURATED: 'saturated',
+    STATUS_STUCK: 'stuck',
+    STATUS_DEVICE_ERROR: 'reported as faulty by the device',
+}
+
+CROP_MARGIN = 10.0
+"""How many times a stamp error must fit into the crop, for each time into the window."""
+
+_NO_SAMPLES: Samples = np.empty(0, SAMPLE)
+
+
+def _describe_unfit(pull: Samples) -> str:
+    """Return why the samples of a pull measure nothing, or an empty string."""
+    if len(pull) < 2:
+        return 'the pull into contact has no samples'
+    if pull['hole'][1:].any() or pull['interpolated'].any():
+        return 'samples of the pull into contact are missing'
+    status = int(np.bitwise_or.reduce(pull['status']))
+    faults = [text for bit, text in _BAD_STATUS.items() if status & bit]
+    return f'samples of the pull into contact are {" and ".join(faults)}' if faults else ''
+
+
+class _Cut(NamedTuple):
+    """The samples of a window.
+
+    ``after``: the sample after them, where the phase and not a count ends the window.
+    ``lead``: those from the start of the phase to the window.
+    """
+
+    samples: Samples
+    after: Any
+    lead: Samples
+
+
+class PhaseWindow:
+    """One finished glide or hold phase on its way to a window of features.
+
+    The feature set of the phase says which samples are the window: the first so many after the
+    crop at the start, which must end before the crop at the end, or all between the crops.
+
+    Stamps that are wrong by e move the window by e along its phase. For a texture window of
+    length T a share e / T of its samples is then of another part of the surface; its
+    frequencies do not change, because samples are taken by number. The slope of a hold is
+    wrong by a share of 3 e / T at most: the errors that are worst for a regression over
+    evenly spaced times are +e in one half and -e in the other. The length that is compared
+    with the nominal rate is wrong by 2 e. So e must be at most ``max_stamp_error_share``
+    of T; at 1 % the length is known within `RATE_TOLERANCE`. The crop at the start keeps out
+    what happens there only while e is small against it: `CROP_MARGIN` crops count as
+    T where they are shorter. A crop of 0 sets no limit.
+
+    Parameters
+    ----------
+    start, end : TrialEvent
+        The phase's event and the trial's next one.
+    config : FeatureConfig
+    before : TrialEvent, optional
+        The trial's event before the phase's.
+    """
+
+    def __init__(
+        self,
+        start: TrialEvent,
+        end: TrialEvent,
+        config: FeatureConfig,
+        before: TrialEvent | None = None,
+    ) -> None:
+        self.start = start
+        self._before = before
+        self.end = end
+        self._config = config
+        self._set = config.feature_set(start.phase)
+        self._spec = spec_of(self._set)
+        self._speed_m_s = start.glide_speed_m_s if self._set.needs_speed else 0.0
+        self._period_ns = round(1e9 / config.rate_hz)
+        try:
+            window = self._set.window(config.rate_hz, self._speed_m_s)
+        except FeatureError as error:
+            self._no_window = str(error)
+            self._speed_m_s = 0.0
+            return
+        self._no_window = ''
+        self._is_counted = window.sample_count > 0
+        self._wanted = window.sample_count or 2
+        if self._is_counted:
+            length_s = (self._wanted - 1) / config.rate_hz
+        else:
+            phase_s = (end.stamp_ns - start.stamp_ns) / 1e9
+            length_s = phase_s - window.crop_start_s - window.crop_end_s
+        self._from_ns = start.stamp_ns + round(window.crop_start_s * 1e9)
+        self._to_ns = end.stamp_ns - round(window.crop_end_s * 1e9)
+        self._shortest_ns = round(window.shortest_s * 1e9)
+        crops_s = CROP_MARGIN * window.crop_start_s or length_s
+        self._most_error_s = config.max_stamp_error_share * min(length_s, crops_s)
+
+    def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
+        """Return the window, or None while a sample still to come could change it."""
+        if self.end.phase == PHASE_ABORTED:
+            reason = f'the trial was aborted: {self.end.message or "no reason given"}'
+            return self.refuse(Outcome.ABORTED, reason)
+        if self._no_window:
+            return self.refuse(Outcome.UNDEFINED, self._no_window)
+        early_ns = self.start.stamp_ns - self.end.stamp_ns
+        if early_ns > 0:
+            reason = (
+                f'the end of the {self.start.phase} is stamped {early_ns / 1e9:.3f} s before its '
+                "start: the host's clock was set back"
+            )
+            return self.refuse(Outcome.BAD_TIME, reason)
+        if self._to_ns - self._from_ns < self._shortest_ns:
+            reason = (
+                f'the {self.start.phase} leaves {(self._to_ns - self._from_ns) / 1e9:.3f} s '
+                f'between its crops; the window needs {self._shortest_ns / 1e9:.3f} s'
+            )
+            return self.refuse(Outcome.TOO_SHORT, reason)
+        cut = self._cut(buffer)
+        if cut is None:
+            return None
+        window = self._refuse_evicted(buffer)
+        if window is None:
+            window = self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
+        if window.outcome != Outcome.OK or not self._config.measures:
+            return window
+        return dataclasses.replace(window, measures=self._measure(cut.samples, buffer))
+
+    def refuse(
+        self, outcome: Outcome, reason: str, samples: Samples = _NO_SAMPLES
+    ) -> FeatureWindow:
+        """Return the window without features."""
+        return self._window(outcome, reason, samples, np.empty(0))
+
+    def time_out(self) -> FeatureWindow:
+        """Return the window without features: its samples have not come in time."""
+        reason = (
+            f'no samples came within {self._config.samples_timeout_s:g} s of the end of the '
+            f'{self.start.phase}: the sensor is silent, see its diagnostics'
+        )
+        return self.refuse(Outcome.GAP, reason)
+
+    def _is_too_late(self, after: Any) -> bool:
+        """Return whether the sample after the window came later than anybody waits for it."""
+        if after is None or after['step_ns']:
+            return False
+        late_ns = int(after['latest_ns']) - self.end.stamp_ns
+        return late_ns > self._config.samples_timeout_s * 1e9
+
+    def _refuse_evicted(self, buffer: SampleBuffer) -> FeatureWindow | None:
+        if buffer.evicted_ns is None or buffer.evicted_ns < self._from_ns:
+            return None
+        reason = (
+            f'the buffer of {self._config.buffer_s:g} s no longer holds the whole window; '
+            'raise buffer_s'
+        )
+        return self.refuse(Outcome.GAP, reason)
+
+    def _first_samples(self, buffer: SampleBuffer) -> _Cut | None:
+        begin = buffer.first_at(self._from_ns)
+        end = begin + self._wanted
+        return self._slice(buffer, begin, end, None) if end <= len(buffer.samples) else None
+
+    def _slice(self, buffer: SampleBuffer, begin: int, end: int, after: Any) -> _Cut:
+        lead = buffer.samples[buffer.first_at(self.start.stamp_ns) : begin]
+        return _Cut(buffer.samples[begin:end], after, lead)
+
+    def _cut(self, buffer: SampleBuffer) -> _Cut | None:
+        if self._is_counted:
+            cut = self._first_samples(buffer)
+            if cut is not None and cut.samples['latest_ns'][-1] <= self._to_ns:
+                return cut
+        begin = buffer.first_at(self._from_ns)
+        if buffer.watermark_ns is None or buffer.watermark_ns <= self._to_ns:
+            return None
+        end = buffer.first_beyond(self._to_ns)
+        return self._slice(buffer, begin, end, buffer.samples[end])
+
+    def _assess(self, cut: _Cut) -> FeatureWindow:
+        samples = cut.samples
+        reason = self._describe_step(cut)
+        if reason:
+            return self.refuse(Outcome.BAD_TIME, reason, samples)
+        reason = self._describe_gap(cut)
+        if reason:
+            return self.refuse(Outcome.GAP, reason, samples)
+        if len(samples) < self._wanted:
+            reason = f'the {self.start.phase} gave {len(samples)} of {self._wanted} samples'
+            return self.refuse(Outcome.TOO_SHORT, reason, samples)
+        reason = self._describe_stamp_error(samples)
+        if reason:
+            return self.refuse(Outcome.BAD_TIME, reason, samples)
+        reason = self._describe_fault(samples)
+        if reason:
+            return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
+        try:
+            values = self._compute(
+                WindowSamples(
+                    samples['stamp_ns'],
+                    np.ascontiguousarray(samples['tension_n']),
+                    self._config.rate_hz,
+                    self._speed_m_s,
+                )
+            )
+        except FeatureError as error:
+            return self.refuse(Outcome.UNDEFINED, str(error), samples)
+        return self._window(Outcome.OK, '', samples, values)
+
+    def _compute(self, samples: WindowSamples) -> NDArray[np.float64]:
+        return self._set.compute(samples)
+
+    def _measure(self, samples: Samples, buffer: SampleBuffer) -> tuple[Measure, ...]:
+        if self.start.phase == PHASE_GLIDE:
+            speed_m_s = self.start.glide_speed_m_s
+            return measure_glide(samples, speed_m_s, self._config.glide_speed_uncertainty)
+        before = self._before
+        if before is None or before.phase != PHASE_CONTACT:
+            return measure_hold(samples, _NO_SAMPLES, 0.0, 'no pull into contact was seen')
+        begin = buffer.first_at(before.stamp_ns)
+        pull = buffer.samples[begin : buffer.first_beyond(self.start.stamp_ns)]
+        no_pull = _describe_unfit(pull)
+        if buffer.evicted_ns is not None and buffer.evicted_ns >= before.stamp_ns:
+            no_pull = 'the buffer no longer holds the pull into contact; raise buffer_s'
+        return measure_hold(samples, pull, before.pull_speed_m_s, no_pull)
+
+    def _describe_step(self, cut: _Cut) -> str:
+        after_ns = [] if cut.after is None else [cut.after['step_ns']]
+        steps_ns = np.concatenate([cut.lead['step_ns'], cut.samples['step_ns'], after_ns])
+        steps_ns = steps_ns[steps_ns != 0]
+        return describe_clock_step(int(steps_ns[0]), self.start.phase) if len(steps_ns) else ''
+
+    def _describe_stamp_error(self, samples: Samples) -> str:
+        known_error_s = float(samples['stamp_error_s'].max())  # an unknown error is -1
+        if known_error_s > self._most_error_s:
+            return (
+                f'the stamps may be wrong by {known_error_s:.4f} s; this window allows '
+                f'{self._most_error_s:.4f} s (max_stamp_error_share). See what delays the '
+                'samples on their way to the host'
+            )
+        if _worst_error_s(samples) < 0.0 and not self._config.accept_unknown_stamp_error:
+            return (
+                'the error of the stamps is not known; the parameter '
+                'accept_unknown_stamp_error is false'
+            )
+        return ''
+
+    def _describe_gap(self, cut: _Cut) -> str:
+        samples, after, _ = cut
+        holes = np.flatnonzero(samples['hole'][1:])
+        if len(holes):
+            before, behind = samples['sequence'][holes[0] : holes[0] + 2].tolist()
+            if behind > before + 1:
+                return (
+                    f'{behind - before - 1} samples are missing after sequence number {before}; '
+                    f'max_gap_samples allows {self._config.max_gap_samples}'
+                )
+            return f'the stream broke off and began again at sequence number {behind}'
+        # Lost around the first or the last sample: whether they belonged to the
+        # window, the nominal period tells.
+        first = samples[0] if len(samples) else after
+        if first['hole'] and first['stamp_ns'] - self._period_ns >= self._from_ns:
+            return 'samples are missing at the start of the window'
+        is_cut_short = len(samples) and after is not None and after['hole']
+        if is_cut_short and samples['stamp_ns'][-1] + self._period_ns <= self._to_ns:
+            return 'samples are missing at the end of the window'
+        return ''
+
+    def _describe_fault(self, samples: Samples) -> str:
+        status = int(np.bitwise_or.reduce(samples['status']))
+        faults = [text for bit, text in _BAD_STATUS.items() if status & bit]
+        if faults:
+            return f'samples in the window are {" and ".join(faults)}'
+        if not np.isfinite(samples['tension_n']).all():
+            return 'samples in the window are not finite'
+        span_ns = int(samples['stamp_ns'][-1]) - int(samples['stamp_ns'][0])
+        nominal_ns = (len(samples) - 1) * self._period_ns
+        # Either end may be off by a period where stamps are times of arrival.
+        if abs(span_ns - nominal_ns) > RATE_TOLERANCE * nominal_ns + 2 * self._period_ns:
+            return (
+                f'the window of {len(samples)} samples lasts {span_ns / 1e9:.3f} s instead of '
+                f'{nominal_ns / 1e9:.3f} s; rate_hz must be the rate of the sensor'
+            )
+        return ''
+
+    def _window(
+        self, outcome: Outcome, reason: str, samples: Samples, values: NDArray[np.float64]
+    ) -> FeatureWindow:
+        found = len(samples) > 0
+        return FeatureWindow(
+            feature_set=self._spec.feature_set,
+            feature_set_version=self._spec.version,
+            trial_id=self.start.trial_id,
+            contact=self.start.contact,
+            simulated=self.start.simulated,
+            outcome=outcome,
+            reason=reason,
+            values=values,
+            window_start_ns=int(samples['stamp_ns'][0]) if found else self.start.stamp_ns,
+            window_end_ns=int(samples['stamp_ns'][-1]) if found else self.end.stamp_ns,
+            first_sequence=int(samples['sequence'][0]) if found else 0,
+            rate_hz=self._spec.rate_hz,
+            sample_count=len(samples),
+            interpolated_count=int(np.count_nonzero(samples['interpolated'])),
+            status=int(np.bitwise_or.reduce(samples['status'])),
+            frame_id=self._config.frame_id,
+            speed_m_s=self._speed_m_s,
+            specification_digest=self._spec.digest,
+            stamp_error_s=_worst_error_s(samples),
+        )
+
+
+def describe_clock_step(step_ns: int, phase: str) -> str:
+    """Return the sentence that refuses a window across a step of the host's clock."""
+    way = 'forward' if step_ns > 0 else 'back'
+    return f"the host's clock was set {way} by {abs(step_ns) / 1e9:.3f} s during the {phase}"
+
+
+def _worst_error_s(samples: Samples) -> float:
+    """Return the largest bound on the error of the stamps [s], -1 when one is not known."""
+    errors_s = samples['stamp_error_s']
+    return float(errors_s.max()) if len(errors_s) and errors_s.min() >= 0.0 else -1.0

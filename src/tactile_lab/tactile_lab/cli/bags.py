@@ -1,0 +1,74 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Arguments and help of the commands on bags; the work is in `tactile_lab.commands`.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tactile_lab.cli.options import JsonOption, refusals
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help='The recording.')],
+    models: Annotated[
+        Path | None,
+        typer.Option(help='Folder with the model files. Default: where the recording found them.'),
+    ] = None,
+    nodes: Annotated[
+        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
+    ] = True,
+    times: Annotated[
+        int, typer.Option(min=1, max=100_000, help='How often; ends at the first difference.')
+    ] = 1,
+    json_output: JsonOption = False,
+) -> None:
+    """Run a recording through features and classification again, and compare.
+
+    Prints *equal*, or the first difference from what was recorded; exits with 1 when
+    there is one. Then says whether samples of the recording are missing, doubled or out of
+    order.
+    """
+    with refusals():
+        from tactile_lab.commands.replay import run_replay
+
+        equal = run_replay(bag, models, through_nodes=nodes, times=times, as_json=json_output)
+    raise typer.Exit(0 if equal else 1)
+
+
+def repair(
+    bag: Annotated[Path, typer.Argument(help='The bag that was never closed.')],
+    output: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder of the copy; must not exist yet.')
+    ],
+    json_output: JsonOption = False,
+) -> None:
+    """Write a closed copy of a bag whose recorder was killed.
+
+    Every other command reads such a bag as it is, and says so. The copy is for programs that
+    need the index at its end, and for keeping; it holds the same messages, byte for byte, and
+    notes what it was made from. The bag itself is not touched. Exits with 1 when the bag is
+    damaged in its middle: the copy ends there.
+    """
+    with refusals():
+        from tactile_lab.commands.repair import run_repair
+
+        whole = run_repair(bag, output, as_json=json_output)
+    raise typer.Exit(0 if whole else 1)

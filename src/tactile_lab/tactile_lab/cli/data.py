@@ -1,0 +1,410 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Arguments and help of the commands on recordings; the work is in `tactile_lab.commands`.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tactile_lab.cli.options import (
+    Classifier,
+    Contact,
+    Design,
+    DetrendOption,
+    JsonOption,
+    Protocol,
+    refusals,
+    Scaling,
+    SeedOption,
+    SimulatedProtocol,
+)
+
+
+def simulate(
+    protocol: Annotated[SimulatedProtocol, typer.Argument(help='Which kind of trial.')],
+    output: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
+    contact: Annotated[
+        list[Contact] | None,
+        typer.Option(help='How the finger touches; give it twice for both. Default: both.'),
+    ] = None,
+    trials: Annotated[
+        int,
+        typer.Option(min=1, max=100_000, help='Trials on each plate or object in each session.'),
+    ] = 60,
+    sessions: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=1000,
+            help='How often the rig is set up anew: trials of one session share its finger and '
+            'temperature.',
+        ),
+    ] = 1,
+    design: Annotated[
+        Design,
+        typer.Option(
+            help='crossed: the plate or object is fixed anew before each trial. as-published: '
+            'once, for all its trials, in one session: label and mounting coincide.'
+        ),
+    ] = Design.crossed,
+    speed: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=1,
+            max=200,
+            help='Sliding speed over the plate in mm/s; give it several times for a bag of each. '
+            'Default: 15.',
+        ),
+    ] = None,
+    seed: SeedOption = 1,
+    description: Annotated[
+        Path | None,
+        typer.Option(
+            help='Folder with your own finger, rig, plates or objects: YAML files laid over '
+            'those of the package.'
+        ),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option(help='How many processes simulate; -1: one for each core.')
+    ] = -1,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help='Draw one of the trials into this PNG file.'),
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Make bags of **simulated** trials, without waiting in real time.
+
+    One bag for each kind of contact, with plates or objects times sessions times trials in
+    it. The bags hold the same messages as live recordings, marked as simulated. The same
+    seed gives the same bytes, whatever the number of processes.
+
+    Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
+    the bag up to that time, end as aborted, and give no features. **slip** trials, in which
+    the object is pulled sideways, are only simulated: no rig can run them, and there are no
+    slip features yet. Their bag says when each object truly began to slip.
+    """
+    with refusals():
+        from tactile_lab.commands.simulate import run_simulate, SimulateRequest
+
+        complete = run_simulate(
+            SimulateRequest(
+                protocol=protocol.value,
+                contacts=tuple(dict.fromkeys(c.value for c in contact or list(Contact))),
+                trials_per_label=trials,
+                sessions=sessions,
+                design=design.value,
+                seed=seed,
+                folder=output,
+                description=description,
+                jobs=jobs,
+                plot=plot,
+                speeds_m_s=tuple(mm_s / 1e3 for mm_s in dict.fromkeys(speed or ())),
+            ),
+            as_json=json_output,
+        )
+    raise typer.Exit(0 if complete else 3)
+
+
+def train(
+    bags: Annotated[list[Path], typer.Argument(help='Bags with labelled trials.')],
+    output: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder to write the model files into.')
+    ],
+    classifier: Annotated[
+        Classifier, typer.Option(help='Which one goes into the model file.')
+    ] = Classifier.knn,
+    scaling: Annotated[
+        Scaling | None,
+        typer.Option(
+            help='Scaling in the model file. Default: none for texture, whose features share '
+            'one unit; standard for stiffness, whose features do not.'
+        ),
+    ] = None,
+    false_alarms: Annotated[
+        float,
+        typer.Option(
+            min=0.001,
+            max=0.5,
+            help='Share of trials on known things that the model may call unknown; it finds its '
+            'threshold on trials held out.',
+        ),
+    ] = 0.05,
+    running: Annotated[
+        str | None,
+        typer.Option(
+            help='Texture: answer also after so many seconds of the window, as in '
+            '--running 0.5,1,1.5,2,2.5.'
+        ),
+    ] = None,
+    stop_error: Annotated[
+        float,
+        typer.Option(
+            min=0.001,
+            max=0.5,
+            help='Share of wrong answers among those that are decided before the window is full.',
+        ),
+    ] = 0.05,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            help='Texture: features over this stretch of surface instead of over time, for any '
+            'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+        ),
+    ] = None,
+    detrend: DetrendOption = None,
+    recalibrate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar='MODEL',
+            help='Train nothing: write this model for the session of the bags, which hold five '
+            'or more of its trials with known labels. Threshold and features are corrected.',
+        ),
+    ] = None,
+    features: Annotated[
+        str | None,
+        typer.Option(
+            help='Sets of features instead of the recorded ones, as in --features '
+            'glide_waveform,hold_waveform; the classifier rocket needs these. With auto, set and '
+            'classifier are chosen inside the folds.'
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option('--force', help='Replace model files of an earlier training.')
+    ] = False,
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
+    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
+    seed: SeedOption = 0,
+    json_output: JsonOption = False,
+) -> None:
+    """Fit the four classifiers, cross-validate them, write a model file.
+
+    Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
+    classifiers with and without scaling. One ONNX file is written for each task and
+    kind of contact that the bags hold. Its scores are calibrated probabilities, and it
+    says *unknown* to what is unlike all training trials. Nothing is written over
+    files of an earlier training without --force.
+    """
+    with refusals():
+        from tactile_lab.commands.train import run_recalibrate, run_train, TrainRequest
+
+        if recalibrate is not None:
+            run_recalibrate(recalibrate, bags, output, force=force, as_json=json_output)
+            return
+        run_train(
+            bags,
+            TrainRequest(
+                folder=output,
+                classifier=classifier.value,
+                scaling=scaling.value if scaling else None,
+                cross_validation={
+                    'folds': folds,
+                    'repetitions': repetitions,
+                    'random_state': seed,
+                },
+                false_alarm_rate=false_alarms,
+                running=running,
+                stop_error_rate=stop_error,
+                force=force,
+                over=over,
+                detrend=detrend.value if detrend else None,
+                features=features,
+            ),
+            as_json=json_output,
+        )
+
+
+def robustness(
+    report: Annotated[
+        Path,
+        typer.Option('--report', '-o', help='Report to write: a folder, or an HTML file.'),
+    ],
+    contact: Annotated[Contact, typer.Option(help='How the finger touches.')] = Contact.flexion,
+    description: Annotated[
+        Path | None,
+        typer.Option(
+            help='Folder with your own finger, rig, plates or objects: YAML files laid over '
+            'those of the package.'
+        ),
+    ] = None,
+    seed: SeedOption = 1,
+    jobs: Annotated[
+        int, typer.Option(help='How many processes simulate; -1: one for each core.')
+    ] = -1,
+    json_output: JsonOption = False,
+) -> None:
+    """Find out on **simulated** trials how good sensor and rig must be.
+
+    Noise, drift, lost samples, jitter, glide speed, contact depth and sample rate are made
+    worse one at a time: accuracy of a model that was trained under good conditions, and of
+    one that was trained under the bad ones. Takes about a minute at most.
+    """
+    with refusals():
+        from tactile_lab.commands.robustness import run_robustness
+
+        run_robustness(
+            report,
+            contact=contact.value,
+            description=description,
+            seed=seed,
+            jobs=jobs,
+            as_json=json_output,
+        )
+
+
+def evaluate(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help='One labelled-trials archive (.npz), or bags with labelled trials.'),
+    ],
+    task: Annotated[
+        Protocol | None,
+        typer.Option(help='Which features to compute. Needed for an archive.'),
+    ] = None,
+    channel: Annotated[
+        str | None,
+        typer.Option(help='Channel of the archive, "mean" of all, or "all"; default: 0.'),
+    ] = None,
+    where: Annotated[
+        str | None,
+        typer.Option(
+            help='Only trials of which a column of the archive is true, as in --where balanced, '
+            'or has a value, as in --where direction=1.'
+        ),
+    ] = None,
+    train_where: Annotated[
+        str | None,
+        typer.Option(
+            help='Train on these trials and test on those of --test-where, beside random folds '
+            'over both. A column that is true, or COLUMN=VALUE, as for --where; bags too.'
+        ),
+    ] = None,
+    test_where: Annotated[
+        str | None, typer.Option(help='Trials to test on; see --train-where.')
+    ] = None,
+    crop: Annotated[
+        str | None,
+        typer.Option(
+            '--crop',
+            '--static-phase',
+            help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
+            'Default: all of it.',
+        ),
+    ] = None,
+    resample_hz: Annotated[
+        float | None,
+        typer.Option(
+            help='Resample the archive to this rate first, with a low-pass against aliasing.'
+        ),
+    ] = None,
+    skip_bad: Annotated[
+        bool,
+        typer.Option(
+            '--skip-bad',
+            help='Leave out trials of the archive that cannot be used, and list them: values '
+            'that are not finite, too short, no features.',
+        ),
+    ] = False,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            help='Texture: features over this stretch of surface instead of over time, for any '
+            'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+        ),
+    ] = None,
+    detrend: DetrendOption = None,
+    speed_column: Annotated[
+        str | None,
+        typer.Option(
+            help='Column of the archive with the sliding speeds, for --over; its name ends in '
+            'the unit, _mm_s or _m_s. A bag states them itself.'
+        ),
+    ] = None,
+    group: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Beside random folds, hold out each group of trials that agree in this column, '
+            'in turn; several columns with commas between them: that agree in all. May be given '
+            'several times. Default for bags: session_id, or trial_block (a sixth of a session) '
+            'where there is one session only.'
+        ),
+    ] = None,
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
+    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
+    features: Annotated[
+        str | None,
+        typer.Option(
+            help='Only these features, separated by commas, as in --features slope,correlation; '
+            'or a set of features, as in --features glide_waveform.'
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            help='Write a report with figures: a folder, or an HTML file, which needs no other.'
+        ),
+    ] = None,
+    answers: Annotated[
+        bool,
+        typer.Option(
+            '--answers',
+            help='Also what a model says besides a label: "I don\'t know" with each label left '
+            'out in turn, calibration of probabilities; from bags also answers while the finger '
+            'glides, and physical measures. Takes about half a minute more for each set of '
+            'texture trials.',
+        ),
+    ] = False,
+    seed: SeedOption = 0,
+    json_output: JsonOption = False,
+) -> None:
+    """Cross-validate the four classifiers on recordings, and write a report.
+
+    On your own trials, real or simulated: the same features as the live node, every
+    classifier with and without scaling, and the split stated beside each number. Random
+    folds, and beside them whole groups held out, such as sessions; learning curves; what
+    choosing features brings. The report has the paper's figures, made of your trials.
+    """
+    with refusals():
+        from tactile_lab.commands.evaluate import EvaluateRequest, run_evaluate
+
+        run_evaluate(
+            EvaluateRequest(
+                recordings=tuple(recordings),
+                task=task.value if task else None,
+                channel=channel,
+                where=where,
+                train_where=train_where,
+                test_where=test_where,
+                crop=crop,
+                resample_hz=resample_hz,
+                skip_bad=skip_bad,
+                groups=tuple(group or ()),
+                folds=folds,
+                repetitions=repetitions,
+                features=features,
+                seed=seed,
+                report=report,
+                over=over,
+                detrend=detrend.value if detrend else None,
+                speed_column=speed_column,
+                answers=answers,
+            ),
+            as_json=json_output,
+        )

@@ -1,0 +1,92 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ``tactile`` command.
+
+Imports of the work are inside the functions: ``--help`` must not wait for ROS.
+"""
+
+from collections.abc import Callable
+import functools
+import os
+import sys
+from typing import Any
+
+import typer
+
+from tactile_lab.cli.bags import repair, replay
+from tactile_lab.cli.data import evaluate, robustness, simulate, train
+from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
+from tactile_ros.programs.signals import held_signals
+from tactile_ros.programs.transports import choose_transports
+
+app = typer.Typer(
+    name='tactile',
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode='markdown',
+    pretty_exceptions_enable=False,
+    context_settings={'help_option_names': ['-h', '--help']},
+    help='Touch through the tendon of a soft robotic finger: texture and stiffness from one '
+    'tension signal.',
+)
+
+UNTIL_A_SIGNAL = (rig, sense, hand)
+"""These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
+
+
+def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
+    @functools.wraps(command)
+    def run(*arguments: Any, **options: Any) -> None:
+        signals = held_signals()
+        if signals is None:  # this process is another's, such as a test's
+            command(*arguments, **options)
+            return
+        try:
+            with signals.raising():
+                command(*arguments, **options)
+        except KeyboardInterrupt:
+            raise typer.Exit(128 + signals.received) from None  # as shells say it
+
+    return run
+
+
+for command in (
+    demo,
+    simulate,
+    train,
+    evaluate,
+    robustness,
+    replay,
+    repair,
+    trials,
+    rig,
+    sense,
+    hand,
+    devices,
+    check,
+):
+    app.command()(command if command in UNTIL_A_SIGNAL else _interruptible(command))
+
+
+def main() -> int:
+    """Run the command that the arguments name."""
+    # Nobody else on the network moves our rig, nor hears it, unless the environment says so.
+    os.environ.update(choose_transports(os.environ, 'LOCALHOST'))
+    try:
+        app()
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+    return 0

@@ -1,0 +1,187 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Options that several commands share, and how a refusal is printed.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+JsonOption = Annotated[
+    bool, typer.Option('--json', help='Print the result as JSON on standard output.')
+]
+SeedOption = Annotated[
+    int,
+    typer.Option(
+        min=0, max=2**32 - 1, help='Seed of everything random: the same seed, the same numbers.'
+    ),
+]
+GuideOption = Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')]
+TendonOption = Annotated[str, typer.Option(help='Serial port of the Dynamixel.')]
+SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
+SimulatedOption = Annotated[
+    bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
+]
+ModelsOption = Annotated[
+    Path | None,
+    typer.Option(
+        help='Folder with model files, as `tactile train` writes them, or one file. Features are '
+        'computed as they want them, unless `--params` says otherwise.'
+    ),
+]
+ModelOption = Annotated[
+    Path | None,
+    typer.Option(
+        help='Model file, or folder of them, as `tactile train` writes them. Features are '
+        'computed as they want them, unless `--params` says otherwise.'
+    ),
+]
+NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
+RecordOption = Annotated[
+    Path | None, typer.Option(help='Record into this bag; must not exist yet.')
+]
+ParamsOption = Annotated[
+    Path | None, typer.Option(help='YAML file with ROS parameters for the nodes.')
+]
+
+
+class Detrend(str, Enum):
+    """What is subtracted before the Fourier transform."""
+
+    none = 'none'
+    mean = 'mean'
+    linear = 'linear'
+
+
+DetrendOption = Annotated[
+    Detrend | None,
+    typer.Option(
+        help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
+        'the paper, or the least-squares line. Default: as recorded; for an archive as the '
+        'features node does.'
+    ),
+]
+
+
+class Protocol(str, Enum):
+    """The two kinds of trial."""
+
+    texture = 'texture'
+    stiffness = 'stiffness'
+
+
+class SimulatedProtocol(str, Enum):
+    """What the simulator can do."""
+
+    texture = 'texture'
+    stiffness = 'stiffness'
+    slip = 'slip'
+
+
+class Design(str, Enum):
+    """How mountings and sessions are laid over the trials."""
+
+    crossed = 'crossed'
+    as_published = 'as-published'
+
+
+class Contact(str, Enum):
+    """How the finger touches."""
+
+    flexion = 'flexion'
+    abduction = 'abduction'
+
+
+class Phases(str, Enum):
+    """Who says when a glide or a hold begins and ends."""
+
+    stated = 'stated'
+    texture = 'texture'
+    stiffness = 'stiffness'
+
+
+PhasesOption = Annotated[
+    Phases,
+    typer.Option(
+        help='When a glide or a hold begins and ends: stated by trial events, or found in the '
+        'tension, for the kind of contact that is named.'
+    ),
+]
+
+
+class DetectedContact(str, Enum):
+    """How the finger touches, if known."""
+
+    unknown = ''
+    flexion = 'flexion'
+    abduction = 'abduction'
+
+
+DetectedContactOption = Annotated[
+    DetectedContact,
+    typer.Option(
+        '--contact',
+        help='How the finger touches, where phases are found in the tension. Default: not known.',
+        show_default=False,
+    ),
+]
+
+
+SlipOption = Annotated[
+    bool,
+    typer.Option(
+        '--slip', help='Also run the slip detector: it says when a held object begins to slide.'
+    ),
+]
+
+
+class Classifier(str, Enum):
+    """The paper's four, and random convolutions of a waveform."""
+
+    knn = 'knn'
+    svm_linear = 'svm_linear'
+    svm_rbf = 'svm_rbf'
+    tree = 'tree'
+    rocket = 'rocket'
+
+
+class Scaling(str, Enum):
+    """What is done to the features before the classifier sees them."""
+
+    standard = 'standard'
+    none = 'none'
+
+
+@contextmanager
+def refusals() -> Iterator[None]:
+    """Turn the errors that we raise on purpose into one sentence and exit code 2."""
+    from tactile_bringup.trial_protocols import ProtocolError
+    from tactile_classifier.errors import ClassifierError
+    from tactile_features.errors import FeatureError
+    from tactile_ros.errors import TactileError
+    from tactile_sim.errors import TactileSimError
+
+    try:
+        yield
+    except (TactileError, ProtocolError, ClassifierError, FeatureError, TactileSimError) as error:
+        typer.echo(f'tactile: {error}', err=True)
+        raise typer.Exit(2) from error

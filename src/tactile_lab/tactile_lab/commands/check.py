@@ -1,0 +1,146 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile check`: exercise each device and say what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.markup import escape
+from rich.table import Table
+
+from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig import open_ports, PortArguments
+from tactile_lab.devices.device_checks import (
+    check_guide,
+    check_sensor,
+    check_tendon,
+    CheckReport,
+)
+from tactile_ros.errors import TactileError
+from tendon_sensor_driver.records import TendonSensorConfig
+
+_NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
+_Config = TypeVar('_Config')
+
+
+@dataclass(frozen=True)
+class CheckRequest:
+    """The arguments of `tactile check`; see its ``--help``."""
+
+    ports: PortArguments
+    params: Path | None
+    namespace: str
+    seconds: float
+    may_move: bool
+
+
+def run_check(request: CheckRequest, *, as_json: bool) -> bool:
+    """Check each configured device; return whether nothing is wrong.
+
+    Raises
+    ------
+    TactileError
+        When no device is named, or the parameters do not fit.
+    """
+    output = Output(as_json)
+    if request.ports.simulated:
+        output.say('SIMULATED rig: no number is a measurement.')
+    with ExitStack() as stack:
+        reports = []
+        for check in _plan_checks(request, stack):
+            reports.append(check())
+            output.say(_as_table(reports[-1]))
+    is_fit = not any(report.problems for report in reports)
+    output.say('All fit.' if is_fit else 'Not fit for trials.')
+    output.result(
+        {
+            'simulated': request.ports.simulated,
+            'fit': is_fit,
+            'devices': [dataclasses.asdict(report) for report in reports],
+        }
+    )
+    return is_fit
+
+
+def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], CheckReport]]:
+    """Return the check of each device that is configured."""
+    parameters = {}
+    if request.params:
+        parameters = read_parameters(
+            request.params, _NODES.values(), request.namespace, others_allowed=True
+        )
+    given = {name: getattr(request.ports, name) for name in _NODES}
+    if request.ports.simulated:
+        ports, _ = open_ports(request.ports, stack)
+        given = {name: getattr(ports, name) for name in _NODES}
+    wanted = {name: parameters.get(node, {}) for name, node in _NODES.items()}
+    wanted = {
+        name: {**of_node, **({'port': given[name]} if given[name] else {})}
+        for name, of_node in wanted.items()
+    }
+    # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
+    named = [
+        name
+        for name, of_node in wanted.items()
+        if 'port' in of_node or of_node.get('sensor') == 'net_ft'
+    ]
+    if not named:
+        raise TactileError(
+            'name what to check: --sensor, --guide or --tendon with a port, --params with a file '
+            'that names ports, or --simulated; "tactile devices" lists what is plugged in'
+        )
+    checks: dict[str, Callable[[], CheckReport]] = {}
+    if 'sensor' in named:
+        sensor = _make_config(TendonSensorConfig, 'tendon_sensor', wanted['sensor'])
+        checks['sensor'] = lambda: check_sensor(sensor, request.seconds)
+    if 'guide' in named:
+        guide = _make_config(LinearGuideConfig, 'linear_guide', wanted['guide'])
+        checks['guide'] = lambda: check_guide(guide, request.may_move)
+    if 'tendon' in named:
+        tendon = _make_config(TendonActuatorConfig, 'tendon_actuator', wanted['tendon'])
+        checks['tendon'] = lambda: check_tendon(tendon, request.may_move)
+    return list(checks.values())
+
+
+def _make_config(kind: type[_Config], node: str, parameters: Mapping[str, Any]) -> _Config:
+    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    try:
+        # Parameters of ROS itself, QoS overrides for one, are none of the driver's.
+        return kind(**{name: value for name, value in parameters.items() if name in known})
+    except (TypeError, ValueError) as error:
+        raise TactileError(f'parameters of {node}: {error}') from error
+
+
+def _as_table(report: CheckReport) -> Table:
+    table = Table(
+        title=escape(f'{report.device} on {report.link}'), title_justify='left', show_header=False
+    )
+    for name, value in report.facts.items():
+        table.add_row(escape(name), escape(str(value)))
+    for problem in report.problems:
+        table.add_row('[red]WRONG', escape(problem.what))
+        if problem.remedy:
+            table.add_row('remedy', escape(problem.remedy))
+    if not report.problems:
+        table.add_row('[green]fit for trials', 'yes')
+    return table

@@ -1,0 +1,85 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile devices`: what is plugged in and recognised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from rich.markup import escape
+from rich.table import Table
+
+from tactile_lab.commands.output import Output
+from tactile_lab.devices.device_probe import (
+    find_names,
+    find_ports,
+    FoundDevice,
+    probe_net_ft,
+    probe_ports,
+)
+
+
+def run_devices(
+    ports: Sequence[str],
+    hosts: Sequence[str],
+    *,
+    listen_s: float,
+    is_quiet: bool,
+    as_json: bool,
+) -> None:
+    """Print what is found on serial ports and at the addresses of Net F/T boxes.
+
+    Parameters
+    ----------
+    ports : sequence of str
+        Ask these only; empty: all of the computer, unless there are hosts.
+    hosts : sequence of str
+        Addresses of Net F/T boxes.
+    listen_s : float
+        How long to wait for a line that speaks by itself [s].
+    is_quiet : bool
+        Send nothing to serial ports.
+    as_json : bool
+    """
+    output = Output(as_json)
+    known = {port.port: port for port in find_ports()}
+    wanted = [known.get(port, FoundDevice(port, names=find_names(port))) for port in ports]
+    if not ports and not hosts:
+        wanted = list(known.values())
+    found = probe_ports(wanted, listen_s=listen_s, is_quiet=is_quiet)
+    found += [probe_net_ft(host) for host in hosts]
+    if found:
+        output.say(_as_table(found))
+    else:
+        output.say(
+            'No serial port is there. Check cables and power; adapters show up in the output of '
+            '"dmesg". A Net F/T is asked at its address: --net-ft 192.168.1.1'
+        )
+    output.result({'devices': [asdict(device) for device in found]})
+
+
+def _as_table(found: Sequence[FoundDevice]) -> Table:
+    table = Table('port', 'device', 'what is there', 'parameters', 'other names')
+    for device in found:
+        cells = (
+            device.port,
+            device.device or '-',
+            '\n'.join(filter(None, (device.what, device.usb))),
+            '\n'.join(f'{name}: {value}' for name, value in device.parameters.items()),
+            '\n'.join(device.names),
+        )
+        table.add_row(*map(escape, cells))
+    return table

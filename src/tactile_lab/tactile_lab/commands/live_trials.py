@@ -1,0 +1,201 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trials run one after the other on a rig, recorded, and classified where models are at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+import time
+from typing import Any
+
+from tactile_bags.auditing.audit import Audit
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import (
+    feature_parameters_of,
+    Ports,
+    recorder_node,
+    rig_graph,
+)
+from tactile_bringup.wiring.model_folder import find_models, models_for
+from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.replay import print_audits
+from tactile_ros.errors import TactileError
+from tactile_sim.rig_process import SimulatedRig
+
+
+@dataclass(frozen=True)
+class LiveTrial:
+    """One live trial: what was asked, and what was answered where a classifier listens.
+
+    ``audit`` says whether its recording holds every sample.
+    """
+
+    request: TrialRequest
+    answer: ClassificationResult | None
+    audit: Audit | None = None
+
+    @property
+    def is_right(self) -> bool:
+        return self.answer is not None and self.answer.label == self.request.object_label
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        request, answer = self.request, self.answer
+        return {
+            'trial_id': request.trial_id,
+            'session_id': request.session_id,
+            'mounting_id': request.mounting_id,
+            'protocol': request.protocol,
+            'contact': request.contact,
+            'object_label': request.object_label,
+            'answer': answer.label if answer else '',
+            'reason': answer.reason if answer else 'no classifier for this task and contact',
+            'right': self.is_right,
+            'model_id': answer.model_id if answer else '',
+            'audit': self.audit.to_dict() if self.audit else None,
+        }
+
+
+@dataclass(frozen=True)
+class LiveSetup:
+    """A rig to run trials on.
+
+    Attributes
+    ----------
+    ports : Ports
+    bag : pathlib.Path
+        Where to record; must not exist yet.
+    models : pathlib.Path or None
+        Folder of the model files; None runs without classifiers.
+    parameters : mapping
+        ROS parameters by node name.
+    simulated : bool
+    domain_id : int or None
+        ROS domain; None takes the environment's.
+    """
+
+    ports: Ports
+    bag: Path
+    models: Path | None
+    simulated: bool
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    domain_id: int | None = None
+
+
+def run_live_trials(
+    setup: LiveSetup,
+    requests: Sequence[TrialRequest],
+    output: Output,
+    *,
+    hand: SimulatedRig | None,
+) -> list[LiveTrial]:
+    """Home the guide, run the trials, record them; print a line for each.
+
+    A trial that fails is said and run once more; one that fails again ends the session.
+
+    Parameters
+    ----------
+    setup : LiveSetup
+    requests : sequence of TrialRequest
+        Each with a trial id of its own.
+    output : Output
+    hand : SimulatedRig or None
+        Puts what each request names under the simulated finger; on a real rig that is
+        the experimenter's part.
+
+    Raises
+    ------
+    TactileError
+        When a node cannot be started, a topic has no publisher, a trial fails twice, or the
+        recording has failed: no trial is run that would not be recorded.
+    """
+    models = find_models(setup.models) if setup.models else {}
+    graph = rig_graph(setup.ports, models, setup.parameters, simulated=setup.simulated)
+    graph.append(
+        recorder_node(
+            setup.bag,
+            setup.models,
+            tuple(models),
+            feature_parameters_of(graph),
+            simulated=setup.simulated,
+        )
+    )
+    live: list[LiveTrial] = []
+    with ros_context(setup.domain_id) as context:
+        operator = OperatorNode(tuple(models), context)
+        with running_graph(graph, context, others=[operator], quiet=True) as nodes:
+            recorder = nodes['bag_recorder']
+            operator.trial_config = nodes['trial_runner'].config
+            wait_until_matched(recorder)
+            operator.home_guide()
+            for request in requests:
+                if hand is not None:
+                    hand.mount(request.protocol, request.object_label, request.contact)
+                check_recording(recorder)
+                done = run_with_second_try(operator, request, output)
+                check_recording(recorder)
+                listens = models_for(models, request.protocol, request.contact)
+                answer = operator.wait_for_answer(done.trial_id) if listens else None
+                live.append(LiveTrial(done, answer))
+                output.say(describe_trial(live[-1]))
+    print_audits(recorder.audits, output)
+    audits = {audit.trial_id: audit for audit in recorder.audits}
+    return [replace(trial, audit=audits.get(trial.request.trial_id)) for trial in live]
+
+
+def run_with_second_try(
+    operator: OperatorNode, request: TrialRequest, output: Output
+) -> TrialRequest:
+    """Run a trial, once more if it fails; return the request that succeeded."""
+    try:
+        operator.run_trial(request)
+    except TactileError as error:
+        output.say(f'   {error}; once more')
+        request = replace(request, trial_id=f'{request.trial_id}-again')
+        operator.run_trial(request)
+    return request
+
+
+def wait_until_matched(recorder: Any) -> None:
+    """Wait until every recorded topic has its publisher."""
+    deadline = time.monotonic() + recorder.config.match_timeout_s
+    while missing := recorder.unmatched_topics():
+        if time.monotonic() > deadline:
+            raise TactileError(f'no publisher on {", ".join(missing)}; not recording without it')
+        time.sleep(0.02)
+
+
+def check_recording(recorder: Any) -> None:
+    """Raise `TactileError` when the recording has failed: a trial without it is worthless."""
+    if recorder.has_failed:
+        raise TactileError(recorder.failure)
+
+
+def describe_trial(trial: LiveTrial) -> str:
+    """Return one line: what was under the finger, what the classifier said."""
+    request, answer = trial.request, trial.answer
+    what = f'   {request.protocol:9} {request.contact:9} true {request.object_label:13}'
+    if answer is None:
+        return f'{what} recorded'
+    if answer.outcome != Outcome.LABEL:
+        return f'{what} no answer: {answer.reason}'
+    verdict = '[green]right[/green]' if trial.is_right else '[red]wrong[/red]'
+    score = f'{max(answer.scores):.2f} {answer.score_kind}'
+    return f'{what} says {answer.label:13} ({score}) {verdict}'

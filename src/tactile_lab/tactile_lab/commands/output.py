@@ -1,0 +1,79 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How commands talk: tables and progress for people, JSON for machines.
+
+With ``--json`` standard output carries one JSON document and nothing else;
+progress always goes to standard error.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from tactile_ros.errors import TactileError
+
+
+class Output:
+    """The terminal of one command.
+
+    Parameters
+    ----------
+    as_json : bool
+        Whether the result is wanted as JSON.
+    """
+
+    def __init__(self, as_json: bool) -> None:
+        self.as_json = as_json
+        self._err = Console(stderr=True)
+        self._out = self._err if as_json else Console()
+
+    def say(self, text: Any = '') -> None:
+        """Print a line or a table for people."""
+        self._out.print(text, highlight=False, soft_wrap=isinstance(text, str))
+
+    def result(self, document: dict[str, Any]) -> None:
+        """Print the result's JSON, when it is wanted."""
+        if self.as_json:
+            print(json.dumps(document, indent=1, allow_nan=False))  # noqa: T201
+
+    def progress(self) -> Progress:
+        """Return a progress bar that disappears when it is done."""
+        return Progress(
+            TextColumn('{task.description}'),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=self._err,
+            transient=True,
+        )
+
+
+def make_output_folder(folder: Path) -> None:
+    """Make a folder for results, before the work that fills it.
+
+    Raises
+    ------
+    TactileError
+        When it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TactileError(f'cannot make the folder {folder}: {error.strerror}') from error

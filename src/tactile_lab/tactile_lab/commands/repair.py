@@ -1,0 +1,39 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile repair`: a closed copy of a bag whose recorder was killed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tactile_bags.auditing.audit import audit_bag, summarise_audits
+from tactile_bags.bag_repair import repair_bag
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.replay import print_audits
+
+
+def run_repair(source: Path, target: Path, *, as_json: bool) -> bool:
+    """Repair a bag, print what came of it, return whether all of it could be read."""
+    output = Output(as_json)
+    repair = repair_bag(source, target)
+    if not repair.recovered:
+        output.say(f'{source} was closed in order; a copy was made all the same')
+    if repair.damage:
+        output.say(f'{repair.damage}; the copy ends there')
+    audits = audit_bag(target)
+    output.say(f'{target}: {repair.message_count} messages')
+    print_audits(audits, output)
+    output.result({'bag': str(target), **repair.to_dict(), 'audit': summarise_audits(audits)})
+    return not repair.damage

@@ -1,0 +1,190 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile replay`: a recording run again and compared with itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from domain_coordinator import domain_id
+
+from tactile_bags import TactileBag
+from tactile_bags.auditing.audit import Audit, audit_open_bag, summarise_audits
+from tactile_bags.replaying.comparison import compare, compare_with_recorded, Comparison
+from tactile_bags.replaying.replay import (
+    load_models,
+    recorded_config,
+    recorded_results,
+    replay_through_core,
+    TactileResults,
+)
+from tactile_bringup.nodes.graph_runner import ros_context
+from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_features.config import FeatureConfig
+from tactile_lab.commands.output import Output
+from tactile_ros.errors import TactileError
+
+
+@dataclass(frozen=True)
+class ReplayReport:
+    """Comparisons of one finger's recording with its replays, by what was compared.
+
+    Attributes
+    ----------
+    namespace : str
+    comparisons : dict of str to Comparison
+        Of the first replay that differs; of the last one where none does.
+    audits : tuple of Audit
+        Whether the recording holds every sample: of its trials, then of all of it.
+    replay_count : int
+        Replays that were made.
+    """
+
+    namespace: str
+    comparisons: dict[str, Comparison]
+    audits: tuple[Audit, ...] = ()
+    replay_count: int = 1
+
+    @property
+    def is_equal(self) -> bool:
+        return all(c.is_equal for c in self.comparisons.values())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as what JSON can hold."""
+        return {
+            'namespace': self.namespace,
+            'equal': self.is_equal,
+            'replays': self.replay_count,
+            'comparisons': {name: asdict(c) for name, c in self.comparisons.items()},
+            'audit': summarise_audits(self.audits),
+        }
+
+
+def run_replay(
+    path: Path, model_folder: Path | None, *, through_nodes: bool, times: int, as_json: bool
+) -> bool:
+    """Replay a bag, print the comparison, return whether all is equal."""
+    output = Output(as_json)
+    reports = replay_and_compare(path, model_folder, through_nodes=through_nodes, times=times)
+    for report in reports:
+        print_report(report, output)
+    equal = all(report.is_equal for report in reports)
+    output.result({'bag': str(path), 'equal': equal, 'fingers': [r.to_dict() for r in reports]})
+    return equal
+
+
+def print_report(report: ReplayReport, output: Output) -> None:
+    """Print one line for each comparison, and what the audits found."""
+    finger = f'{report.namespace}: ' if report.namespace else ''
+    times = f', {report.replay_count} times' if report.replay_count > 1 else ''
+    for name, comparison in report.comparisons.items():
+        verdict = comparison.first_difference or f'equal, bit for bit{times}'
+        output.say(
+            f'{finger}{name}: {verdict} ({comparison.window_count} feature windows, '
+            f'{comparison.classification_count} classifications)'
+        )
+        if comparison.tail:
+            output.say(f'{finger}{name}, interrupted: {comparison.tail}')
+    print_audits(report.audits, output)
+
+
+def print_audits(audits: Sequence[Audit], output: Output) -> None:
+    """Print what is missing, doubled or out of order; one line where nothing is."""
+    for audit in audits:
+        if not audit.passed:
+            output.say(f'audit: {audit.describe()}')
+        elif not audit.trial_id:
+            output.say(f'audit: {audit.describe()}, {audit.rate_hz:.4g} Hz')
+
+
+def replay_and_compare(
+    path: Path, model_folder: Path | None, *, through_nodes: bool, times: int = 1
+) -> list[ReplayReport]:
+    """Replay a bag through the core, and through nodes, and compare with the recording.
+
+    Raises
+    ------
+    TactileError
+        When the bag or the models cannot be used.
+    """
+    reports = []
+    with TactileBag(path) as bag:
+        place = model_folder or _recorded_models(bag)
+        paths = find_models(place) if place else {}
+        models = load_models(paths)
+        config = recorded_config(bag)
+        audits = audit_open_bag(bag)
+        for namespace in bag.namespaces:
+            recorded = recorded_results(bag, namespace)
+            _check_has_features(bag, recorded)
+            comparisons: dict[str, Comparison] = {}
+            count = 0
+            while count < times and all(c.is_equal for c in comparisons.values()):
+                count += 1
+                core = replay_through_core(bag, models, config, namespace)
+                comparisons['recorded and plain core'] = compare_with_recorded(
+                    recorded, core, bag.end_ns
+                )
+                if through_nodes:
+                    nodes = _replay_in_own_domain(bag, paths, config, core, namespace)
+                    names = ('the core', 'the nodes')
+                    comparisons['plain core and nodes'] = compare(core, nodes, names)
+            of_finger = tuple(audit for audit in audits if audit.finger == namespace)
+            reports.append(ReplayReport(namespace, comparisons, of_finger, count))
+    return reports
+
+
+def _replay_in_own_domain(
+    bag: TactileBag,
+    paths: Mapping[str, str],
+    config: FeatureConfig,
+    core: TactileResults,
+    namespace: str,
+) -> TactileResults:
+    with domain_id() as domain, ros_context(int(domain)) as context:
+        return replay_through_nodes(
+            bag, paths, config, context, expected=core, namespace=namespace
+        )
+
+
+def _check_has_features(bag: TactileBag, recorded: TactileResults) -> None:
+    if recorded.windows:
+        return
+    if bag.facts.get('protocol') == 'slip':
+        raise TactileError(
+            f'{bag.path} holds simulated slip trials: there are no slip features yet, '
+            'so there is nothing to replay'
+        )
+    raise TactileError(
+        f'{bag.path} holds no features: there is nothing to compare a replay with. '
+        'No trial ended while it was recorded, or it was made without nodes '
+        '(tactile simulate); tactile train and tactile evaluate take it all the same'
+    )
+
+
+def _recorded_models(bag: TactileBag) -> Path | None:
+    """Return the folder or file of the models that the recording was made with, if any."""
+    name = bag.facts.get('models', '')
+    if not name:
+        return None
+    bag_folder = bag.path if bag.path.is_dir() else bag.path.parent
+    path = Path(bag_folder, name).resolve()
+    if not path.exists():
+        raise TactileError(f'the models of this recording are not at {path}; name them: --models')
+    return path

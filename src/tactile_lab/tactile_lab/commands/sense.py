@@ -1,0 +1,54 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile sense` and `tactile hand`: the nodes of fingers that something else moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+import tempfile
+
+from tactile_bringup.wiring.launch_plans import plan_launch
+from tactile_lab.commands.rig import run_nodes
+from tactile_ros.programs.signals import hold_signals
+from tactile_sim.rig_process import SimulatedRig
+
+
+def run_sensing(name: str, values: Mapping[str, str]) -> None:
+    """Run in this process what the launch file of this name starts, until a signal comes.
+
+    Parameters
+    ----------
+    name : str
+        ``sense`` or ``hand``.
+    values : mapping of str to str
+        Arguments of the launch file; empty ones count as left out.
+
+    Raises
+    ------
+    TactileError
+        When the arguments do not fit, a node cannot be started, or one fails later.
+    """
+    if hold_signals().received:
+        return
+    given = {key: value for key, value in values.items() if value}
+    with ExitStack() as stack:
+        scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix='tactile_'))
+        plan = plan_launch(name, given, Path(scratch))
+        for rig in plan.rigs:
+            stack.enter_context(SimulatedRig(rig.seed, rig.links))
+        title = 'SIMULATED sensing' if given.get('rig') == 'simulated' else 'sensing'
+        run_nodes(plan.nodes, '', title)

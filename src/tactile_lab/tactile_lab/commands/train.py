@@ -1,0 +1,307 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile train`: bags in, table of accuracies and model files out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from tactile_bringup.wiring.model_folder import model_path
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import FOLDS
+from tactile_classifier.estimators.classifiers import default_scaling, RANDOM_STATE
+from tactile_classifier.evaluation.cross_validation import Evaluation
+from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.training.model_writer import TactileModel, write_model
+from tactile_classifier.training.recalibrated_model import (
+    RECALIBRATED,
+    STATISTICS,
+    write_recalibrated,
+)
+from tactile_classifier.training.trainer import train
+from tactile_features.feature_sets import list_feature_sets
+from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
+from tactile_lab.commands.evaluate import evaluate_with_progress
+from tactile_lab.commands.features import (
+    AUTO,
+    choose_automatically,
+    choose_features,
+    list_sets,
+)
+from tactile_lab.commands.output import make_output_folder, Output
+from tactile_lab.datasets.bag_tables import BagTables, read_tables
+from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_lab.datasets.tables import (
+    accuracy_caption,
+    accuracy_table,
+    CLASSIFIER_TITLES,
+    describe_features,
+    SCALING_TITLES,
+    tell_warnings,
+)
+from tactile_ros.errors import TactileError
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """One model file, the accuracies beside it, and the table that it came from."""
+
+    path: Path
+    model_id: str
+    table: FeatureTable
+    evaluation: Evaluation
+    manifest: Manifest
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {
+            'path': str(self.path),
+            'model_id': self.model_id,
+            'evaluation': self.evaluation.to_dict(),
+            'parts': [asdict(part) for part in self.manifest.parts],
+            'calibration': describe_calibration(self.manifest),
+            'false_alarm_rate': self.manifest.false_alarm_rate,
+            'stop_error_rate': self.manifest.stop_error_rate,
+        }
+
+
+@dataclass(frozen=True)
+class TrainRequest:
+    """What is wanted of `tactile train`.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the model files go.
+    scaling : str or None
+        None: the default of the task.
+    running : str or None
+        Seconds of the window after which a texture model answers too, with commas.
+    force : bool
+        Whether files of an earlier training may be replaced.
+    """
+
+    folder: Path
+    classifier: str = 'knn'
+    scaling: str | None = None
+    cross_validation: Mapping[str, int] = field(default_factory=dict)
+    false_alarm_rate: float = 0.05
+    running: str | None = None
+    stop_error_rate: float = 0.05
+    force: bool = False
+    over: str | None = None
+    detrend: str | None = None
+    features: str | None = None
+
+    def running_seconds(self) -> list[float]:
+        """Return ``running`` as numbers.
+
+        Raises
+        ------
+        TactileError
+            When it is none.
+        """
+        try:
+            return [float(part) for part in (self.running or '').split(',') if part.strip()]
+        except ValueError:
+            raise TactileError(
+                f'--running is "{self.running}"; it must be seconds with commas between them, '
+                'such as 0.5,1,1.5'
+            ) from None
+
+
+def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
+    """Train on bags and print what came out."""
+    output = Output(as_json)
+    automatic = request.features == AUTO
+    named = None if automatic else request.features
+    chosen = choose_features(request.over, request.detrend, named)
+    if named and not list_sets(named):
+        raise TactileError(
+            f'--features is "{named}"; it must be {AUTO} or name sets of features: '
+            f'{", ".join((*list_feature_sets(PHASE_GLIDE), *list_feature_sets(PHASE_HOLD)))}'
+        )
+    if request.running_seconds() and (request.over or automatic):  # wrong texts fail first
+        raise TactileError(
+            'features over distance have no running answers, and so --features auto has none: '
+            'leave --running out'
+        )
+    if automatic:
+        trained = _train_automatically(bags, request, chosen, output)
+    else:
+        trained = train_models(read_with_progress(bags, output, chosen), request, output)
+    output.result({'models': [model.to_dict() for model in trained]})
+
+
+def _train_automatically(
+    bags: Sequence[Path], request: TrainRequest, chosen: Mapping[str, Any], output: Output
+) -> list[TrainedModel]:
+    folds = request.cross_validation.get('folds', FOLDS)
+    seed = request.cross_validation.get('random_state', RANDOM_STATE)
+    models = []
+    for key, (table, candidate) in choose_automatically(bags, chosen, folds, seed, output).items():
+        wanted = replace(request, classifier=candidate.classifier, scaling=candidate.scaling)
+        models += train_models(BagTables({key: table}, ()), wanted, output)
+    return models
+
+
+def read_with_progress(
+    bags: Sequence[Path], output: Output, chosen: Mapping[str, Any] = MappingProxyType({})
+) -> BagTables:
+    """Read the bags' feature tables; say which trials are left out. See `read_tables`."""
+    with output.progress() as progress:
+        progress.add_task('extracting features', total=None)
+        found = read_tables(bags, chosen)
+    for sentence in found.left_out[:5]:
+        output.say(f'left out: {sentence}')
+    if len(found.left_out) > 5:
+        output.say(f'left out: {len(found.left_out) - 5} more')
+    return found
+
+
+def train_models(found: BagTables, request: TrainRequest, output: Output) -> list[TrainedModel]:
+    """Cross-validate the four classifiers on each table and write the chosen one's model.
+
+    Raises
+    ------
+    TactileError
+        When a model file is there already and may not be replaced.
+    """
+    paths = {key: model_path(request.folder, *key) for key in found.tables}
+    there = [str(path) for path in paths.values() if path.exists()]
+    if there and not request.force:
+        raise TactileError(
+            f'{", ".join(there)} would be replaced: give another folder with --output, or --force'
+        )
+    make_output_folder(request.folder)
+    models = []
+    for (task, contact), table in found.tables.items():
+        evaluation = evaluate_with_progress(table, output, **request.cross_validation)
+        simulated = ', SIMULATED trials' if table.column('simulated').any() else ''
+        output.say(accuracy_table(evaluation, f'{task}, {contact}{simulated}'))
+        output.say(accuracy_caption(evaluation))
+        output.say(describe_features(table.spec))
+        for warning in tell_warnings([evaluation]):
+            output.say(warning)
+        chosen = request.scaling or default_scaling(task, request.classifier)
+        seconds = request.running_seconds() if task == PROTOCOL_TEXTURE else []
+        trained = train(
+            table,
+            request.classifier,
+            chosen,
+            running=read_running_tables(table, seconds) if seconds else None,
+            false_alarm_rate=request.false_alarm_rate,
+            stop_error_rate=request.stop_error_rate,
+            score=evaluation.score(request.classifier, chosen),
+        )
+        path = paths[task, contact]
+        model = write_model(path, trained)
+        for sentence in describe_answers(trained.manifest):
+            output.say(sentence)
+        output.say(
+            f'{path}: {CLASSIFIER_TITLES[request.classifier]}, {SCALING_TITLES[chosen]}; '
+            f'{model.model_id}\n'
+        )
+        models.append(TrainedModel(path, model.model_id, table, evaluation, trained.manifest))
+    return models
+
+
+def describe_calibration(manifest: Manifest) -> dict[str, Any]:
+    """Return the manifest's entry without its long lists."""
+    found = {k: v for k, v in manifest.calibration.items() if k != STATISTICS}
+    if RECALIBRATED in found:
+        found[RECALIBRATED] = {k: v for k, v in found[RECALIBRATED].items() if k != 'offsets'}
+    return found
+
+
+def run_recalibrate(
+    source: Path, bags: Sequence[Path], folder: Path, *, force: bool, as_json: bool
+) -> None:
+    """Write a model for the session of the bags' trials, and print what it was.
+
+    Raises
+    ------
+    TactileError
+        When the bags hold no trials for the model, or a file would be replaced.
+    """
+    output = Output(as_json)
+    model = TactileModel.load(source)
+    tables = read_with_progress(bags, output, model.spec.config_values()).tables
+    fitting = [
+        table
+        for (task, contact), table in tables.items()
+        if task == model.task and len({contact, model.contact} - {''}) < 2
+    ]
+    if len(fitting) != 1:
+        raise TactileError(
+            f'the bags must hold {model.task} trials of one contact that model {model.model_id} '
+            'was trained for'
+        )
+    (table,) = fitting
+    path = model_path(folder, model.task, model.contact)
+    if path.exists() and not force:
+        raise TactileError(
+            f'{path} would be replaced: give another folder with --output, or --force'
+        )
+    make_output_folder(folder)
+    seconds = [count / model.spec.rate_hz for count in model.running_samples]
+    running = read_running_tables(table, seconds) if seconds else {}
+    found = write_recalibrated(path, source, {0: table, **running})
+    stated = describe_calibration(found.manifest)
+    before, after = (each.manifest.parts[0].novelty_threshold for each in (model, found))
+    output.say(
+        f'{path}: {model.model_id} for the session of {len(table)} known trials; unknown: above '
+        f'novelty {after:.2f}, before {before:.2f}; {found.model_id}'
+    )
+    output.result({'path': str(path), 'model_id': found.model_id, 'calibration': stated})
+
+
+def describe_answers(manifest: Manifest) -> list[str]:
+    """Return what held-out trials say of probabilities, threshold and running answers."""
+    if 'reason' in manifest.calibration:
+        return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
+    whole, *running = manifest.parts
+    sentences = [
+        f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
+        f'before, {100 * whole.calibration_error_after:.1f} % after; unknown: above novelty '
+        f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false alarms; '
+        f'both by {manifest.calibration["split"]}'
+    ]
+    share = manifest.calibration.get('session_share', -1.0)
+    sentences.append(
+        f'thresholds hold in {100 * share:.0f} % of new sessions like these'
+        if share > 0.0
+        else 'thresholds hold for trials like these; without several sessions a new one may differ'
+    )
+    if running:
+        shares = ', '.join(
+            f'{part.sample_count / manifest.spec.rate_hz:g} s {100 * part.accuracy:.1f} %'
+            for part in running
+        )
+        threshold = running[0].stop_threshold
+        rule = (
+            f'decided early from a probability of {threshold:g}'
+            if threshold >= 0.0
+            else 'never decided early: these trials prove no threshold'
+        )
+        sentences.append(
+            f'running answers, accuracy held out: {shares}; {rule}, '
+            f'at {100 * manifest.stop_error_rate:g} % wrong answers'
+        )
+    return sentences

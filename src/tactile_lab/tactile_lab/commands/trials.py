@@ -1,0 +1,85 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile trials`: a session of trials on one plate or object, recorded."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+import time
+
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig import open_ports, PortArguments, read_rig_parameters
+
+
+@dataclass(frozen=True)
+class TrialsRequest:
+    """The arguments of `tactile trials`; see its ``--help``."""
+
+    protocol: str
+    object_label: str
+    contact: str
+    count: int
+    bag: Path
+    models: Path | None
+    ports: PortArguments
+    params: Path | None
+    session: str
+    mounting: str = ''
+
+
+def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
+    """Run the trials and print what came out."""
+    output = Output(as_json)
+    session = request.session or time.strftime('%Y%m%d-%H%M%S')
+    trials = [
+        TrialRequest(
+            request.protocol,
+            request.contact,
+            request.object_label,
+            f'{session}-{request.protocol}-{request.contact}-{request.object_label}-{i + 1:04d}',
+            session,
+            mounting_id=request.mounting,
+        )
+        for i in range(request.count)
+    ]
+    with ExitStack() as stack:
+        ports, hand = open_ports(request.ports, stack)
+        setup = LiveSetup(
+            ports=ports,
+            bag=request.bag,
+            models=request.models,
+            simulated=request.ports.simulated,
+            parameters=read_rig_parameters(request.params, request.models, ''),
+        )
+        if setup.simulated:
+            output.say('SIMULATED rig: no number is a measurement.')
+        live = run_live_trials(setup, trials, output, hand=hand)
+    _summarise(live, request, output)
+
+
+def _summarise(live: list[LiveTrial], request: TrialsRequest, output: Output) -> None:
+    simulated = ', SIMULATED' if request.ports.simulated else ''
+    output.say(f'{request.bag}: {len(live)} trial{"s" if len(live) != 1 else ""}{simulated}')
+    output.result(
+        {
+            'simulated': request.ports.simulated,
+            'bag': str(request.bag),
+            'trials': [trial.to_dict() for trial in live],
+        }
+    )

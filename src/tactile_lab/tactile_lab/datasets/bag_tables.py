@@ -1,0 +1,230 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Feature tables from recordings: what training and evaluation start from."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_bags import TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.replaying.replay import recorded_config, replay_phases
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets import task_of
+from tactile_features.records import (
+    FeatureWindow,
+    Outcome,
+    PHASE_ABORTED,
+    PHASE_DONE,
+    PROTOCOL_SLIP,
+    TrialEvent,
+)
+from tactile_features.spec import spec_for
+
+BLOCKS = 6
+"""Into how many parts the trials of a session are cut in the order of time, as many as folds."""
+
+
+@dataclass
+class LabelledWindows:
+    """The feature windows of one kind of trial, with what is known of each trial."""
+
+    windows: list[FeatureWindow] = field(default_factory=list)
+    events: list[TrialEvent] = field(default_factory=list)
+    sources: list[tuple[str, str]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class BagTables:
+    """The feature tables of some bags.
+
+    Attributes
+    ----------
+    tables : dict of (str, str) to FeatureTable
+        By task and contact.
+    left_out : tuple of str
+        One sentence for each trial that gave no features, or has no label.
+    """
+
+    tables: dict[tuple[str, str], FeatureTable]
+    left_out: tuple[str, ...]
+
+
+def read_tables(
+    paths: Sequence[Path], chosen: Mapping[str, Any] = MappingProxyType({})
+) -> BagTables:
+    """Read the labelled trials of bags, by task and kind of contact.
+
+    Every finger (namespace) of a bag counts. The features come from the same object
+    as in the live node.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    chosen : mapping
+        Fields of `FeatureConfig` that name other features than the recorded ones.
+
+    Raises
+    ------
+    BagError
+        When a bag cannot be read, or was recorded with other feature parameters than
+        the first, or no labelled trial is in any of them.
+    """
+    config: FeatureConfig | None = None
+    found: dict[tuple[str, str], LabelledWindows] = {}
+    left_out: list[str] = []
+    for path in paths:
+        with TactileBag(path) as bag:
+            bag_config = _choose(path, recorded_config(bag), chosen)
+            if config and bag_config.without_detection() != config.without_detection():
+                raise BagError(
+                    f'{path} was recorded with other feature parameters than {paths[0]}; '
+                    'train on each of them alone'
+                )
+            config = bag_config
+            for namespace in bag.namespaces:
+                _collect(bag, namespace, config, found, left_out)
+    if config is None or not any(group.windows for group in found.values()):
+        what = ', '.join(map(str, paths)) or 'no bag'
+        raise BagError(
+            f'no labelled trial with features in {what}'
+            + (f'; the first reason: {left_out[0]}' if left_out else '')
+        )
+    tables = {
+        key: _table(group, spec_config=config, task=key[0])
+        for key, group in sorted(found.items())
+        if group.windows
+    }
+    return BagTables(tables, tuple(left_out))
+
+
+def _choose(path: Path, config: FeatureConfig, chosen: Mapping[str, Any]) -> FeatureConfig:
+    if not chosen:
+        return config
+    try:
+        return replace(config, running_samples=(), **chosen)
+    except FeatureError as error:
+        raise BagError(f'{path}: {error}') from error
+
+
+def _collect(
+    bag: TactileBag,
+    namespace: str,
+    config: FeatureConfig,
+    found: dict[tuple[str, str], LabelledWindows],
+    left_out: list[str],
+) -> None:
+    # A table has features of whole windows alone: measures would be made in vain.
+    config = replace(config, measures=False, running_samples=())
+    replayed = replay_phases(bag, config, namespace, finish=True)
+    events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
+    for event in replayed.events:
+        events[event.trial_id].append(event)
+    left_out.extend(
+        f'{trial_id}: a slip trial, and there are no slip features yet'
+        for trial_id, (event, *_) in events.items()
+        if event.protocol == PROTOCOL_SLIP
+    )
+    for window in replayed.windows:
+        event = _event_before(window, events[window.trial_id])
+        end = _end_after(window, events[window.trial_id])
+        if window.outcome != Outcome.OK:
+            left_out.append(f'{window.trial_id}: {window.reason}')
+        elif end is not None and end.phase == PHASE_ABORTED:
+            reason = end.message or 'no reason given'
+            left_out.append(f'{window.trial_id}: the trial was aborted later: {reason}')
+        elif not event.object_label:
+            left_out.append(f'{window.trial_id}: the trial has no label')
+        else:
+            # By what the features are: a trial of one protocol may have a window of the other.
+            key = task_of(window.feature_set), event.contact
+            group = found.setdefault(key, LabelledWindows())
+            group.windows.append(window)
+            group.events.append(event)
+            group.sources.append((str(bag.path), namespace))
+
+
+def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
+    """Return its trial's last event before the window; a trial's name may come again."""
+    return max(
+        (event for event in events if event.stamp_ns <= window.window_start_ns),
+        key=lambda event: event.stamp_ns,
+    )
+
+
+def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent | None:
+    """Return how its trial ended after the window, if that was recorded."""
+    ends = (
+        event
+        for event in events
+        if event.stamp_ns >= window.window_end_ns and event.phase in (PHASE_DONE, PHASE_ABORTED)
+    )
+    return min(ends, key=lambda event: event.stamp_ns, default=None)
+
+
+def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> FeatureTable:
+    events = group.events
+    labels = np.array([event.object_label for event in events])
+    session_ids = np.array([event.session_id for event in events])
+    starts_ns = np.array([window.window_start_ns for window in group.windows])
+    return FeatureTable(
+        values=np.array([window.values for window in group.windows]),
+        labels=labels,
+        spec=spec_for(task, spec_config),
+        columns={
+            'trial_id': np.array([event.trial_id for event in events]),
+            'session_id': session_ids,
+            'mounting_id': np.array([event.mounting_id for event in events]),
+            'trial_block': number_blocks(starts_ns, session_ids, labels),
+            'contact': np.array([event.contact for event in events]),
+            'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),
+            'simulated': np.array([event.simulated for event in events]),
+            'bag': np.array([bag for bag, _ in group.sources]),
+            'namespace': np.array([namespace for _, namespace in group.sources]),
+            'window_start_ns': starts_ns,
+            'window_end_ns': np.array([window.window_end_ns for window in group.windows]),
+        },
+    )
+
+
+def number_blocks(
+    starts_ns: NDArray[np.int64], session_ids: NDArray[np.str_], labels: NDArray[np.str_]
+) -> NDArray[np.intp]:
+    """Return which sixth of its label's trials in its session each trial belongs to, from 0.
+
+    Trials that follow each other share wear, warmth and drift; with random folds they stand
+    on both sides. Held out in turn, these blocks keep neighbours together.
+
+    Parameters
+    ----------
+    starts_ns, session_ids, labels : ndarray of shape (trials,)
+    """
+    blocks = np.zeros(len(labels), dtype=np.intp)
+    for session in np.unique(session_ids):
+        for label in np.unique(labels):
+            (trials,) = np.nonzero((session_ids == session) & (labels == label))
+            in_order = trials[np.argsort(starts_ns[trials], kind='stable')]
+            blocks[in_order] = np.arange(len(trials)) * BLOCKS // max(len(trials), 1)
+    return blocks

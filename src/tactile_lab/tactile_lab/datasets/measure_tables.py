@@ -1,0 +1,59 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The measures of the trials of a feature table, which does not carry them itself."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from tactile_bags import TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_features.records import Measure, Outcome
+
+
+def read_measures(table: FeatureTable) -> list[tuple[Measure, ...]]:
+    """Return what was measured in the window of each trial, by reading the bags again.
+
+    Parameters
+    ----------
+    table : FeatureTable
+        From `read_tables`: its columns say which bags and windows.
+
+    Raises
+    ------
+    BagError
+        When a bag cannot be read, or has no such window.
+    """
+    names = ('bag', 'namespace', 'window_start_ns', 'window_end_ns')
+    trials = list(zip(*(table.column(name).tolist() for name in names), strict=True))
+    found: dict[tuple[str, str, int, int], tuple[Measure, ...]] = {}
+    for path, namespace in sorted({trial[:2] for trial in trials}):
+        with TactileBag(Path(path)) as bag:
+            config = recorded_config(bag)
+            config = dataclasses.replace(config, measures=True, running_samples=())
+            for window in replay_windows(bag, config, namespace, finish=True):
+                if window.outcome == Outcome.OK:
+                    key = (path, namespace, window.window_start_ns, window.window_end_ns)
+                    found[key] = window.measures
+    try:
+        return [found[trial] for trial in trials]
+    except KeyError as error:
+        raise BagError(
+            'the features are of other windows than those recorded, and measures are not '
+            'made of these'
+        ) from error

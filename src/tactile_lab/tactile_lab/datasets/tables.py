@@ -1,0 +1,98 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Results as tables for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from tactile_classifier.evaluation.cross_validation import Evaluation
+from tactile_features.feature_sets import find_feature_set
+from tactile_features.spec import FeatureSpec
+
+CLASSIFIER_TITLES = {
+    'knn': '3 nearest neighbours',
+    'svm_linear': 'SVM, linear kernel',
+    'svm_rbf': 'SVM, RBF kernel',
+    'tree': 'decision tree',
+    'rocket': 'random convolutions, ridge',
+}
+
+SCALING_TITLES = {
+    'standard': 'scaled (zero mean, unit variance)',
+    'none': 'not scaled',
+}
+
+
+def short_scaling(scaling: str) -> str:
+    """Return ``scaled`` or ``not scaled``."""
+    return SCALING_TITLES[scaling].partition(' (')[0]
+
+
+def describe_features(spec: FeatureSpec) -> str:
+    """Return which feature set it is, with its options."""
+    found = find_feature_set(spec.feature_set)
+    options = [f'{name} {spec.stated[name]}' for name in (found.options if found else ())]
+    return f'features: {", ".join([spec.feature_set, *options])}'
+
+
+def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:
+    """Return accuracies [%] by classifier and scaling, with their spread, and intervals."""
+    scalings = list(dict.fromkeys(score.scaling for score in evaluation.scores))
+    table = Table(title=title, title_justify='left', title_style='bold')
+    table.add_column('classifier')
+    for scaling in scalings:
+        title = short_scaling(scaling) if intervals else SCALING_TITLES[scaling]
+        table.add_column(title, justify='right')
+    for classifier in dict.fromkeys(score.classifier for score in evaluation.scores):
+        cells = []
+        of_it = [score for score in evaluation.scores if score.classifier == classifier]
+        found = {score.scaling: score for score in of_it}
+        for scaling in scalings:
+            if scaling not in found:
+                cells.append('')
+                continue
+            score = found[scaling]
+            cell = f'{100 * score.mean:.1f}'
+            if score.fold_accuracies.size > 1:
+                cell += f' ± {100 * score.spread:.1f}'
+            if intervals and not score.interval.reason:
+                low, high = score.interval.low, score.interval.high
+                cell += f'  ({100 * low:.0f} to {100 * high:.0f})'
+            cells.append(cell)
+        table.add_row(CLASSIFIER_TITLES[classifier], *cells)
+    return table
+
+
+def accuracy_caption(evaluation: Evaluation, *, intervals: bool = False) -> str:
+    """Return what the numbers of `accuracy_table` are."""
+    first = evaluation.scores[0]
+    parts = [
+        f'accuracy in %: {evaluation.split}, {evaluation.trials} trials',
+        f'chance {100 * evaluation.chance:.1f}',
+    ]
+    if first.fold_accuracies.size > 1:
+        parts.insert(1, f'± standard deviation over {first.spread_of}')
+    if intervals and any(not score.interval.reason for score in evaluation.scores):
+        parts.insert(-1, 'in brackets the 95 % interval')
+    return '; '.join(parts)
+
+
+def tell_warnings(evaluations: Sequence[Evaluation]) -> list[str]:
+    """Return the warnings of some evaluations of one table, each once."""
+    found = [warning for evaluation in evaluations for warning in evaluation.warnings]
+    return [f'warning: {warning}' for warning in dict.fromkeys(found)]

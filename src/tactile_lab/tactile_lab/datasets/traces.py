@@ -1,0 +1,80 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tension of one recorded trial with its phases, for plots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.message_records import read_records
+
+
+@dataclass(frozen=True)
+class TrialTrace:
+    """One trial in time.
+
+    Attributes
+    ----------
+    begin_ns : int
+        Time of the trial's first event (ROS time) [ns]; zero of the other times.
+    time_s, tension_n : ndarray of shape (n,)
+        Samples from the first to the last event [s], [N].
+    phases : tuple of (name, start, end)
+        Times in seconds.
+    """
+
+    begin_ns: int
+    time_s: NDArray[np.float64]
+    tension_n: NDArray[np.float64]
+    phases: tuple[tuple[str, float, float], ...]
+
+
+def read_trace(bag: TactileBag, trial_id: str, namespace: str = '') -> TrialTrace:
+    """Return the trace of a trial.
+
+    Raises
+    ------
+    BagError
+        When the bag has no such trial.
+    """
+    events = [
+        event
+        for _, event in read_records(bag.messages(EVENT, namespace=namespace))
+        if event.trial_id == trial_id
+    ]
+    if len(events) < 2:
+        raise BagError(f'{bag.path} has no trial {trial_id}')
+    begin_ns, end_ns = events[0].stamp_ns, events[-1].stamp_ns
+    offsets_ns: list[int] = []
+    tension_n: list[float] = []
+    for _, block in read_records(bag.messages(STRAIN, namespace=namespace)):
+        for i, value in enumerate(block.tension_n):
+            stamp_ns = block.stamp_ns + i * block.period_ns
+            if begin_ns <= stamp_ns <= end_ns:
+                offsets_ns.append(stamp_ns - begin_ns)
+                tension_n.append(float(value))
+    starts = [(event.stamp_ns - begin_ns) * 1e-9 for event in events]
+    phases = tuple(
+        (event.phase, start, end)
+        for event, start, end in zip(events[:-1], starts[:-1], starts[1:], strict=True)
+    )
+    return TrialTrace(
+        begin_ns, np.array(offsets_ns) * 1e-9, np.array(tension_n, dtype=np.float64), phases
+    )

@@ -1,0 +1,358 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is plugged in: serial ports, and which device answers on them.
+
+Careful means: a line that speaks by itself is only listened to. One that is silent is sent a
+single ``?``, which Grbl answers with its status and others ignore; only then the ping of the
+Dynamixel protocol goes out. Nothing of this moves anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+import os
+from pathlib import Path
+import re
+import time
+from typing import Any
+
+import dynamixel_sdk
+import serial
+from serial.tools import list_ports
+
+from linear_guide_driver.dynamixel.bus import READ_WAIT_S
+from linear_guide_driver.serial_link import LINE_ERRORS
+from tendon_sensor_driver.ati.net_ft_web import BoxWeb
+from tendon_sensor_driver.errors import LinkError
+
+LISTEN_S = 2.5
+"""A board that is reset by opening its port needs this to boot and to say its banner."""
+
+NAME_FOLDERS = ('/dev/tactile', '/dev/serial/by-id')
+"""Where udev puts names that stay: ours (see ``udev/60-tactile.rules``), then its own."""
+
+USUAL_BAUD = 115_200
+OTHER_BAUDS = (9600, 57_600, 38_400, 19_200, 1_000_000)
+SERVO_BAUDS = (57_600, 1_000_000, 115_200, 2_000_000, 3_000_000, 4_000_000)
+
+SERVO_MODELS = {
+    1020: 'XM430-W350',
+    1030: 'XM430-W210',
+    1190: 'XL330-M077',
+    1200: 'XL330-M288',
+}
+_ANSWER_S = 0.5
+_ENOUGH_LINES = 5
+_TICK_S = 0.05
+_MOST_PORTS_AT_ONCE = 8
+
+_match_banner = re.compile(rb'^Grbl(?:HAL)? \d\S*', re.MULTILINE).search
+_match_status = re.compile(rb'<(\w+)(?::\d)?\|[^<>\r\n]*>').search
+_match_build = re.compile(rb'\[VER:([^\]\r\n]*)\]').search
+_split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
+_match_number = re.compile(rb'[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?').fullmatch
+_match_time = re.compile(rb'\d{1,15}(?:\.(\d{1,9}))?').fullmatch
+_UNITS = {b'kg': 'kg', b'g': 'g', b'N': 'N', b'lbs': 'lbf', b'lb': 'lbf', b'lbf': 'lbf'}
+
+
+@dataclass(frozen=True)
+class FoundDevice:
+    """One port or address, and what is there.
+
+    Attributes
+    ----------
+    port
+        Name of the serial port, or the address of a Net F/T.
+    device
+        guide, tendon, sensor, or empty when nothing is recognised.
+    what
+        A sentence about it.
+    usb
+        Product, vendor and product numbers (``vid:pid``) and serial number, as far as known.
+    names
+        Other names of the port, which stay when it is plugged in again.
+    parameters
+        Parameters of the node that fit it.
+    """
+
+    port: str
+    device: str = ''
+    what: str = ''
+    usb: str = ''
+    names: tuple[str, ...] = ()
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+# -- without IO ----------------------------------------------------------------------------
+
+
+def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
+    """Return device, sentence and parameters for what a line has said; None if unknown.
+
+    Parameters
+    ----------
+    data : bytes
+        From any point of the stream on.
+    """
+    if banner := _match_banner(data):
+        return 'guide', f'Grbl: "{banner.group().decode("ascii", "replace")}"', {}
+    if status := _match_status(data):
+        return 'guide', f'Grbl, in state {status.group(1).decode()}', {}
+    if b'System Configuration' in data and data.rstrip().endswith(b'>'):
+        return 'sensor', 'OpenScale, waiting in its settings menu; send it an "x"', {}
+    lines = [line.strip() for line in data.replace(b'\r', b'\n').split(b'\n')[1:-1]]
+    lines = [line for line in lines if line]
+    if len(lines) < _ENOUGH_LINES or any(not 0x20 <= byte < 0x7F for byte in lines[-1]):
+        return None
+    rows = [_split_columns(line) for line in lines[-_ENOUGH_LINES:]]  # after a text at the start
+    width = len(rows[0])
+    if any(len(row) != width for row in rows):
+        return None
+    numeric = [i for i in range(width) if all(_match_number(row[i]) for row in rows)]
+    if not numeric:
+        return None
+    parameters = _read_columns(rows, numeric)
+    example = lines[-1][:60].decode('ascii', 'replace')
+    return 'sensor', f'load-cell lines such as "{example}"', parameters
+
+
+def _read_columns(rows: list[list[bytes]], numeric: list[int]) -> dict[str, Any]:
+    parameters = _read_time([row[numeric[0]] for row in rows]) if len(numeric) > 1 else {}
+    has_time = bool(parameters)
+    value = numeric[1] if has_time else numeric[0]
+    unit = rows[0][value + 1] if value + 1 < len(rows[0]) else b''
+    return {
+        'time_column': numeric[0] if has_time else -1,
+        **parameters,
+        'value_column': value,
+        **({'unit': _UNITS[unit]} if unit in _UNITS else {}),
+    }
+
+
+def _read_time(texts: list[bytes]) -> dict[str, Any]:
+    """Return the parameters of a time that rises in every line; empty if it is no time."""
+    matches = [_match_time(text) for text in texts]
+    decimals = {len(match.group(1) or b'') for match in matches if match}
+    if not all(matches) or len(decimals) != 1:
+        return {}
+    if any(float(b) <= float(a) for a, b in pairwise(texts)):
+        return {}
+    (count,) = decimals
+    # A time with a point is in seconds in all sketches seen.
+    return {'time_unit_s': 1.0, 'time_decimals': count} if count else {'time_unit_s': 0.001}
+
+
+# -- ports ---------------------------------------------------------------------------------
+
+
+def find_ports() -> list[FoundDevice]:
+    """Return the serial ports of this computer, not asked yet."""
+    return [
+        FoundDevice(
+            port=port.device,
+            usb=_describe_usb(port),
+            names=find_names(port.device),
+        )
+        for port in sorted(list_ports.comports())
+        if port.vid is not None or not port.device.startswith('/dev/ttyS')
+    ]
+
+
+def _describe_usb(port: Any) -> str:
+    if port.vid is None:
+        return ''
+    parts = [port.product or port.description, f'{port.vid:04x}:{port.pid:04x}']
+    return ' '.join(filter(None, [*parts, port.serial_number and f'serial {port.serial_number}']))
+
+
+def find_names(port: str, folders: Sequence[str] = NAME_FOLDERS) -> tuple[str, ...]:
+    """Return the links to a port in these folders."""
+    target = os.path.realpath(port)
+    links = (link for folder in folders for link in sorted(Path(folder).glob('*')))
+    return tuple(str(link) for link in links if os.path.realpath(link) == target)
+
+
+def find_holders(port: str, processes: str = '/proc') -> list[str]:
+    """Return the programs of ours that have a port open, as ``name (number)``."""
+    target = os.path.realpath(port)
+    handles = Path(processes).glob('[0-9]*/fd/*')
+    return sorted({_name_process(h.parent.parent) for h in handles if _leads_to(h, target)})
+
+
+def _leads_to(link: Path, target: str) -> bool:
+    try:
+        return str(link.readlink()) == target
+    except OSError:  # closed meanwhile, or not ours
+        return False
+
+
+def _name_process(folder: Path) -> str:
+    try:
+        return f'{(folder / "comm").read_text().strip()} ({folder.name})'
+    except OSError:
+        return f'a program that has just ended ({folder.name})'
+
+
+def probe_ports(
+    ports: Sequence[FoundDevice], *, listen_s: float = LISTEN_S, is_quiet: bool = False
+) -> list[FoundDevice]:
+    """Return the ports with what is recognised on each; all are asked at once.
+
+    Parameters
+    ----------
+    ports : sequence of FoundDevice
+    listen_s : float
+        How long to wait for a line that speaks by itself [s].
+    is_quiet : bool
+        Send nothing.
+    """
+    with ThreadPoolExecutor(_MOST_PORTS_AT_ONCE) as pool:
+        return list(pool.map(lambda port: probe_port(port, listen_s, is_quiet), ports))
+
+
+def probe_port(found: FoundDevice, listen_s: float, is_quiet: bool) -> FoundDevice:
+    """Return a port with what is recognised on it."""
+    # The simulated rig holds its own ptys open; a driver on one is seen by its lock.
+    holders = (
+        [] if os.path.realpath(found.port).startswith('/dev/pts/') else find_holders(found.port)
+    )
+    if holders:
+        return replace(found, what=f'in use by {", ".join(holders)}')
+    try:
+        with serial.Serial(
+            found.port, USUAL_BAUD, timeout=_TICK_S, write_timeout=1.0, exclusive=True
+        ) as line:
+            spoke, answer = _ask_line(line, listen_s, is_quiet)
+        if answer is None and not spoke and not is_quiet:
+            answer = _ping_servos(found.port)
+    except (*LINE_ERRORS, ValueError) as error:
+        return replace(found, what=_describe_failure(error))
+    if answer is None:
+        what = 'speaks, but in no known way' if spoke else 'silent'
+        return replace(found, what=what)
+    device, what, parameters = answer
+    return replace(found, device=device, what=what, parameters=parameters)
+
+
+def _describe_failure(error: Exception) -> str:
+    number = getattr(error, 'errno', None)
+    if number in (11, 16):
+        return 'in use by another program'
+    if number == 13:
+        return 'no permission; add yourself to its group (usually dialout) and log in again'
+    if number == 2:
+        return 'no such port; check the cable and the name'
+    return f'cannot be asked: {error}'
+
+
+def _ask_line(
+    line: serial.Serial, listen_s: float, is_quiet: bool
+) -> tuple[bool, tuple[str, str, dict[str, Any]] | None]:
+    """Return whether the line speaks by itself, and what is recognised."""
+    data = _listen(line, listen_s)
+    answer = recognise(data)
+    baud = USUAL_BAUD
+    if data and answer is None:
+        for baud in OTHER_BAUDS:
+            line.baudrate = baud
+            line.reset_input_buffer()
+            answer = recognise(_listen(line, listen_s))
+            if answer is not None:
+                break
+    elif not data and not is_quiet:
+        line.write(b'?')
+        answer = recognise(_listen(line, _ANSWER_S))
+    if answer is None:
+        return bool(data), None
+    device, what, parameters = answer
+    if device == 'guide' and not is_quiet:
+        what = _ask_build(line, what)
+    return bool(data), (device, what, {'baud': baud, **parameters})
+
+
+def _listen(line: serial.Serial, seconds: float) -> bytes:
+    """Return what the line says, until it is recognised or the time is up."""
+    data = b''
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        data += line.read(line.in_waiting or 1)
+        if recognise(data) is not None:
+            # The rest of a banner, and enough lines to know their columns.
+            time.sleep(_TICK_S)
+            return data + line.read(line.in_waiting)
+    return data
+
+
+def _ask_build(line: serial.Serial, what: str) -> str:
+    """Ask Grbl for its build, at rest only: while it moves it must not be disturbed."""
+    line.write(b'?')
+    status = _match_status(_listen(line, _ANSWER_S))
+    if status is None or status.group(1) not in (b'Idle', b'Alarm'):
+        return what
+    line.write(b'$I\n')
+    until_s, data = time.monotonic() + _ANSWER_S, b''
+    while b'ok\r\n' not in data and time.monotonic() < until_s:
+        data += line.read(line.in_waiting or 1)
+    build = _match_build(data)
+    version = build.group(1).decode('ascii', 'replace').rstrip(':') if build else 'unknown'
+    return f'Grbl {version}, in state {status.group(1).decode()}'
+
+
+def _ping_servos(port: str) -> tuple[str, str, dict[str, Any]] | None:
+    handler: Any = dynamixel_sdk.PortHandler(port)
+    packets: Any = dynamixel_sdk.PacketHandler(2.0)
+    try:
+        for baud in SERVO_BAUDS:
+            if not handler.setBaudRate(baud):
+                continue
+            handler.ser.exclusive = True
+            handler.ser.timeout = READ_WAIT_S  # the SDK asks for bytes in a loop
+            servos, _ = packets.broadcastPing(handler)
+            if servos:
+                return _describe_servos(servos, baud)
+    finally:
+        if handler.ser is not None:
+            handler.closePort()
+    return None
+
+
+def _describe_servos(servos: dict[int, list[int]], baud: int) -> tuple[str, str, dict[str, Any]]:
+    texts = [
+        f'{SERVO_MODELS.get(model, f"model {model}")} with ID {number}, firmware {firmware}'
+        for number, (model, firmware) in sorted(servos.items())
+    ]
+    return 'tendon', f'Dynamixel {"; ".join(texts)}', {'baud': baud, 'device_id': min(servos)}
+
+
+# -- Net F/T -------------------------------------------------------------------------------
+
+
+def probe_net_ft(host: str, http_port: int = 80) -> FoundDevice:
+    """Return what is at the address of a Net F/T; only its web page is read."""
+    try:
+        box = BoxWeb(host, http_port).read_configuration()
+    except LinkError as error:
+        return FoundDevice(host, what=str(error))
+    serial_number = f', calibration {box.serial}' if box.serial else ''
+    records = f'{box.rdt_rate_hz:g} records/s' if box.is_rdt_enabled else 'RDT is switched off'
+    return FoundDevice(
+        host,
+        'sensor',
+        f'{box.product or "Net F/T"}{serial_number}, {records}, status 0x{box.status:08x}',
+        parameters={'sensor': 'net_ft', 'host': host},
+    )

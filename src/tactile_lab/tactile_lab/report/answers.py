@@ -1,0 +1,223 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a model can say besides a label: "I don't know", sooner, and in physical units."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import ClassifierError
+from tactile_classifier.evaluation.early_answers import evaluate_stopping, StoppingEvaluation
+from tactile_classifier.evaluation.open_set import evaluate_open_set, OpenSetEvaluation
+from tactile_classifier.evaluation.plans import Task
+from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets import find_feature_set
+from tactile_features.records import Measure, PROTOCOL_TEXTURE
+from tactile_features.spec import spec_for
+from tactile_lab.datasets.measure_tables import read_measures
+from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_ros.errors import TactileError
+
+CLASSIFIER = 'knn'
+"""What `tactile train` takes when not told otherwise, with the scaling it takes then."""
+
+FALSE_ALARM_RATE = 0.05
+SPREAD_NEEDS = 5
+"""Of fewer values no spread is told."""
+
+STEPS = 6
+"""Running answers are given after each of so many equal parts of the window."""
+
+
+@dataclass(frozen=True)
+class MeasureSummary:
+    """One measure on the trials of one label.
+
+    Attributes
+    ----------
+    name, unit, label : str
+    trials, measured : int
+        How many trials there are, and how many gave a value.
+    median : float or None
+        Of the values [``unit``]; None when there are none.
+    spread : float or None
+        Half the width of the range in which the middle 68 % of the values lie, which is one
+        standard deviation where they are normal; None below `SPREAD_NEEDS` values [``unit``].
+    standard_uncertainty : float or None
+        Median of the uncertainties that the measures state themselves [``unit``].
+    reason : str
+        Why there is no value, where that is so: the most frequent one. Empty otherwise.
+    """
+
+    name: str
+    unit: str
+    label: str
+    trials: int
+    measured: int
+    median: float | None
+    spread: float | None
+    standard_uncertainty: float | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What was found on one set of trials; None or empty where ``not_done`` says why."""
+
+    open_set: OpenSetEvaluation | None
+    stopping: StoppingEvaluation | None
+    measures: tuple[MeasureSummary, ...]
+    not_done: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answers as what JSON can hold."""
+        return {
+            'open_set': None if self.open_set is None else self.open_set.to_dict(),
+            'stopping': None if self.stopping is None else self.stopping.to_dict(),
+            'measures': [asdict(measure) for measure in self.measures],
+            'not_done': list(self.not_done),
+        }
+
+
+class AnswersPlan:
+    """The work on one set of trials, in three parts.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    hold_out : sequence of str
+        Trials that agree in these columns are held out together; empty: single trials.
+    """
+
+    def __init__(self, table: FeatureTable, hold_out: Sequence[str]) -> None:
+        self._table = table
+        self._hold_out = tuple(hold_out)
+
+    def tasks(self) -> list[Task]:
+        """Return the parts; see `Plan`."""
+        works = (_evaluate_open_set, _evaluate_stopping, _summarise_measures)
+        return [(_try, (work, self._table, self._hold_out)) for work in works]
+
+    def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
+        """Put the parts together; see `Plan`."""
+        (open_set, _), (stopping, _), (measures, _) = answers
+        names = ('"I don\'t know"', 'running answers', 'measures')
+        return Answers(
+            open_set,
+            stopping,
+            measures or (),
+            tuple(
+                f'{name}: {reason}'
+                for name, (_, reason) in zip(names, answers, strict=True)
+                if reason
+            ),
+        )
+
+
+def _try(
+    work: Callable[[FeatureTable, Sequence[str]], Any],
+    table: FeatureTable,
+    hold_out: Sequence[str],
+) -> tuple[Any, str]:
+    """Return the result, or None and why there is none."""
+    try:
+        return work(table, hold_out), ''
+    except (TactileError, ClassifierError) as error:
+        return None, str(error)
+
+
+def _evaluate_open_set(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetEvaluation:
+    return evaluate_open_set(
+        table, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
+    )
+
+
+def _evaluate_stopping(table: FeatureTable, hold_out: Sequence[str]) -> StoppingEvaluation:
+    if table.task != PROTOCOL_TEXTURE:
+        raise TactileError('a hold is answered when it is over; only texture has running answers')
+    _need_bag(table)
+    spec = table.spec
+    found = find_feature_set(spec.feature_set)
+    if found is None or not found.has_parts:
+        raise TactileError(f'{spec.feature_set} has no running answers')
+    config = FeatureConfig(**spec.config_values(), buffer_s=600.0)
+    if spec.names != spec_for(table.task, config).names:
+        raise TactileError('some of the features alone have no running answers')
+    full_s = spec.sample_count / spec.rate_hz
+    seconds = [full_s * step / STEPS for step in range(1, STEPS)]
+    running = read_running_tables(table, seconds)
+    return evaluate_stopping(
+        table, running, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
+    )
+
+
+def _summarise_measures(
+    table: FeatureTable, _hold_out: Sequence[str]
+) -> tuple[MeasureSummary, ...]:
+    _need_bag(table)
+    return summarise_measures(table.labels, read_measures(table))
+
+
+def _need_bag(table: FeatureTable) -> None:
+    if 'bag' not in table.columns:
+        raise TactileError('needs the stream of a bag; an archive has windows alone')
+
+
+def summarise_measures(
+    labels: NDArray[Any], measures: Sequence[Sequence[Measure]]
+) -> tuple[MeasureSummary, ...]:
+    """Return one summary a measure and label.
+
+    Parameters
+    ----------
+    labels : ndarray of str, shape (trials,)
+    measures : sequence of sequence of Measure
+        Those of each trial.
+    """
+    found: dict[tuple[str, str, str], list[Measure]] = {}
+    for label, of_trial in zip(labels, measures, strict=True):
+        for measure in of_trial:
+            found.setdefault((measure.name, str(label), measure.unit), []).append(measure)
+    order = list(dict.fromkeys(name for name, _, _ in found))
+    keys = sorted(found, key=lambda key: (order.index(key[0]), key[1]))
+    return tuple(_summarise(*key, found[key]) for key in keys)
+
+
+def _summarise(name: str, label: str, unit: str, measures: Sequence[Measure]) -> MeasureSummary:
+    good = [measure for measure in measures if not measure.reason]
+    median = spread = uncertainty = None
+    if good:
+        low, median, high = np.quantile([m.value for m in good], [0.16, 0.5, 0.84]).tolist()
+        spread = 0.5 * (high - low) if len(good) >= SPREAD_NEEDS else None
+        uncertainty = float(np.median([m.standard_uncertainty for m in good]))
+    reasons = Counter(measure.reason for measure in measures if measure.reason)
+    return MeasureSummary(
+        name=name,
+        unit=unit,
+        label=label,
+        trials=len(measures),
+        measured=len(good),
+        median=median,
+        spread=spread,
+        standard_uncertainty=uncertainty,
+        reason=reasons.most_common(1)[0][0] if reasons else '',
+    )

@@ -1,0 +1,274 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Accuracies as figures: all classifiers on all sets, learning curves, confusion, scaling."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_classifier.estimators.classifiers import CLASSIFIERS, SCALINGS
+from tactile_lab.datasets.tables import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
+from tactile_lab.report.analysis import SetResult
+from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
+from tactile_lab.report.published import lowest_published
+
+FloatArray = NDArray[np.float64]
+
+_GROUP_MARKS = 'Dovs'
+
+
+def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
+    """Draw the accuracy of each classifier on each set, after the paper's Fig. 8."""
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(len(SCALINGS), 1, sharex=True)
+        for axes, scaling in zip(panels, reversed(SCALINGS), strict=True):
+            _draw_bars(axes, results, scaling)
+        figure.legend(
+            *panels[0].get_legend_handles_labels(), loc='outside lower center', ncols=3, fontsize=8
+        )
+
+    marks = '; '.join(
+        f'{mark}: {name}' for mark, name in zip('◆●▼■', _split_names(results), strict=False)
+    )
+    return render(
+        draw,
+        (6.6, 5.4),
+        f'Accuracy of each classifier: bars are the mean of {results[0].plain.split} cross-'
+        'validation with its standard deviation over the repetitions; '
+        + (f'marks the mean with whole groups held out ({marks}); ' if marks else '')
+        + 'dashes are what the paper gives for the same classifier; dots are chance.',
+        simulated=any(result.recordings.simulated for result in results),
+    )
+
+
+def _split_names(results: Sequence[SetResult]) -> list[str]:
+    return list(dict.fromkeys(e.split for result in results for e in result.evaluations[1:]))
+
+
+def _draw_bars(axes: Axes, results: Sequence[SetResult], scaling: str) -> None:
+    names = _split_names(results)
+    for i, result in enumerate(results):
+        for j, classifier in enumerate(CLASSIFIERS):
+            x = i + 0.2 * (j - 1.5)
+            score = result.plain.score(classifier, scaling)
+            axes.bar(
+                x,
+                100 * score.mean,
+                0.18,
+                yerr=100 * score.spread,
+                color=CLASSIFIER_COLOURS[classifier],
+                alpha=0.85,
+                error_kw={'elinewidth': 0.9, 'ecolor': INK},
+                label=CLASSIFIER_TITLES[classifier] if i == 0 else None,
+            )
+            for evaluation in result.evaluations[1:]:
+                axes.plot(
+                    x,
+                    100 * evaluation.score(classifier, scaling).mean,
+                    _GROUP_MARKS[names.index(evaluation.split) % len(_GROUP_MARKS)],
+                    ms=4,
+                    mec=INK,
+                    mfc='white',
+                    mew=0.8,
+                )
+            published = lowest_published(result, classifier)
+            if published is not None:
+                axes.plot([x - 0.09, x + 0.09], [100 * published] * 2, '--', color=INK, lw=1.1)
+        chance = 100 * result.plain.chance
+        axes.plot([i - 0.42, i + 0.42], [chance, chance], ':', color=INK, lw=1)
+    axes.set_xticks(range(len(results)), [_short_title(r) for r in results])
+    axes.set(ylim=(0, 104), ylabel='accuracy [%]', title=SCALING_TITLES[scaling])
+    axes.grid(axis='y', alpha=0.2, lw=0.5)
+
+
+def _short_title(result: SetResult) -> str:
+    recordings = result.recordings
+    if recordings.contact:
+        return f'{recordings.table.task},\n{recordings.contact}'
+    return recordings.title.replace(', ', ',\n', 1)
+
+
+def draw_learning_curves(result: SetResult) -> Drawing:
+    """Draw accuracy against trials of each class in the training, a row for each split."""
+    splits = list(dict.fromkeys(curve.split for curve in result.curves))
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(len(splits), len(SCALINGS), sharex=True, sharey=True, squeeze=False)
+        for row, split in zip(grid, splits, strict=True):
+            for axes, scaling in zip(row, SCALINGS, strict=True):
+                for curve in result.curves:
+                    if (curve.split, curve.scaling) == (split, scaling):
+                        axes.plot(
+                            curve.trials_per_class,
+                            100 * curve.accuracies.mean(axis=1),
+                            'o-',
+                            ms=3,
+                            lw=1.2,
+                            color=CLASSIFIER_COLOURS[curve.classifier],
+                            label=CLASSIFIER_TITLES[curve.classifier],
+                        )
+                axes.axhline(100 * result.plain.chance, ls=':', color=INK, lw=1)
+                axes.set_xscale('log', base=2)
+                axes.set_title(f'{split};\n{short_scaling(scaling)}')
+                axes.grid(alpha=0.2, lw=0.5)
+                axes.set_ylim(0, 104)
+        ticks = result.curves[0].trials_per_class
+        for axes in grid[-1]:
+            axes.set_xticks(ticks, [str(tick) for tick in ticks])
+            axes.minorticks_off()
+            axes.set_xlabel('trials of each class to train on')
+        for row in grid:
+            row[0].set_ylabel('accuracy [%]')
+        figure.legend(
+            *grid[0, 0].get_legend_handles_labels(),
+            loc='outside lower center',
+            ncols=2,
+            fontsize=8,
+        )
+
+    last = [
+        100 * (c.accuracies[-1].mean() - c.accuracies[-2].mean())
+        for c in result.curves
+        if len(c.trials_per_class) > 1
+    ]
+    gain = f' The last step still brings {max(last):.1f} points at most.' if last else ''
+    return render(
+        draw,
+        (6.2, 1.0 + 2.0 * len(splits)),
+        f'{result.recordings.title}: learning curves. The trials that are tested stay the same; '
+        f'those to train on are thinned out.{gain}',
+        simulated=result.recordings.simulated,
+    )
+
+
+def draw_confusion(result: SetResult) -> Drawing:
+    """Draw the confusion matrices of plain folds: classifiers by scalings."""
+    labels = result.plain.labels
+    size_in = max(1.3, 0.2 * len(labels))
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(len(SCALINGS), len(CLASSIFIERS), sharex=True, sharey=True)
+        for row, scaling in zip(grid, SCALINGS, strict=True):
+            for axes, classifier in zip(row, CLASSIFIERS, strict=True):
+                score = result.plain.score(classifier, scaling)
+                shares = score.confusion / score.confusion.sum(axis=1, keepdims=True)
+                draw_matrix(axes, shares, lambda share: f'{100 * share:.0f}' if share else '')
+                axes.set_title(
+                    f'{CLASSIFIER_TITLES[classifier]},\n{short_scaling(scaling)}', fontsize=7.5
+                )
+                axes.set_xticks(range(len(labels)), labels, rotation=90)
+                axes.set_yticks(range(len(labels)), labels)
+        figure.supxlabel('answer', fontsize=8.5)
+        figure.supylabel('true', fontsize=8.5)
+
+    return render(
+        draw,
+        (1.2 + len(CLASSIFIERS) * size_in, 1.6 + len(SCALINGS) * (size_in + 0.4)),
+        f'{result.recordings.title}: confusion in % of each true class, {result.plain.split}. '
+        + _worst_confusion(result),
+        simulated=result.recordings.simulated,
+    )
+
+
+def draw_matrix(axes: Axes, shares: FloatArray, text: Callable[[float], str]) -> None:
+    """Draw a matrix of numbers from 0 to 1 with a text in each cell."""
+    edges = np.arange(len(shares) + 1) - 0.5
+    axes.pcolormesh(edges, edges, shares, cmap='Blues', vmin=0.0, vmax=1.0)
+    axes.set_aspect('equal')
+    axes.set_ylim(len(shares) - 0.5, -0.5)
+    for i, j in np.ndindex(shares.shape):
+        colour = 'white' if shares[i, j] > 0.5 else '#222222'
+        cell = text(float(shares[i, j]))
+        axes.text(j, i, cell, ha='center', va='center', fontsize=6, color=colour)
+    axes.tick_params(length=0, labelsize=7)
+    axes.spines[:].set_visible(False)
+
+
+def _worst_confusion(result: SetResult) -> str:
+    best = max(result.plain.scores, key=lambda score: score.mean)
+    wrong = best.confusion * (1 - np.eye(len(best.labels), dtype=np.int64))
+    if not wrong.any():
+        return f'The best ({CLASSIFIER_TITLES[best.classifier]}) confuses nothing.'
+    true, said = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
+    share = wrong[true, said] / best.confusion[true].sum()
+    return (
+        f'Where the best ({CLASSIFIER_TITLES[best.classifier]}, {short_scaling(best.scaling)}) '
+        f'is wrong, it most often takes {best.labels[true]} for {best.labels[said]} '
+        f'({100 * share:.0f} % of its trials).'
+    )
+
+
+def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
+    """Draw why the RBF machine needs scaling on stiffness features."""
+
+    def draw(figure: Figure) -> None:
+        left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
+        names = [name.rpartition('__')[2] for name in results[0].recordings.table.spec.names]
+        for i, result in enumerate(results):
+            shares = distance_shares(result)
+            at = np.arange(len(shares)) + 0.8 * ((i + 0.5) / len(results) - 0.5)
+            left.bar(
+                at,
+                100 * shares,
+                0.8 / len(results),
+                color=f'C{i}',
+                label=result.recordings.contact or 'not scaled',
+            )
+            units = [point.unit for point in result.units]
+            right.plot(
+                units,
+                [100 * point.accuracy for point in result.units],
+                'o-',
+                ms=3,
+                lw=1.2,
+                color=f'C{i}',
+            )
+            scaled = 100 * result.plain.score('svm_rbf', 'standard').mean
+            right.axhline(scaled, ls='--', lw=1, color=f'C{i}')
+        left.axhline(100 / len(names), ls='--', lw=1, color=INK, label='each, scaled')
+        left.set_xticks(range(len(names)), names)
+        left.set(ylim=(0, 104), ylabel='share of squared distance [%]', title='unscaled')
+        figure.legend(
+            *left.get_legend_handles_labels(), loc='outside lower center', ncols=3, fontsize=8
+        )
+        right.set(
+            ylim=(0, 104),
+            ylabel='accuracy [%]',
+            xlabel='unit of force',
+            title='RBF machine: unscaled (line), scaled (dashes)',
+        )
+
+    return render(
+        draw,
+        (6.6, 3.0),
+        'Why scaling decides on stiffness: slope [N/s], intercept [N] and correlation [1] differ '
+        'in unit and size. Left: how much of the squared distance between trials, which is all '
+        'that the RBF kernel sees, each feature makes up. Right: the same trials with forces in '
+        'other units; a result that moves with the unit says more about the unit than about '
+        'touch, and scaling (dashes) takes it out.',
+        simulated=any(result.recordings.simulated for result in results),
+    )
+
+
+def distance_shares(result: SetResult) -> FloatArray:
+    """Return the share of each feature in the mean squared distance between trials [1]."""
+    variances = result.recordings.table.values.var(axis=0)
+    return np.asarray(variances / variances.sum())

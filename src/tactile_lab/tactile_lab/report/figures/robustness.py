@@ -1,0 +1,148 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Accuracy against what gets worse, as one figure, with the numbers below it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+
+from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_lab.report.figures.drawing import Drawing, INK, render
+from tactile_lab.report.page import Page
+from tactile_lab.report.provenance import find_versions
+from tactile_lab.simulation.robustness import Point
+from tactile_lab.simulation.robustness_axes import Axis
+
+_COLOURS = {'texture': '#2a78b8', 'stiffness': '#d98c00'}
+_LOGARITHMIC = ('noise', 'drift', 'sample rate')
+
+
+def draw_robustness(axes_of: Sequence[Axis], points: Sequence[Point]) -> Drawing:
+    """Draw one panel a condition, a colour for each task."""
+
+    def draw(figure: Figure) -> None:
+        columns = 2
+        rows = -(-len(axes_of) // columns)
+        grid = np.ravel(figure.subplots(rows, columns, sharey=True))
+        for panel, axis in zip(grid, axes_of, strict=False):
+            _draw_axis(panel, axis, points)
+        for panel in grid[len(axes_of) :]:
+            panel.set_visible(False)
+        for panel in grid[::columns]:
+            panel.set_ylabel('named correctly [%]')
+        handles, labels = grid[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc='outside lower center', ncols=2, fontsize=8)
+
+    return render(
+        draw,
+        (6.6, 8.6),
+        'Share of all tested trials that are named correctly while one condition gets worse. '
+        'Lines: trained under the usual conditions (upright thin line). Dashes: trained under '
+        'the same conditions as tested. A trial without features counts as not named.',
+        simulated=True,
+    )
+
+
+def _draw_axis(panel: Axes, axis: Axis, points: Sequence[Point]) -> None:
+    for protocol, colour in _COLOURS.items():
+        here = [p for p in points if (p.protocol, p.axis) == (protocol, axis.name)]
+        for style, kind in (('o-', 'nominal'), ('s--', 'matched')):
+            shown = [p for p in here if getattr(p, kind) is not None]
+            panel.plot(
+                [p.value for p in shown],
+                [100 * getattr(p, kind) for p in shown],
+                style,
+                ms=3,
+                lw=1.2,
+                color=colour,
+                label=f'{protocol}, '
+                + ('trained as usual' if kind == 'nominal' else 'trained as tested'),
+            )
+    panel.axvline(axis.nominal, color=INK, lw=0.6, alpha=0.5)
+    if axis.name in _LOGARITHMIC:
+        panel.set_xscale('log')
+        values = sorted({p.value for p in points if p.axis == axis.name})
+        panel.set_xticks(values, [f'{value:.3g}' for value in values])
+        panel.minorticks_off()
+    panel.set(ylim=(0, 104), title=f'{axis.name} [{axis.unit}]')
+    panel.grid(alpha=0.2, lw=0.5)
+
+
+def tell_axis(axis: Axis, points: Sequence[Point]) -> list[str]:
+    """Return one line a task: the accuracies along the axis."""
+    lines = []
+    for protocol in _COLOURS:
+        here = [p for p in points if (p.protocol, p.axis) == (protocol, axis.name)]
+        if here:
+            steps = ', '.join(
+                f'{p.value:.3g}: {_percent(p.nominal)} / {_percent(p.matched)}' for p in here
+            )
+            lines.append(f'{axis.name} ({axis.unit}), {protocol}: {steps}')
+    return lines
+
+
+def _percent(share: float | None) -> str:
+    return 'none' if share is None else f'{100 * share:.0f} %'
+
+
+def build_robustness_page(
+    axes_of: Sequence[Axis], points: Sequence[Point], document: Mapping[str, Any]
+) -> str:
+    """Return the study as an HTML file that needs no other."""
+    page = Page('Touch through the tendon: how good must sensor and rig be?', simulated=True)
+    page.heading('At a glance')
+    page.drawing(draw_robustness(axes_of, points))
+    page.heading('Numbers')
+    for axis in axes_of:
+        rows = [
+            [
+                p.protocol,
+                f'{p.value:.3g}',
+                _percent(p.nominal),
+                _percent(p.matched),
+                _percent(p.refused),
+            ]
+            for p in points
+            if p.axis == axis.name
+        ]
+        page.table(
+            f'{axis.name} [{axis.unit}]; {document["split"]}',
+            ['task', axis.name, 'trained as usual', 'trained as tested', 'without features'],
+            rows,
+        )
+    page.heading('Where this comes from')
+    scalings = ', '.join(
+        f'{task} {short_scaling(scaling)}' for task, scaling in document['scaling'].items()
+    )
+    settings = ', '.join(f'{key} {value}' for key, value in document['study'].items())
+    page.items(
+        [
+            f'classifier: {CLASSIFIER_TITLES[document["classifier"]]}; {scalings}',
+            f'simulated trials: {settings}',
+            f'descriptions: SHA-256 {document["description_sha256"]}',
+            'versions: ' + ', '.join(f'{n} {v}' for n, v in find_versions().items()),
+            'Tested are some hundred trials a point: differences of less than about ten points '
+            'may be chance.',
+            'A model refuses another sample rate than its own, so there is no line for one.',
+            'Jitter moves the time of sampling on a spline through clean samples, while stamps '
+            'stay even.',
+        ]
+    )
+    return page.to_html()

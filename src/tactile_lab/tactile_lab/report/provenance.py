@@ -1,0 +1,94 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a report was made of and with: recordings by their bytes, settings, versions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import hashlib
+import importlib.metadata
+from pathlib import Path
+import platform
+from typing import Any
+
+from tactile_bags import TactileBag
+
+LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib')
+
+
+@dataclass(frozen=True)
+class Source:
+    """One recording.
+
+    Attributes
+    ----------
+    name : str
+        Of the file or folder, without where it lies.
+    sha256 : str
+        Of the file, or of the files of a bag one after the other, by name.
+    facts : dict
+        What the recording says of itself, such as seed and simulator.
+    """
+
+    name: str
+    sha256: str
+    facts: dict[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the source as what JSON can hold."""
+        return {'name': self.name, 'sha256': self.sha256, 'facts': self.facts}
+
+
+def describe_sources(paths: Sequence[Path]) -> list[Source]:
+    """Return name, digest and facts of each recording.
+
+    Raises
+    ------
+    BagError
+        When a bag cannot be read.
+    """
+    sources = []
+    for path in paths:
+        facts = {}
+        if path.is_dir():
+            with TactileBag(path) as bag:
+                facts = {k: v for k, v in bag.facts.items() if not isinstance(v, (dict, list))}
+        sources.append(Source(path.resolve().name, compute_digest(path), facts))
+    return sources
+
+
+def compute_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or of all files of a folder in the order of their names."""
+    digest = hashlib.sha256()
+    files = sorted(p for p in path.rglob('*') if p.is_file()) if path.is_dir() else [path]
+    for file in files:
+        with file.open('rb') as stream:
+            while block := stream.read(2**20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def find_versions() -> dict[str, str]:
+    """Return the versions of Python and the libraries that the numbers depend on."""
+    found = {name: _version(name) for name in LIBRARIES}
+    return {'python': platform.python_version(), **{k: v for k, v in found.items() if v}}
+
+
+def _version(library: str) -> str:
+    try:
+        return importlib.metadata.version(library)
+    except importlib.metadata.PackageNotFoundError:
+        return ''

@@ -1,0 +1,239 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One set of labelled trials as the report needs it: features, and some of the signals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_bags import STRAIN, TactileBag
+from tactile_bags.message_records import read_records
+from tactile_classifier.datasets.archive import Skipped
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.splits import grouped_split, Split
+from tactile_classifier.errors import EvaluationError
+from tactile_features.records import PROTOCOL_STIFFNESS
+from tactile_lab.datasets.traces import read_trace, TrialTrace
+
+
+@dataclass(frozen=True)
+class Example:
+    """The window of one trial.
+
+    Attributes
+    ----------
+    row : int
+        Its row in the table of features.
+    time_s, signal : ndarray of shape (samples,)
+        Time since the window's first sample [s], and the samples.
+    """
+
+    row: int
+    time_s: NDArray[np.float64]
+    signal: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TrialExample:
+    """A whole trial with its phases, and the window that its features come from [s]."""
+
+    row: int
+    trace: TrialTrace
+    window_s: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class RecordingSet:
+    """Trials of one task and contact.
+
+    Attributes
+    ----------
+    title : str
+        Task, contact or source, and whether it is simulated.
+    contact : str
+        Empty where there is none, as in an archive.
+    simulated : bool
+    table : FeatureTable
+    hold_out : tuple of tuple of str
+        The columns of each grouped split that stands beside plain folds.
+    unit : str
+        Of the signal: ``N``, or ``raw`` for an archive, which does not say.
+    examples : tuple of Example
+        One a label.
+    trial : TrialExample or None
+        A trial with its phases, where recordings have them.
+    published : FeatureTable or None
+        The features of the same trials as the paper computes them, where ``table`` has others.
+    splits : tuple of Split
+        Stated trials to train on and to test on, beside plain folds and grouped splits.
+    skipped : tuple of Skipped
+        Trials that could not be used.
+    steps : tuple of str
+        What was done to the signals first, in words.
+    """
+
+    title: str
+    contact: str
+    simulated: bool
+    table: FeatureTable
+    hold_out: tuple[tuple[str, ...], ...]
+    unit: str
+    examples: tuple[Example, ...] = ()
+    trial: TrialExample | None = None
+    published: FeatureTable | None = None
+    splits: tuple[Split, ...] = ()
+    skipped: tuple[Skipped, ...] = ()
+    steps: tuple[str, ...] = ()
+
+    def tell_preparation(self, most: int | None = None) -> list[str]:
+        """Return what was done to the signals and which trials were skipped, ``most`` of them."""
+        lines = list(self.steps)
+        if self.skipped:
+            lines.append(f'skipped {len(self.skipped)} trials; rows count from 0:')
+            lines += [f'row {each.row}: {each.reason}' for each in self.skipped[:most]]
+        if most is not None and len(self.skipped) > most:
+            lines.append(f'and {len(self.skipped) - most} more: see the report, or --json')
+        return lines
+
+
+def choose_rows(table: FeatureTable) -> list[int]:
+    """Return the row of the first trial of each label."""
+    return [int(np.argmax(table.labels == label)) for label in np.unique(table.labels)]
+
+
+def array_examples(
+    table: FeatureTable, signals: NDArray[np.float64], rate_hz: float
+) -> tuple[Example, ...]:
+    """Return one example a label from ready-cut windows, shape (trials, samples)."""
+    time_s = np.asarray(np.arange(signals.shape[1]) / rate_hz, dtype=np.float64)
+    return tuple(Example(row, time_s, signals[row]) for row in choose_rows(table))
+
+
+def bag_sets(
+    tables: Mapping[tuple[str, str], FeatureTable],
+    hold_out: Sequence[Sequence[str]] | None = None,
+) -> list[RecordingSet]:
+    """Return the sets of some bags, with signals read from them.
+
+    Parameters
+    ----------
+    tables : mapping of (str, str) to FeatureTable
+        By task and contact, as `read_tables` returns them.
+    hold_out : sequence of sequence of str, optional
+        Columns of the grouped splits. When left out, one session is held out where there are
+        several that have all labels, and one block of trials where not.
+    """
+    sets = []
+    for (task, contact), table in tables.items():
+        simulated = bool(table.column('simulated').any())
+        chosen = _usual_split(table) if hold_out is None else hold_out
+        sets.append(
+            RecordingSet(
+                title=f'{task}, {contact}' + (', simulated' if simulated else ''),
+                contact=contact,
+                simulated=simulated,
+                table=table,
+                hold_out=tuple(tuple(columns) for columns in chosen),
+                unit='N',
+                examples=bag_examples(table),
+                trial=bag_trial(table) if task == PROTOCOL_STIFFNESS else None,
+            )
+        )
+    return sets
+
+
+def _usual_split(table: FeatureTable) -> list[tuple[str, ...]]:
+    for column in ('session_id', 'trial_block'):
+        try:
+            grouped_split(table, [column])
+        except EvaluationError:
+            continue
+        return [(column,)]
+    return []
+
+
+def bag_examples(table: FeatureTable) -> tuple[Example, ...]:
+    """Read one example a label from the bags that the table was made of.
+
+    Raises
+    ------
+    BagError
+        When a bag has gone.
+    """
+    rows = choose_rows(table)
+    examples = {}
+    sources = {(str(table.column('bag')[r]), str(table.column('namespace')[r])) for r in rows}
+    for path, namespace in sorted(sources):
+        here = [
+            row
+            for row in rows
+            if (table.column('bag')[row], table.column('namespace')[row]) == (path, namespace)
+        ]
+        spans = {
+            row: (
+                int(table.column('window_start_ns')[row]),
+                int(table.column('window_end_ns')[row]),
+            )
+            for row in here
+        }
+        with TactileBag(Path(path)) as bag:
+            examples.update(_read_windows(bag, namespace, spans))
+    return tuple(examples[row] for row in rows)
+
+
+def _read_windows(
+    bag: TactileBag, namespace: str, spans: dict[int, tuple[int, int]]
+) -> dict[int, Example]:
+    times_ns: dict[int, list[NDArray[np.int64]]] = {row: [] for row in spans}
+    values: dict[int, list[NDArray[np.float64]]] = {row: [] for row in spans}
+    for _, block in read_records(bag.messages(STRAIN, namespace=namespace)):
+        stamps = block.stamp_ns + np.arange(len(block.tension_n)) * block.period_ns
+        for row, (start, end) in spans.items():
+            if stamps[-1] >= start and stamps[0] <= end:
+                inside = (stamps >= start) & (stamps <= end)
+                times_ns[row].append(stamps[inside] - start)
+                values[row].append(np.asarray(block.tension_n, dtype=np.float64)[inside])
+    return {
+        row: Example(
+            row,
+            1e-9 * np.concatenate(times_ns[row], dtype=np.float64),
+            np.concatenate(values[row]),
+        )
+        for row in spans
+    }
+
+
+def bag_trial(table: FeatureTable) -> TrialExample | None:
+    """Read the whole of one stiffness trial: that with the steepest relaxation of its kind.
+
+    None when its name came more than once, so that its phases cannot be told apart.
+    """
+    rows = choose_rows(table)
+    row = rows[int(np.argmin(table.values[rows, 0]))]
+    trial_id = str(table.column('trial_id')[row])
+    if np.sum(table.column('trial_id') == trial_id) > 1:
+        return None
+    with TactileBag(Path(str(table.column('bag')[row]))) as bag:
+        trace = read_trace(bag, trial_id, str(table.column('namespace')[row]))
+    start_s, end_s = (
+        (int(table.column(name)[row]) - trace.begin_ns) * 1e-9
+        for name in ('window_start_ns', 'window_end_ns')
+    )
+    return TrialExample(row, trace, (start_s, end_s))

@@ -1,0 +1,377 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Simulated trials as messages: planned, simulated and turned into bytes, some at a time.
+
+`simulate_chunk` is what a worker does: a plain function of plain arguments with a small
+result, so that it can run in another process or on another computer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.store import Typestore
+
+from tactile_bags import EVENT, message_store, STRAIN
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import (
+    glide_speed_m_s,
+    GuideStep,
+    PullStep,
+    simulated_steps,
+    TendonStep,
+    TrialRequest,
+    WaitStep,
+)
+from tactile_sim.descriptions.catalogue import Catalogue
+from tactile_sim.physics.fast_trials import simulate_trials
+from tactile_sim.physics.motion import move_duration_s
+from tactile_sim.physics.timeline import Move, plan_timeline, Timeline
+
+SAMPLES_PER_BLOCK = 60
+"""Few long blocks: messages, not samples, are what writing and reading a bag costs."""
+
+EPOCH_NS = 1_600_000_000_000_000_000
+"""Where simulated time begins, so that the same seed gives the same bytes."""
+
+IDLE_S = 0.2
+"""Rest before and after a trial."""
+
+SLIP_M = 2e-4
+"""The object has slipped when the fingertip has moved so far over it (assumed) [m]."""
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """A trial on paper: when each phase begins, what the devices do, how many samples come."""
+
+    phases: tuple[tuple[str, float], ...]
+    timeline: Timeline
+    rate_hz: float
+    sample_count: int
+
+
+def plan_trial(
+    config: TrialConfig, request: TrialRequest, catalogue: Catalogue | None = None
+) -> PlannedTrial:
+    """Compute when each step of a trial begins and ends on devices that obey at once.
+
+    The guide is at the start already; the way back is left out, since nothing is
+    measured on it.
+    """
+    now_s = IDLE_S
+    guide_m, tendon_m = config.guide_start_m, 0.0
+    rig = (catalogue or Catalogue(None)).rig()
+    guide_m_s2, tendon_m_s2 = rig.guide.acceleration_m_s2, rig.tendon.max_acceleration_m_s2
+    guide_moves: list[Move] = []
+    tendon_moves: list[Move] = []
+    object_moves: list[Move] = []
+    phases: list[tuple[str, float]] = []
+    for step in simulated_steps(config, request):
+        if step.phase == 'return':
+            continue
+        if not phases or phases[-1][0] != step.phase:
+            phases.append((step.phase, now_s))
+        if isinstance(step, WaitStep):
+            now_s += step.duration_s
+        elif isinstance(step, GuideStep):
+            guide_moves.append(Move(now_s, step.position_m, step.speed_m_s))
+            now_s += move_duration_s(abs(step.position_m - guide_m), step.speed_m_s, guide_m_s2)
+            guide_m = step.position_m
+        elif isinstance(step, TendonStep):
+            tendon_moves.append(Move(now_s, step.displacement_m, step.speed_m_s))
+            now_s += move_duration_s(
+                abs(step.displacement_m - tendon_m),
+                step.speed_m_s,
+                tendon_m_s2,
+            )
+            tendon_m = step.displacement_m
+        elif isinstance(step, PullStep):
+            object_moves.append(Move(now_s, rig.pull.distance_m, rig.pull.speed_m_s))
+            pull = Timeline([], [], 1.0, guide_m, object_moves)
+            now_s = plan_timeline(rig, pull)[2].busy_s[-1][1]
+    phases.append(('done', now_s))
+    # Whole samples by the sensor's clock, so that trials follow each other without a gap.
+    period_s = rig.load_cell.period_s
+    sample_count = math.ceil((now_s + IDLE_S) / period_s)
+    timeline = Timeline(
+        guide_moves,
+        tendon_moves,
+        sample_count * period_s,
+        config.guide_start_m,
+        object_moves=object_moves,
+    )
+    return PlannedTrial(tuple(phases), timeline, rig.load_cell.rate_hz, sample_count)
+
+
+@dataclass(frozen=True)
+class SimulationPlan:
+    """One bag of simulated trials: every label of a protocol, so many times a session.
+
+    Attributes
+    ----------
+    protocol, contact : str
+    trials_per_label : int
+        In each session.
+    seed : int
+        The same seed gives the same bag.
+    sessions : int
+        How often the rig is set up anew; trials of a session share its deviations.
+    glide_speed_m_s : float or None
+        Speed over the plate [m/s]; None: as the trials are configured.
+    trials_per_mounting : int
+        Trials of a label and session between one fixing of the plate or object and the next.
+    """
+
+    protocol: str
+    contact: str
+    trials_per_label: int
+    seed: int
+    sessions: int = 1
+    glide_speed_m_s: float | None = None
+    trials_per_mounting: int = 1
+
+    @property
+    def name(self) -> str:
+        name = f'{self.protocol}_{self.contact}'
+        if self.glide_speed_m_s is None:
+            return name
+        return f'{name}_{1e3 * self.glide_speed_m_s:g}mm_s'
+
+    def configure(self, config: TrialConfig) -> TrialConfig:
+        """Return the configuration with this plan's speed over the plate."""
+        if self.glide_speed_m_s is None:
+            return config
+        return replace(config, glide_speed_m_s=self.glide_speed_m_s)
+
+    @property
+    def request(self) -> TrialRequest:
+        return TrialRequest(self.protocol, self.contact)
+
+
+@dataclass(frozen=True)
+class TrialChunk:
+    """Consecutive trials on one plate or object in one session.
+
+    Attributes
+    ----------
+    label : str
+    session : int
+    first, count : int
+        Numbers of the trials: ``first`` to ``first + count - 1``.
+    row, row_step : int
+        Place of the first trial in the bag, and from each to the next.
+    """
+
+    label: str
+    session: int
+    first: int
+    count: int
+    row: int
+    row_step: int
+
+
+@dataclass(frozen=True)
+class SimulatedTrial:
+    """One trial as it goes into a bag.
+
+    Attributes
+    ----------
+    trial_id : str
+    messages : tuple of (int, str, bytes)
+        Time [ns], type and bytes (CDR) of each message, in the order of time.
+    missing_samples : int
+        Samples at its end that the simulator could not compute.
+    failed_at_s : float or None
+        When the simulator gave up, since the trial's first sample [s].
+    onset_s : float or None
+        When the object began to slip, since the trial's first phase [s].
+    """
+
+    trial_id: str
+    messages: tuple[tuple[int, str, bytes], ...]
+    missing_samples: int
+    failed_at_s: float | None
+    onset_s: float | None
+
+
+def simulate_chunk(
+    plan: SimulationPlan,
+    planned: PlannedTrial,
+    config: TrialConfig,
+    catalogue: Catalogue,
+    chunk: TrialChunk,
+) -> list[SimulatedTrial]:
+    """Simulate a chunk's trials and turn them into bytes: what a worker does."""
+    trials = simulate_trials(
+        plan.protocol,
+        chunk.label,
+        plan.contact,
+        planned.timeline,
+        chunk.count,
+        plan.seed,
+        session=chunk.session,
+        first=chunk.first,
+        trials_per_mounting=plan.trials_per_mounting,
+        catalogue=catalogue,
+    )
+    done = []
+    for i in range(chunk.count):
+        failed_at_s = trials.failed_at_s[i]
+        times_s = trials.sample_times_s
+        # The sample at the very end is the first one of the next trial.
+        count = planned.sample_count
+        if math.isfinite(failed_at_s):
+            count = min(count, int(np.searchsorted(times_s, failed_at_s)))
+        onset_s = None
+        if plan.protocol == 'slip':
+            onset_s = find_onset_s(planned, times_s[:count], trials.truth['slip_m'][i, :count])
+        recorder = _TrialRecorder(plan, planned, config, chunk, i)
+        messages = recorder.messages(trials.tension_n[i, :count], failed_at_s)
+        done.append(
+            SimulatedTrial(
+                recorder.trial_id,
+                tuple(messages),
+                planned.sample_count - count,
+                float(failed_at_s) if math.isfinite(failed_at_s) else None,
+                onset_s,
+            )
+        )
+    return done
+
+
+def find_onset_s(
+    planned: PlannedTrial, times_s: NDArray[np.float64], slip_m: NDArray[np.float64]
+) -> float | None:
+    """Return when a trial's object began to slip, or None.
+
+    Parameters
+    ----------
+    planned : PlannedTrial
+    times_s, slip_m : ndarray of shape (samples,)
+        Time since the first sample [s] and true slip of the fingertip [m].
+
+    Returns
+    -------
+    float or None
+        Since the trial's first phase [s], linear between samples: when the slip since the
+        start of the pull passes `SLIP_M`. As the tendon is released afterwards, everything slips.
+    """
+    phases = dict(planned.phases)
+    first, end = np.searchsorted(times_s, [phases['pull'], phases['release']])
+    moved_m = np.abs(slip_m[first:end] - slip_m[first : first + 1])
+    beyond = np.flatnonzero(moved_m >= SLIP_M)
+    if not len(beyond):
+        return None
+    last = int(beyond[0])
+    pull_s = times_s[first:end]
+    at_s = np.interp(SLIP_M, moved_m[last - 1 : last + 1], pull_s[last - 1 : last + 1])
+    return round(float(at_s) - planned.phases[0][1], 6)
+
+
+@lru_cache
+def known_messages() -> Typestore:
+    """Return the message types, read once a process."""
+    return message_store()
+
+
+class _TrialRecorder:
+    """Turns one trial into messages; each has its place in simulated time, end to end."""
+
+    def __init__(
+        self,
+        plan: SimulationPlan,
+        planned: PlannedTrial,
+        config: TrialConfig,
+        chunk: TrialChunk,
+        i: int,
+    ) -> None:
+        self._plan = plan
+        self._planned = planned
+        self._config = config
+        self._label = chunk.label
+        self._first_sample = (chunk.row + i * chunk.row_step) * planned.sample_count
+        self.session_id = f'simulated-{plan.seed}-{chunk.session}'
+        number = chunk.first + i
+        mounting = number // plan.trials_per_mounting
+        self.mounting_id = f'{self.session_id}-{plan.contact}-{chunk.label}-{mounting}'
+        self.trial_id = f'{plan.name}-{plan.seed}-{chunk.session}-{chunk.label}-{number:04d}'
+
+    def messages(
+        self, tension_n: NDArray[np.float64], failed_at_s: float
+    ) -> list[tuple[int, str, bytes]]:
+        """Return (time, type, bytes) of each message in the order of time.
+
+        ``failed_at_s`` is not a number where the whole trial was computed.
+        """
+        items: list[tuple[int, str, bytes]] = []
+        phases = [(phase, at_s, '') for phase, at_s in self._planned.phases]
+        if math.isfinite(failed_at_s):
+            why = f'the simulation found no equilibrium at {failed_at_s:.3f} s'
+            phases = [phase for phase in phases if phase[1] < failed_at_s and phase[0] != 'done']
+            phases.append(('aborted', failed_at_s, why))
+        for phase, at_s, message in phases:
+            stamp_ns = self._stamp_ns(0) + round(at_s * 1e9)
+            items.append((stamp_ns, EVENT, self._event(stamp_ns, phase, message)))
+        for first in range(0, len(tension_n), SAMPLES_PER_BLOCK):
+            values = tension_n[first : first + SAMPLES_PER_BLOCK]
+            # A block is published when its last sample is there.
+            items.append((self._stamp_ns(first + len(values)), STRAIN, self._block(first, values)))
+        return sorted(items, key=lambda item: item[0])
+
+    def _stamp_ns(self, sample: int) -> int:
+        return EPOCH_NS + round((self._first_sample + sample) * 1e9 / self._planned.rate_hz)
+
+    def _header(self, stamp_ns: int, frame_id: str) -> Any:
+        types = known_messages().types
+        time_class = types['builtin_interfaces/msg/Time']
+        stamp = time_class(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
+        return types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id)
+
+    def _block(self, first: int, values: NDArray[np.float64]) -> bytes:
+        block = known_messages().types[STRAIN](
+            header=self._header(self._stamp_ns(first), 'tendon_sensor_link'),
+            sequence=self._first_sample + first,
+            period_ns=round(1e9 / self._planned.rate_hz),
+            tension_n=np.ascontiguousarray(values, dtype=np.float64),
+            lost_before=0,
+            stamp_error_s=0.0,
+            status=0,
+        )
+        return bytes(known_messages().serialize_cdr(block, STRAIN))
+
+    def _event(self, stamp_ns: int, phase: str, message: str) -> bytes:
+        event = known_messages().types[EVENT](
+            header=self._header(stamp_ns, ''),
+            trial_id=self.trial_id,
+            session_id=self.session_id,
+            mounting_id=self.mounting_id,
+            protocol=self._plan.protocol,
+            contact=self._plan.contact,
+            object_label=self._label,
+            phase=phase,
+            message=message,
+            glide_speed_m_s=glide_speed_m_s(self._config, self._plan.request),
+            pull_speed_m_s=self._config.pull_speed_m_s,
+            pull_displacement_m=self._config.displacement_m(self._plan.contact),
+            detected=False,
+            simulated=True,
+        )
+        return bytes(known_messages().serialize_cdr(event, EVENT))

@@ -1,0 +1,230 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile devices` and `tactile check` on the simulated rig's ports."""
+
+from http.server import BaseHTTPRequestHandler, HTTPServer
+import json
+import threading
+import time
+
+import pytest
+import serial
+from typer.testing import CliRunner
+
+from tactile_lab.cli.main import app
+from tactile_lab.devices.device_probe import FoundDevice, probe_net_ft, probe_ports
+from tactile_sim import SimulatedRig
+
+
+@pytest.fixture(scope='module')
+def rig():
+    with SimulatedRig(seed=2) as rig:
+        yield rig
+
+
+@pytest.fixture(autouse=True)
+def _sound_again(rig):
+    yield
+    for device in ('sensor', 'guide', 'tendon'):
+        rig.fault(device, 'none')
+    rig.fault('tendon', 'restart')  # clears what the overheating has left
+    until_s = rig.truth()['time_s'] + 0.5
+    while rig.truth()['time_s'] < until_s:  # it is silent meanwhile
+        time.sleep(0.01)
+
+
+def tactile(*arguments):
+    """Exit code, JSON and what people read."""
+    done = CliRunner().invoke(app, [*map(str, arguments), '--json'])
+    out = done.stdout
+    return done.exit_code, json.loads(out[out.index('{\n') : out.rindex('}') + 1])
+
+
+def probe(*ports, is_quiet=False):
+    return probe_ports([FoundDevice(port) for port in ports], listen_s=0.5, is_quiet=is_quiet)
+
+
+def check(option, port, *more):
+    code, document = tactile('check', option, port, '--seconds', 2, *more)
+    (report,) = document['devices']
+    assert document['fit'] == (not report['problems']) == (code == 0)
+    return report['facts'], ' '.join(p['what'] + p['remedy'] for p in report['problems'])
+
+
+@pytest.mark.parametrize('command', ['devices', 'check'])
+def test_help_reads_like_a_manual(command):
+    done = CliRunner().invoke(app, [command, '--help'])
+    assert done.exit_code == 0
+    assert len(done.stdout.splitlines()) > 30
+
+
+# -- devices -------------------------------------------------------------------------------
+
+
+def test_devices_are_recognised_and_left_as_they_were(rig):
+    before = rig.truth()
+    code, document = tactile('devices', *(f'--port={port}' for port in rig.ports), '--listen=0.5')
+    assert code == 0
+    found = {device['port']: device for device in document['devices']}
+    assert found[rig.ports.guide]['device'] == 'guide'
+    assert found[rig.ports.guide]['what'] == 'Grbl 1.1h.20190830, in state Alarm'
+    assert found[rig.ports.tendon]['what'] == 'Dynamixel XM430-W350 with ID 1, firmware 45'
+    assert found[rig.ports.tendon]['parameters']['device_id'] == 1
+    sensor = found[rig.ports.sensor]
+    assert sensor['what'].startswith('load-cell lines such as "')
+    assert sensor['parameters'] == {
+        'baud': 115200,
+        'time_column': 0,
+        'time_unit_s': 0.001,
+        'value_column': 1,
+        'unit': 'kg',
+    }
+    after = rig.truth()
+    assert after['guide_position_m'] == before['guide_position_m']
+    assert after['tendon_displacement_m'] == before['tendon_displacement_m']
+
+
+def test_a_port_in_use_is_left_alone(rig):
+    with serial.Serial(rig.ports.sensor, exclusive=True):
+        (found,) = probe(rig.ports.sensor)
+    assert (found.device, found.what) == ('', 'in use by another program')
+
+
+def test_silence_and_nonsense_are_said_to_be_that(rig):
+    rig.fault('guide', 'mute')
+    rig.fault('sensor', 'wrong_baud', ratio=3.0)
+    guide, sensor, missing = probe(rig.ports.guide, rig.ports.sensor, rig.ports.guide + '9')
+    assert guide.what == 'silent'
+    assert sensor.what == 'speaks, but in no known way'
+    assert missing.what == 'no such port; check the cable and the name'
+
+
+def test_quiet_sends_nothing(rig):
+    guide, tendon = probe(rig.ports.guide, rig.ports.tendon, is_quiet=True)
+    assert guide.what == tendon.what == 'silent'
+
+
+def test_a_net_ft_is_asked_at_its_address():
+    page = b"""<?xml version="1.0"?>
+        <netft><prodname>Net F/T</prodname><runstat>0x00000000</runstat>
+        <cfgcpf>1000000</cfgcpf><cfgcpt>1000000</cfgcpt><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu>
+        <comrdte>Enabled</comrdte><comrdtrate>60</comrdtrate><cfgcalsn>FT12345</cfgcalsn>
+        </netft>"""
+
+    class Box(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(page)
+
+        def log_message(self, *_):
+            pass
+
+    with HTTPServer(('127.0.0.1', 0), Box) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        found = probe_net_ft('127.0.0.1', server.server_port)
+        server.shutdown()
+    assert found.device == 'sensor'
+    assert found.what == 'Net F/T, calibration FT12345, 60 records/s, status 0x00000000'
+    assert found.parameters == {'sensor': 'net_ft', 'host': '127.0.0.1'}
+    gone = probe_net_ft('127.0.0.1', server.server_port)
+    assert gone.device == ''
+    assert 'no answer' in gone.what
+
+
+# -- check ---------------------------------------------------------------------------------
+
+
+def test_a_sound_rig_is_fit_and_moves_when_allowed(rig):
+    code, document = tactile(
+        'check', *(f'--{name}={port}' for name, port in rig.ports._asdict().items()), '--move'
+    )
+    assert [report['problems'] for report in document['devices']] == [[], [], []]
+    assert code == 0
+    assert document['fit']
+    sensor, guide, tendon = (report['facts'] for report in document['devices'])
+    assert sensor['rate [Hz]'] == pytest.approx(60.0, rel=0.02)
+    assert 1e-4 < sensor['noise, standard deviation [N]'] < 0.1
+    assert abs(guide['error at rest [mm]']) < 0.1
+    assert tendon['wound in and out [mm]'] == 2.0
+    assert rig.truth()['tendon_displacement_m'] == pytest.approx(0.0, abs=2e-4)
+
+
+def test_check_moves_nothing_unless_allowed(rig):
+    before = rig.truth()
+    facts, _ = check('--guide', rig.ports.guide)
+    assert facts['firmware'] == 'Grbl 1.1h.20190830'
+    facts, _ = check('--tendon', rig.ports.tendon)
+    assert 'stops the servo after 0.2 s' in facts['watchdog']
+    after = rig.truth()
+    assert after['guide_position_m'] == before['guide_position_m']
+    assert after['tendon_displacement_m'] == pytest.approx(
+        before['tendon_displacement_m'], abs=1e-5
+    )
+
+
+def test_faults_of_the_sensor_are_told_with_a_remedy(rig):
+    rig.fault('sensor', 'saturate')
+    facts, problems = check('--sensor', rig.ports.sensor)
+    assert 'does not change at all' in problems
+    rig.fault('sensor', 'none')
+    rig.fault('sensor', 'garbage', share=0.5)
+    facts, problems = check('--sensor', rig.ports.sensor)
+    assert 'lines were no readings' in problems
+    assert 'samples were lost' in problems
+    assert facts['lost samples'] > 10
+    rig.fault('sensor', 'none')
+    rig.fault('sensor', 'mute')
+    _, problems = check('--sensor', rig.ports.sensor)
+    assert 'no reading in 2 s' in problems
+
+
+def test_a_wrong_rate_is_told_with_the_right_one(rig, tmp_path):
+    params = tmp_path / 'params.yaml'
+    params.write_text(
+        f'tendon_sensor:\n  ros__parameters:\n    port: {rig.ports.sensor}\n    rate_hz: 80.0\n'
+    )
+    code, document = tactile('check', '--params', params, '--seconds', 2)
+    (report,) = document['devices']
+    assert code == 1
+    assert any('rate_hz is 80' in problem['what'] for problem in report['problems'])
+
+
+def test_faults_of_guide_and_tendon_are_told(rig):
+    rig.fault('tendon', 'overheat', temperature_c=91)
+    facts, problems = check('--tendon', rig.ports.tendon)
+    assert facts['temperature [C]'] == 91
+    assert facts['hardware errors'] == 'overheating'
+    assert 'has shut down: overheating' in problems
+    assert 'let it cool' in problems
+    rig.fault('tendon', 'mute')
+    _, problems = check('--tendon', rig.ports.tendon)
+    assert 'no answer from servo 1' in problems
+    with serial.Serial(rig.ports.guide, 115200, timeout=5.0) as port:
+        port.write(b'$X\n$110=500\n')
+        assert port.read_until(b'ok\r\nok\r\n')
+    try:
+        _, problems = check('--guide', rig.ports.guide)
+        assert 'caps speed at 500 mm/min' in problems
+        assert 'set $110=6000' in problems
+    finally:
+        with serial.Serial(rig.ports.guide, 115200, timeout=5.0) as port:
+            port.write(b'$110=6000\n')
+            assert port.read_until(b'ok\r\n')
+
+
+def test_nothing_named_is_refused():
+    done = CliRunner().invoke(app, ['check'])
+    assert done.exit_code == 2

@@ -1,0 +1,132 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the launch tests share: a launched file, models, and an ear on its topics."""
+
+import atexit
+import contextlib
+import os
+from pathlib import Path
+import tempfile
+import time
+
+from ament_index_python.packages import get_package_share_directory
+from domain_coordinator import domain_id
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+import launch_testing.actions
+from rclpy.node import Node
+
+from tactile_bringup.nodes.graph_runner import ros_context
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.wiring.model_folder import model_path
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.qos import RESULTS
+
+DEADLINE_S = 120.0
+"""Far more than anything needs: the computer may be busy with other tests."""
+
+
+def launched(name, **arguments):
+    """Return the description of a launch file that is ready at once, on a domain of its own."""
+    # The launched processes take their domain from the environment.
+    os.environ['ROS_DOMAIN_ID'] = str(until_end(domain_id()))
+    share = Path(get_package_share_directory('tactile_bringup'))
+    included = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(str(share / 'launch' / f'{name}.launch.py')),
+        launch_arguments=arguments.items(),
+    )
+    return LaunchDescription([included, launch_testing.actions.ReadyToTest()])
+
+
+def until_end(resource):
+    """Enter a context that is left when the test process ends."""
+    resources = contextlib.ExitStack()
+    atexit.register(resources.close)
+    return resources.enter_context(resource)
+
+
+def new_folder():
+    """Return a new folder that is gone when the test process ends."""
+    return Path(until_end(tempfile.TemporaryDirectory(prefix='launch_test_')))
+
+
+def simulated_bag(folder, protocol):
+    """Return a bag of two simulated trials on each plate or object."""
+    plan = SimulationPlan(protocol, 'flexion', 2, seed=7)
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+
+def trained_model(folder, protocol):
+    """Return a model file for a protocol in flexion, trained on a small simulated bag."""
+    tables = read_tables([simulated_bag(folder, protocol)]).tables
+    path = model_path(folder, protocol, 'flexion')
+    write_model(path, train(tables[protocol, 'flexion'], 'knn'))
+    return path
+
+
+class Ear:
+    """Hears topics on the domain of the launched processes. A context manager.
+
+    Parameters
+    ----------
+    topics : mapping of str to type
+        Message type by topic.
+    others : sequence of rclpy.node.Node
+        Made by the caller in ``context``; spun, too.
+    """
+
+    def __init__(self, topics, make_others=lambda context: ()):
+        self._stack = contextlib.ExitStack()
+        self.context = self._stack.enter_context(ros_context(int(os.environ['ROS_DOMAIN_ID'])))
+        self.node = Node('ear', context=self.context)
+        self.heard = {topic: [] for topic in topics}
+        for topic, message_type in topics.items():
+            self.node.create_subscription(message_type, topic, self.heard[topic].append, RESULTS)
+        self.others = list(make_others(self.context))
+        self._stack.enter_context(NodeGroup([self.node, *self.others], context=self.context))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self._stack.close()
+
+    def wait_for_publishers(self, *topics):
+        wait_for(
+            lambda: all(self.node.count_publishers(self._full(topic)) for topic in topics),
+            lambda: 'nobody publishes '
+            + ', '.join(t for t in topics if not self.node.count_publishers(self._full(t))),
+        )
+
+    def wait_for_messages(self, topic, count=1):
+        wait_for(lambda: len(self.heard[topic]) >= count, lambda: f'nothing on {topic}')
+        return self.heard[topic]
+
+    def _full(self, topic):
+        return self.node.resolve_topic_name(topic)
+
+
+def wait_for(condition, otherwise):
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline_s, otherwise()
+        time.sleep(0.05)

@@ -1,0 +1,197 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Each node of the launched rig killed in contact: all rests, and the tendon goes slack.
+
+With TACTILE_KILLS=FILE it appends what it measured, a line of JSON a kill; docs/motion.md has
+the table.
+"""
+
+import json
+import os
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+from domain_coordinator import domain_id
+import pytest
+
+pytest.importorskip('launch', reason='launch comes with an ordinary ROS 2, not from PyPI')
+
+from tactile_bringup.nodes.graph_runner import ros_context
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_msgs.msg import TrialEvent
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.qos import EVENTS
+from tactile_sim.rig_process import SimulatedRig
+
+DEADLINE_S = 90.0
+WATCHED_S = 6.0
+SLACK_M = 0.0006
+STEP_M = 1e-6
+
+VICTIMS = ('tendon_sensor_node', 'linear_guide_node', 'tendon_actuator_node', 'trial_runner_node')
+SCENES = {
+    'texture': ('R1', TrialEvent.PHASE_GLIDE),
+    'stiffness': ('rubber_shell', TrialEvent.PHASE_HOLD),
+}
+
+
+def wait_for(condition, what):
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not (value := condition()):
+        assert time.monotonic() < deadline_s, what()
+        time.sleep(0.01)
+    return value
+
+
+def children_of(pid):
+    found = []
+    for listing in Path(f'/proc/{pid}/task').glob('*/children'):
+        for child in listing.read_text().split():
+            found += [int(child), *children_of(int(child))]
+    return found
+
+
+def find_process(pid, executable):
+    for child in children_of(pid):
+        try:
+            words = Path(f'/proc/{child}/cmdline').read_bytes().split(b'\0')
+        except OSError:
+            continue
+        if any(word.endswith(executable.encode()) for word in words[:2]):
+            return child
+    return None
+
+
+class LaunchedRig:
+    """The launch file of a protocol in a process of its own, on a simulated rig of ours."""
+
+    def __init__(self, protocol, log):
+        if shutil.which('ros2') is None:
+            pytest.skip('the command ros2 is not installed')
+        self.rig = SimulatedRig(seed=3)
+        self.rig.mount(protocol, SCENES[protocol][0], 'flexion')
+        ports = self.rig.ports._asdict()
+        self._domain = domain_id()
+        domain = str(self._domain.__enter__())
+        self._log = log.open('wb')
+        self.process = subprocess.Popen(
+            ['ros2', 'launch', 'tactile_bringup', f'{protocol}.launch.py', 'rig:=simulated']
+            + [f'{name}_port:={port}' for name, port in ports.items()],
+            env={**os.environ, 'ROS_DOMAIN_ID': domain},
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )
+        self._context = ros_context(int(domain))
+        self.operator = OperatorNode((), self._context.__enter__())
+        self.phases = []
+        self.operator.create_subscription(
+            TrialEvent, 'trial_runner/events', lambda m: self.phases.append(m.phase), EVENTS
+        )
+        self._group = NodeGroup([self.operator], context=self.operator.context)
+        self._group.__enter__()
+
+    def insist(self, ask):
+        """Ask until it is granted: a node that starts again takes a moment."""
+        problem = ''
+
+        def is_granted():
+            nonlocal problem
+            try:
+                ask()
+            except TactileError as error:
+                problem = str(error)
+                return False
+            return True
+
+        wait_for(is_granted, lambda: problem)
+
+    def close(self):
+        self._group.close()
+        self._context.__exit__(None, None, None)
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            raise
+        finally:
+            self._log.close()
+            self._domain.__exit__(None, None, None)
+
+
+def watch(rig):
+    """Return when guide and tendon last moved on, and when the tendon was slack, from now [s]."""
+    began_s, before = time.monotonic(), rig.truth()
+    rest = {'guide_rest_s': 0.0, 'tendon_in_s': 0.0, 'slack_s': None}
+    while (passed_s := time.monotonic() - began_s) < WATCHED_S or rest['slack_s'] is None:
+        assert passed_s < DEADLINE_S, f'the tendon is still taut: {before}'
+        now = rig.truth()
+        if abs(now['guide_position_m'] - before['guide_position_m']) > STEP_M:
+            rest['guide_rest_s'] = passed_s
+        if now['tendon_displacement_m'] - before['tendon_displacement_m'] > STEP_M:
+            rest['tendon_in_s'] = passed_s
+        if rest['slack_s'] is None and now['tendon_displacement_m'] < SLACK_M:
+            rest['slack_s'] = passed_s
+        before = now
+        time.sleep(0.004)
+    return rest
+
+
+@pytest.mark.parametrize('protocol', SCENES)
+@pytest.mark.parametrize('victim', VICTIMS)
+def test_a_killed_node_leaves_a_slack_tendon_and_the_next_trial_runs(tmp_path, protocol, victim):
+    label, phase = SCENES[protocol]
+    log = tmp_path / 'launch.log'
+    launched = LaunchedRig(protocol, log)
+    rig, operator = launched.rig, launched.operator
+    request = TrialRequest(protocol, 'flexion', label)
+    try:
+        launched.insist(operator.home_guide)
+        trial = threading.Thread(
+            target=lambda: pytest.raises(TactileError, operator.run_trial, request), daemon=True
+        )
+        trial.start()
+        wait_for(lambda: phase in launched.phases, lambda: f'no {phase}')
+        time.sleep(0.5)
+        assert rig.truth()['tendon_displacement_m'] > 0.002
+        os.kill(find_process(launched.process.pid, victim), signal.SIGKILL)
+        rest = watch(rig)
+        launched.phases.clear()
+        launched.insist(operator.home_guide)
+        launched.insist(lambda: operator.run_trial(TrialRequest(protocol, 'flexion', label)))
+        assert TrialEvent.PHASE_DONE in launched.phases
+        code = launched.close()
+        rest['slack_at_the_end'] = rig.truth()['tendon_displacement_m'] < SLACK_M
+    except BaseException:
+        launched.close()
+        sys.stdout.write(log.read_text()[-6000:])
+        raise
+    finally:
+        rig.close()
+    if path := os.environ.get('TACTILE_KILLS'):
+        with open(path, 'a') as file:
+            row = {'victim': victim, 'phase': phase, **rest, 'exit': code}
+            file.write(json.dumps(row) + '\n')
+    assert (code, rest['slack_at_the_end']) == (0, True)

@@ -1,0 +1,90 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Each protocol's launch file, with the simulated rig that it starts: a trial, an answer."""
+
+import unittest
+
+import pytest
+
+pytest.importorskip(
+    'launch_testing.actions', reason='launch_testing comes with an ordinary ROS 2, not from PyPI'
+)
+pytest.importorskip('skl2onnx', reason='skl2onnx, which models are trained with, is not installed')
+
+import launch_testing
+import launch_testing.asserts
+import launch_testing.markers
+from launched import Ear, launched, new_folder, trained_model
+
+from tactile_bags import TactileBag
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_msgs.msg import Classification, TactileFeatures
+
+OUTPUTS = (
+    'tendon_sensor/strain',
+    'linear_guide/joint_states',
+    'tendon_actuator/joint_states',
+    'trial_runner/events',
+    'tactile_features/features',
+)
+OBJECTS = {'texture': 'R1', 'stiffness': 'sponge'}
+
+
+@pytest.mark.launch_test
+@launch_testing.markers.keep_alive
+@launch_testing.parametrize('protocol', list(OBJECTS))
+def generate_test_description(protocol):
+    folder = new_folder()
+    bag = folder / 'recording'
+    description = launched(
+        protocol,
+        rig='simulated',
+        object=OBJECTS[protocol],
+        model=str(trained_model(folder, protocol)),
+        record=str(bag),
+        log_level='warn',
+    )
+    return description, {'bag': bag}
+
+
+class TestTrial(unittest.TestCase):
+    def test_a_trial_gives_features_and_an_answer(self, protocol):
+        answers = f'{protocol}_flexion_classifier/classification'
+        topics = {'tactile_features/features': TactileFeatures, answers: Classification}
+        with Ear(topics, lambda context: [OperatorNode((), context)]) as ear:
+            ear.wait_for_publishers(*OUTPUTS, answers)
+            (operator,) = ear.others
+            operator.home_guide()
+            operator.run_trial(TrialRequest(protocol, 'flexion', OBJECTS[protocol], 't1'))
+            (window,) = ear.wait_for_messages('tactile_features/features')
+            (answer,) = ear.wait_for_messages(answers)
+        self.assertEqual(window.trial_id, 't1')
+        self.assertEqual(window.outcome, TactileFeatures.OUTCOME_OK, window.reason)
+        self.assertTrue(window.simulated)
+        self.assertEqual(answer.trial_id, 't1')
+        self.assertIn(OBJECTS[protocol], answer.labels)
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_every_process_ends_with_zero(self, proc_info):
+        launch_testing.asserts.assertExitCodes(proc_info)
+
+    def test_the_trial_is_in_the_bag(self, bag, protocol):
+        with TactileBag(bag) as recording:
+            counts = {name: count for name, (_, count) in recording.topics.items()}
+        self.assertEqual(counts[f'/{protocol}_flexion_classifier/classification'], 1)
+        self.assertGreater(counts['/tendon_sensor/strain'], 100)

@@ -1,0 +1,63 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording through launched nodes, on its own time: what the plain core says of it."""
+
+import unittest
+
+import pytest
+
+pytest.importorskip(
+    'launch_testing.actions', reason='launch_testing comes with an ordinary ROS 2, not from PyPI'
+)
+pytest.importorskip('skl2onnx', reason='skl2onnx, which models are trained with, is not installed')
+
+import launch_testing
+import launch_testing.asserts
+from launched import DEADLINE_S, Ear, launched, new_folder, simulated_bag, trained_model
+
+from tactile_bags import TactileBag
+from tactile_bags.replaying.replay import load_models, recorded_config, replay_through_core
+from tactile_classifier.conversions import classification_from_msg
+from tactile_msgs.msg import Classification
+
+CLASSIFIER = 'stiffness_flexion_classifier'
+ANSWERS = f'{CLASSIFIER}/classification'
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    folder = new_folder()
+    model = trained_model(folder, 'stiffness')
+    bag = simulated_bag(folder / 'played', 'stiffness')
+    with TactileBag(bag) as recording:
+        models = load_models({CLASSIFIER: str(model)})
+        core = replay_through_core(recording, models, recorded_config(recording))
+    description = launched('replay', bag=str(bag), model=str(model), rate='8', log_level='warn')
+    return description, {'expected': core.classifications}
+
+
+class TestReplay(unittest.TestCase):
+    def test_the_answers_are_those_of_the_core_and_the_launch_ends(self, expected, proc_info):
+        with Ear({ANSWERS: Classification}) as ear:
+            messages = ear.wait_for_messages(ANSWERS, len(expected))
+            answers = [classification_from_msg(message) for message in messages]
+        self.assertEqual(answers, expected)
+        proc_info.assertWaitForShutdown(process='bag_player_node', timeout=DEADLINE_S)
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_every_process_ends_with_zero(self, proc_info):
+        launch_testing.asserts.assertExitCodes(proc_info)

@@ -1,0 +1,84 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile replay` and `tactile repair`, on recordings made of simulated ones."""
+
+import json
+
+import pytest
+from rclpy.serialization import serialize_message
+
+from tactile_bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
+from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_features.conversions import feature_window_to_msg
+from tactile_lab.commands.repair import run_repair
+from tactile_lab.commands.replay import run_replay
+
+
+def record(source, target, lose=()):
+    """Copy a simulated bag and add the features that nodes would have published.
+
+    Strain messages of the indices in ``lose`` were heard by the nodes but not recorded.
+    """
+    with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+        for topic in bag.stored_topics:
+            writer.add_stored_topic(topic)
+        features = writer.add_topic(FEATURES_TOPIC)
+        number = -1
+        for message in bag.messages():
+            number += message.type_name == STRAIN
+            if message.type_name != STRAIN or number not in lose:
+                writer.write_raw(message.topic, message.received_at_ns, message.data)
+        for window in replay_windows(bag, recorded_config(bag)):
+            data = serialize_message(feature_window_to_msg(window))
+            writer.write_raw(features, window.window_end_ns, data)
+    return target
+
+
+def test_replay_repeats_itself_and_audits(stiffness_bag, tmp_path, capsys):
+    bag = record(stiffness_bag, tmp_path / 'bag')
+    assert run_replay(bag, None, through_nodes=False, times=3, as_json=True)
+    (finger,) = json.loads(capsys.readouterr().out)['fingers']
+    assert finger['replays'] == 3
+    assert finger['audit']['trials'] == 15
+    assert finger['audit']['failed_trials'] == 0
+
+
+def test_replay_says_what_was_lost(stiffness_bag, tmp_path, capsys):
+    bag = record(stiffness_bag, tmp_path / 'bag', lose={7})
+    assert not run_replay(bag, None, through_nodes=False, times=3, as_json=True)
+    output = capsys.readouterr()
+    (finger,) = json.loads(output.out)['fingers']
+    assert finger['replays'] == 1  # ends at the first difference
+    assert finger['audit']['failed_trials'] >= 1
+    assert 'samples lost in 1 gaps' in output.err
+
+
+@pytest.mark.parametrize('damage', [False, True])
+def test_repair_makes_a_closed_copy(stiffness_bag, tmp_path, capsys, damage):
+    source = record(stiffness_bag, tmp_path / 'bag')
+    (path,) = source.glob('*.mcap')
+    data = bytearray(path.read_bytes())
+    if damage:
+        data[len(data) // 2] ^= 1
+        path.write_bytes(data)
+    else:
+        path.write_bytes(data[: -len(data) // 50])
+    assert run_repair(source, tmp_path / 'copy', as_json=True) == (not damage)
+    result = json.loads(capsys.readouterr().out)
+    assert bool(result['recovered']) == (not damage)
+    with TactileBag(tmp_path / 'copy') as bag:
+        assert bag.recovered == ''
+        assert len(list(bag.messages())) == result['message_count']
+        assert bag.facts.get('repair_is_partial', False) == damage

@@ -1,0 +1,152 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+
+from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bringup.nodes.graph_runner import create_node, running_graph
+from tactile_bringup.wiring.graph import NodeDescription
+from tactile_msgs.msg import StrainBlock, TrialEvent
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.qos import CLOCK, EVENTS, STREAM
+
+DEADLINE_S = 60.0
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline, 'condition not met in time'
+        time.sleep(0.005)
+
+
+def player(bag, **parameters):
+    return NodeDescription(
+        'tactile_bringup', 'bag_player_node', 'bag_player', {'bag': str(bag), **parameters}
+    )
+
+
+class Listener:
+    """Keeps what is played, as bytes, and the clock."""
+
+    def __init__(self, context):
+        self.node = Node('listener', context=context)
+        self.received = {STRAIN: [], EVENT: []}
+        self.clock_ns = []
+        for kind, message_type, topic, qos in (
+            (STRAIN, StrainBlock, 'tendon_sensor/strain', STREAM),
+            (EVENT, TrialEvent, 'trial_runner/events', EVENTS),
+        ):
+            self.node.create_subscription(
+                message_type, topic, self.received[kind].append, qos, raw=True
+            )
+        self.node.create_subscription(Clock, '/clock', self._on_clock, CLOCK)
+
+    def _on_clock(self, message):
+        self.clock_ns.append(message.clock.sec * 10**9 + message.clock.nanosec)
+
+
+def recorded(path):
+    with TactileBag(path) as bag:
+        messages = list(bag.messages(STRAIN, EVENT))
+    data = {kind: [m.data for m in messages if m.type_name == kind] for kind in (STRAIN, EVENT)}
+    return data, (messages[0].received_at_ns, messages[-1].received_at_ns)
+
+
+def test_the_very_bytes_are_played_and_the_clock_is_that_of_the_bag(context, stiffness_bag):
+    expected, span_ns = recorded(stiffness_bag)
+    listener = Listener(context)
+    graph = [player(stiffness_bag, rate=40.0, start_delay_s=1.0)]
+    with running_graph(graph, context, others=[listener.node]) as nodes:
+        node = nodes['bag_player']
+        wait_until(lambda: node.is_finished)
+        wait_until(lambda: len(listener.received[STRAIN]) == len(expected[STRAIN]))
+        wait_until(lambda: len(listener.received[EVENT]) == len(expected[EVENT]))
+        wait_until(lambda: listener.clock_ns[-1] == span_ns[1])
+        assert not node.has_failed
+    assert listener.received == expected
+    assert listener.clock_ns == sorted(listener.clock_ns)
+    assert listener.clock_ns[0] >= span_ns[0]
+    assert len(listener.clock_ns) > 20
+
+
+def test_a_node_on_the_time_of_the_bag_sees_it(context, stiffness_bag):
+    _, span_ns = recorded(stiffness_bag)
+    follower = Node('follower', context=context)
+    follower.set_parameters([Parameter('use_sim_time', value=True)])
+    graph = [player(stiffness_bag, rate=40.0)]
+    with running_graph(graph, context, others=[follower]) as nodes:
+        wait_until(lambda: nodes['bag_player'].is_finished)
+        wait_until(lambda: follower.get_clock().now().nanoseconds == span_ns[1])
+
+
+def test_what_cannot_be_played_is_refused_with_a_sentence(context, stiffness_bag, tmp_path):
+    for description in (player(tmp_path), player(''), player(stiffness_bag, namespace='toe')):
+        node = create_node(description, context)
+        assert not node.bring_up()
+        node.take_down()
+    with pytest.raises(TactileError):
+        create_node(player(stiffness_bag, rate=0.0), context)
+
+
+def test_playing_can_be_ended(context, stiffness_bag):
+    node = create_node(player(stiffness_bag, rate=0.001, start_delay_s=0.0), context)
+    with NodeGroup([node], context=context):
+        assert node.bring_up()
+        wait_until(lambda: node.message_count)
+        assert not node.is_finished
+    assert not node.is_finished
+    assert not any(thread.name == 'bag player' for thread in threading.enumerate())
+
+
+def test_what_goes_wrong_while_it_plays_ends_it_as_failed(context, stiffness_bag, capfd):
+    def fail(*_, **__):
+        raise RuntimeError('the folder went away')
+
+    node = create_node(player(stiffness_bag, start_delay_s=0.0), context)
+    with NodeGroup([node], context=context):
+        for transition in (node.trigger_configure, node.trigger_activate):
+            transition()
+            node._bag.messages = fail
+        wait_until(lambda: node.is_finished)
+        assert node.has_failed
+    log = ''.join(capfd.readouterr())
+    assert 'Traceback' in log
+    assert 'RuntimeError: the folder went away' in log
+
+
+def test_its_process_ends_with_0_at_the_end_of_the_bag(context, stiffness_bag):
+    program = 'import sys; from tactile_bags.nodes.bag_player_node import main; sys.exit(main())'
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
+    arguments = ['--ros-args', '-p', f'bag:={stiffness_bag}', '-p', 'rate:=1000.0']
+    done = subprocess.run(
+        [sys.executable, '-c', program, *arguments],
+        env=environment,
+        timeout=DEADLINE_S,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert 'played' in done.stdout + done.stderr

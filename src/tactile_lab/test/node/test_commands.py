@@ -1,0 +1,289 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tactile command as a user meets it: a process with arguments, output and an exit code."""
+
+import ast
+import inspect
+import json
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.message_records import read_records
+from tactile_lab.cli import data as cli_data
+from tactile_lab.cli import options as cli_options
+from tactile_lab.cli import rig as cli_rig
+
+PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
+
+
+def tactile(*arguments, timeout_s=120):
+    return subprocess.run(
+        [sys.executable, '-c', PROGRAM, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+    )
+
+
+@pytest.fixture
+def archive(tmp_path):
+    """Return an archive whose two labels differ in frequency."""
+    generator = np.random.default_rng(0)
+    time_s = np.arange(60) / 60
+    label = np.repeat(['fine', 'coarse'], 12)
+    frequency_hz = np.where(label == 'fine', 20.0, 5.0)
+    x = np.sin(2 * np.pi * frequency_hz[:, None] * time_s + generator.uniform(0, 6, (24, 1)))
+    path = tmp_path / 'trials.npz'
+    np.savez(path, x=x[:, None], label=label, rate_hz=60.0, session=np.arange(24) % 4)
+    return path
+
+
+@pytest.mark.parametrize(
+    'command',
+    [
+        '',
+        'demo',
+        'simulate',
+        'train',
+        'evaluate',
+        'robustness',
+        'trials',
+        'replay',
+        'rig',
+        'sense',
+        'hand',
+        'devices',
+        'check',
+    ],
+)
+def test_help_reads_like_a_manual(command):
+    done = tactile(*([command] if command else []), '--help')
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) > 10
+
+
+@pytest.mark.parametrize('module', [cli_options, cli_data, cli_rig])
+def test_options_are_declared_as_typer_0_9_reads_them(module):
+    """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
+    tree = ast.parse(Path(module.__file__).read_text())
+    operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
+    assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == []
+    functions = [
+        f for f in vars(module).values() if getattr(f, '__module__', '') == module.__name__
+    ]
+    functions = [f for f in functions if inspect.isfunction(f)]
+    assert functions
+    for function in functions:
+        assert not any(isinstance(t, str) for t in function.__annotations__.values())
+
+
+def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
+    done = tactile('evaluate', archive, '--task', 'texture')
+    assert done.returncode == 0, done.stderr
+    for text in ('stratified 6-fold, 10 times', 'not scaled', '100.0'):
+        assert text in done.stdout
+    done = tactile('evaluate', archive, '--task', 'texture', '--group', 'session', '--json')
+    (found,) = json.loads(done.stdout)['sets']
+    plain, grouped = found['evaluations']
+    assert plain['split'] == 'stratified 6-fold, 10 times'
+    assert grouped['split'] == 'one session held out'
+    assert {score['scaling'] for score in grouped['scores']} == {'standard', 'none'}
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        ([], '--task'),
+        (['--task', 'texture', '--group', 'colour'], 'no column "colour"'),
+        (['--task', 'texture', '--folds', '13'], 'fewer than the 13 folds'),
+        (['--task', 'texture', '--channel', '1'], 'no channel 1'),
+        (['--task', 'texture', '--channel', 'one'], '--channel'),
+        (['--task', 'texture', '--static-phase', '4'], 'START:STOP'),
+        (['--task', 'texture', '--features', 'loudness'], 'loudness'),
+        (['--task', 'texture', '--where', 'session=north'], 'north'),
+        (['--task', 'texture', '--report', '/proc/nowhere/r.html'], 'cannot write the report'),
+    ],
+)
+def test_evaluate_refuses_with_one_sentence(archive, arguments, sentence):
+    done = tactile('evaluate', archive, *arguments)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def test_simulated_bags_become_models(tmp_path):
+    options = ('--contact', 'flexion', '--trials', 6, '--json')
+    done = tactile('simulate', 'stiffness', '-o', tmp_path / 'bags', *options)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document['simulated'] is True
+    (bag,) = document['bags']
+    assert bag['trials'] == 30
+    done = tactile('simulate', 'stiffness', '-o', tmp_path / 'bags', *options)
+    assert done.returncode == 2
+    assert 'exists already' in done.stderr
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    done = tactile('train', bag['path'], '-o', tmp_path / 'models', '--classifier', 'tree')
+    assert done.returncode == 0, done.stderr
+    assert 'SIMULATED' in done.stdout
+    assert 'stiffness-flexion-tree-' in done.stdout
+    assert (tmp_path / 'models' / 'stiffness_flexion.onnx').is_file()
+    report = tmp_path / 'reports'
+    options = ('--repetitions', 1, '--report', report, '--json')
+    done = tactile('evaluate', bag['path'], *options)
+    (found,) = json.loads(done.stdout)['sets']
+    assert found['title'] == 'stiffness, flexion, simulated'
+    assert found['trials'] == 30
+    assert [e['split'] for e in found['evaluations']] == [
+        'stratified 6-fold, once',
+        'one trial_block held out',
+    ]
+    assert 'SIMULATED' in (report / 'report.html').read_text()
+
+
+def test_too_few_trials_to_train_on_are_refused(stiffness_bag, tmp_path):
+    done = tactile('train', stiffness_bag, '-o', tmp_path / 'models')
+    assert done.returncode == 2
+    assert 'fewer than the 6 folds' in done.stderr
+
+
+def test_replay_of_a_bag_without_features_says_so(stiffness_bag, trained):
+    done = tactile('replay', stiffness_bag, '--models', trained)
+    assert done.returncode == 2
+    assert 'nothing to compare' in done.stderr
+
+
+def test_trials_are_run_recorded_and_replayed(rewrite, trained, tmp_path):
+    bag = tmp_path / 'bag'
+    options = ('--simulated', '--models', trained, '-o', bag, '--session', 's', '--json')
+    done = tactile('trials', 'stiffness', '--object', 'none', '--mounting', 'm', *options)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document['simulated'] is True
+    (trial,) = document['trials']
+    assert trial['trial_id'] == 's-stiffness-flexion-none-0001'
+    assert trial['answer'] == 'none'
+    with TactileBag(bag) as recorded:
+        events = [event for _, event in read_records(recorded.messages(EVENT))]
+    assert {event.mounting_id for event in events} == {'m'}
+    done = tactile('replay', bag)
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count('equal, bit for bit') == 2
+
+    def disturb(type_name, message):
+        if type_name == STRAIN:
+            message.tension_n = message.tension_n + 1e-6
+        return message
+
+    done = tactile('replay', rewrite(bag, tmp_path / 'disturbed', disturb), '--no-nodes')
+    assert done.returncode == 1
+    assert 'values is' in done.stdout
+
+
+def test_trials_on_what_is_not_there_are_refused(tmp_path):
+    options = ('--simulated', '-o', tmp_path / 'bag')
+    done = tactile('trials', 'texture', '--object', 'X9', *options)
+    assert done.returncode == 2
+    assert 'X9' in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        (['replay', 'nowhere'], 'not a readable bag'),
+        (['train', 'nowhere', '-o', 'out'], 'not a readable bag'),
+        (['rig'], 'name the ports'),
+        (['simulate', 'texture', '-o', '/proc/nowhere'], 'cannot make the folder'),
+        (['simulate', 'texture', '-o', 'out', '--seed', '-1'], '--seed'),
+        (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'brings its own ports'),
+        (['rig', '--models', 'nowhere'], 'no model files'),
+        (['rig', '--simulated', '--params', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['sense', '--model', 'nowhere'], 'no model files in nowhere'),
+        (['hand'], 'name the fingers'),
+        (['hand', '--fingers', '2nd'], 'no name for a finger'),
+        (['hand', '--hand-file', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['evaluate', 'nowhere.npz', '--task', 'texture'], 'does not exist'),
+        (['evaluate', 'a.npz', 'b.npz', '--task', 'texture'], 'one archive at a time'),
+    ],
+)
+def test_what_is_not_there_is_named(arguments, sentence):
+    done = tactile(*arguments)
+    assert done.returncode == 2, done.stdout
+    assert sentence in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def test_demo_keeps_an_existing_folder(tmp_path):
+    done = tactile('demo', '-o', tmp_path)
+    assert done.returncode == 2
+    assert 'exists already' in done.stderr
+
+
+def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
+    params = tmp_path / 'params.yaml'
+    params.write_text('tendon_senser:\n  ros__parameters:\n    rate_hz: 60.0\n')
+    done = tactile('rig', '--simulated', '--params', params)
+    assert done.returncode == 2
+    assert 'tendon_senser' in done.stderr
+    params.write_text('tendon_sensor:\n  ros__parameters:\n    ratehz: 60.0\n')
+    done = tactile('rig', '--simulated', '--params', params)
+    assert done.returncode == 2
+    assert 'no parameter ratehz' in done.stderr
+    params.write_text('tendon_sensor:\n  ros__parameters:\n    rate_hz: -1.0\n')
+    done = tactile('rig', '--simulated', '--params', params)
+    assert done.returncode == 2
+    assert 'rate_hz' in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ('command', 'bags'),
+    [
+        (['rig'], ['']),
+        (['sense', '--phases', 'stiffness', '--slip'], ['']),
+        (['hand', '--fingers', 'index,middle', '--namespace', 'left'], ['index', 'middle']),
+    ],
+    ids=['rig', 'sense', 'hand'],
+)
+def test_nodes_run_and_record_until_interrupted(command, bags, tmp_path):
+    recording = tmp_path / 'recording'
+    arguments = [*command, '--simulated', '--record', str(recording)]
+    process = subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        line = process.stdout.readline()
+        assert 'SIMULATED' in line
+        assert 'running: ' in line
+        assert ('slip_detector' in line) == ('--slip' in command)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, errors
+    for bag in bags:
+        assert (recording / bag / 'metadata.yaml').exists()
+    shutil.rmtree(recording)

@@ -1,0 +1,41 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The demo's chain, end to end, with few trials."""
+
+import json
+
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_lab.commands.demo import run_demo
+
+
+def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys):
+    folder = tmp_path / 'demo'
+    assert run_demo(folder, seed=5, short=True, as_json=True)
+    summary = json.loads(capsys.readouterr().out)
+    assert summary == json.loads((folder / 'summary.json').read_text())
+    assert summary['simulated'] is True
+    assert [trial['protocol'] for trial in summary['live_trials']] == ['texture', 'stiffness'] * 2
+    for trial in summary['live_trials']:  # a label, or "unknown" at its rate of false alarms
+        assert trial['answer'] or 'unlike all' in trial['reason'], trial
+    (report,) = summary['replay']
+    assert report['equal']
+    for comparison in report['comparisons'].values():
+        assert comparison['window_count'] == comparison['classification_count'] == 4
+    assert len(list((folder / 'models').glob('*.onnx'))) == 4
+    for plot in ('strain_trace.png', 'texture_spectra.png'):
+        assert (folder / plot).read_bytes().startswith(b'\x89PNG')

@@ -1,0 +1,72 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where phases are found in the tension: nodes and core agree, and a hand can train on them."""
+
+import dataclasses
+
+from rclpy.serialization import serialize_message
+
+from tactile_bags import BagWriter, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, TactileBag
+from tactile_bags.replaying.comparison import compare
+from tactile_bags.replaying.replay import recorded_config, replay_through_core
+from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_features.conversions import event_to_msg, strain_block_from_msg
+from tactile_features.extraction.extractor import TrialFeatureExtractor
+from tactile_lab.datasets.bag_tables import read_tables
+
+FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
+
+
+def test_nodes_find_the_phases_that_the_core_finds(stiffness_bag, context):
+    with TactileBag(stiffness_bag) as bag:
+        config = dataclasses.replace(recorded_config(bag), phases='stiffness')
+        core = replay_through_core(bag, {}, config)
+        nodes = replay_through_nodes(bag, {}, config, context, expected=core)
+    comparison = compare(core, nodes, ('core', 'nodes'))
+    assert comparison.first_difference == ''
+    assert comparison.window_count == 15
+
+
+def record_hand(path, source, label):
+    """Write what a hand without a rig records: strain, and the phases found in it."""
+    with TactileBag(source) as bag:
+        config = dataclasses.replace(
+            recorded_config(bag),
+            phases='stiffness',
+            detected_contact='flexion',
+            detected_object_label=label,
+            detected_session_id=f'{label}s',
+        )
+        extractor = TrialFeatureExtractor(config)
+        with BagWriter(
+            path, {**bag.facts, 'feature_config': dataclasses.asdict(config)}
+        ) as writer:
+            strain, found = writer.add_topic(STRAIN_TOPIC), writer.add_topic(FOUND_TOPIC)
+            for message in bag.messages(STRAIN):
+                writer.write_raw(strain, message.received_at_ns, message.data)
+                extractor.add_block(strain_block_from_msg(message.decode()))
+                for event in extractor.take_detected_events():
+                    data = serialize_message(event_to_msg(event))
+                    writer.write_raw(found, message.received_at_ns, data)
+    return path
+
+
+def test_recordings_of_a_hand_train_together(stiffness_bag, tmp_path):
+    bags = [record_hand(tmp_path / name, stiffness_bag, name) for name in ('apple', 'sponge')]
+    read = read_tables(bags)
+    table = read.tables['stiffness', 'flexion']
+    assert read.left_out == ()
+    assert sorted(table.labels) == ['apple'] * 15 + ['sponge'] * 15
+    assert set(table.columns['session_id']) == {'apples', 'sponges'}

@@ -1,0 +1,93 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording that is interrupted within a trial replays equal, but for what came too late."""
+
+import concurrent.futures
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+import time
+
+from domain_coordinator import domain_id
+import pytest
+
+from tactile_bags import EVENT, TactileBag
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import (
+    feature_parameters_of,
+    Ports,
+    recorder_node,
+    rig_graph,
+)
+from tactile_features.conversions import event_from_msg
+from tactile_lab.commands.replay import replay_and_compare
+from tactile_msgs.msg import TrialEvent
+from tactile_ros.errors import TactileError
+from tactile_ros.qos import EVENTS
+from tactile_sim.rig_process import SimulatedRig
+
+DEADLINE_S = 60.0
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def record_until_interrupted(bag, phase):
+    """Record one trial, and another one until it is in this phase."""
+    phases = []
+    with (
+        domain_id() as domain,
+        SimulatedRig(seed=3) as rig,
+        ThreadPoolExecutor() as pool,
+        ros_context(int(domain)) as context,
+    ):
+        graph = rig_graph(Ports(*rig.ports), {}, {}, simulated=True)
+        graph.append(recorder_node(bag, None, (), feature_parameters_of(graph), simulated=True))
+        operator = OperatorNode((), context)
+        operator.create_subscription(
+            TrialEvent,
+            'trial_runner/events',
+            lambda message: phases.append((message.trial_id, message.phase)),
+            EVENTS,
+        )
+        with running_graph(graph, context, others=[operator], quiet=True) as nodes:
+            wait_until(lambda: not nodes['bag_recorder'].unmatched_topics())
+            operator.home_guide()
+            rig.mount('stiffness', 'pla', 'flexion')
+            operator.run_trial(TrialRequest('stiffness', 'flexion', 'pla', 'whole'))
+            request = TrialRequest('stiffness', 'flexion', 'pla', 'cut')
+            trial = pool.submit(operator.run_trial, request)
+            wait_until(lambda: ('cut', phase) in phases)
+        with suppress(TactileError, concurrent.futures.TimeoutError):
+            trial.result(1.0)  # nobody may be left to answer
+
+
+@pytest.mark.parametrize('phase', ['hold', 'release'])
+def test_a_recording_that_is_interrupted_in_a_trial_replays_equal(tmp_path, phase):
+    bag = tmp_path / 'bag'
+    record_until_interrupted(bag, phase)
+    with TactileBag(bag) as recording:
+        events = [event_from_msg(m.decode()) for m in recording.messages(EVENT)]
+    assert [event.phase for event in events if event.trial_id == 'cut'][-1] == 'aborted'
+    (report,) = replay_and_compare(bag, None, through_nodes=False)
+    (comparison,) = report.comparisons.values()
+    assert report.is_equal, comparison
+    # Whether the window of the trial's end was still recorded, is a matter of milliseconds.
+    assert comparison.window_count + ('trial cut became' in comparison.tail) == 2

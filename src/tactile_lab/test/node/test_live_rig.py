@@ -1,0 +1,258 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trials on the simulated rig through every real part: serial lines, drivers, DDS."""
+
+from contextlib import contextmanager
+import threading
+import time
+
+import pytest
+from rclpy.action import ActionClient, GoalResponse
+from rclpy.node import Node
+from rclpy.task import Future
+from rclpy.time import Time
+
+from linear_guide_driver.grbl import guide_client
+from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import Ports, rig_graph
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_msgs.action import RunTrial
+from tactile_msgs.msg import TrialEvent
+from tactile_ros.errors import TactileError
+from tactile_ros.qos import EVENTS
+from tactile_ros.requests import send
+from tactile_sim.rig_process import SimulatedRig
+
+DEADLINE_S = 20.0
+
+STAMP_BOUND_S = 0.1
+"""Reports may come late on a busy machine; on a quiet one the stamps are within 0.02 s."""
+
+
+class Watcher(Node):
+    """Keeps the trial events, and can send a goal without waiting for its end."""
+
+    def __init__(self, context):
+        super().__init__('watcher', context=context)
+        self.events = []
+        self.create_subscription(TrialEvent, 'trial_runner/events', self.events.append, EVENTS)
+        self.client = ActionClient(self, RunTrial, 'trial_runner/run_trial')
+
+    def phases(self):
+        return [event.phase for event in self.events]
+
+    def wait_for_phase(self, phase):
+        deadline = time.monotonic() + DEADLINE_S
+        while phase not in self.phases():
+            assert time.monotonic() < deadline, f'{phase} never began; seen: {self.phases()}'
+            time.sleep(0.005)
+
+    def start_trial(self, protocol):
+        assert self.client.wait_for_server(timeout_sec=DEADLINE_S)
+        goal = RunTrial.Goal(protocol=protocol, contact='flexion', trial_id='t')
+        return send(self, lambda: self.client.send_goal_async(goal)).result(DEADLINE_S)
+
+
+@contextmanager
+def running_rig(context, models=None, parameters=None):
+    with SimulatedRig(seed=3) as rig:
+        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
+        operator = OperatorNode(tuple(models or ()), context)
+        watcher = Watcher(context)
+        graph = rig_graph(ports, models or {}, parameters or {}, simulated=True)
+        with running_graph(graph, context, others=[operator, watcher]) as nodes:
+            yield rig, operator, watcher, nodes
+
+
+def truth_at_rest(rig):
+    """Wait until neither guide nor tendon move any more; return the rig's truth."""
+    deadline = time.monotonic() + DEADLINE_S
+    before = rig.truth()
+    while True:
+        time.sleep(0.1)
+        after = rig.truth()
+        keys = ('guide_position_m', 'tendon_displacement_m')
+        if all(before[key] == after[key] for key in keys):
+            return after
+        assert time.monotonic() < deadline, 'the rig does not come to rest'
+        before = after
+
+
+def test_stiffness_trial_is_felt_and_named(context, trained):
+    with running_rig(context, find_models(trained)) as (rig, operator, watcher, nodes):
+        assert nodes['tactile_features']._strain.is_local  # not one sample in a message
+        operator.home_guide()
+        rig.mount('stiffness', 'none', 'flexion')
+        request = TrialRequest('stiffness', 'flexion', 'none', 'first')
+        assert operator.run_trial(request) == 'first'
+        answer = operator.wait_for_answer('first')
+        assert answer.label == 'none'
+        assert answer.simulated
+        watcher.wait_for_phase('done')  # the result may come before the event
+        assert watcher.phases() == ['approach', 'contact', 'hold', 'release', 'done']
+        assert {event.trial_id for event in watcher.events} == {'first'}
+        assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(context):
+    with running_rig(context) as (rig, operator, watcher, _):
+        rig.mount('texture', 'F', 'flexion')
+        with pytest.raises(TactileError, match=r'(?i)home'):
+            operator.run_trial(TrialRequest('texture', 'flexion'))
+        watcher.wait_for_phase('aborted')
+        assert watcher.phases() == ['approach', 'aborted']
+
+
+def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(context):
+    with running_rig(context) as (rig, operator, watcher, _):
+        operator.home_guide()
+        rig.mount('texture', 'R1', 'flexion')
+        handle = watcher.start_trial('texture')
+        watcher.wait_for_phase('glide')
+        send(watcher, handle.cancel_goal_async).result(DEADLINE_S)
+        reply = send(watcher, handle.get_result_async).result(DEADLINE_S)
+        assert reply.result.message == 'trial t ended in glide: cancelled'
+        assert reply.result.trial_id == 't'
+        watcher.wait_for_phase('aborted')
+        truth = truth_at_rest(rig)
+        assert truth['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
+        assert 0.059 < truth['guide_position_m'] < 0.120
+
+
+def test_rig_that_dies_in_a_trial_aborts_it(context):
+    with running_rig(context) as (rig, operator, watcher, _):
+        operator.home_guide()
+        rig.mount('stiffness', 'pla', 'flexion')
+        handle = watcher.start_trial('stiffness')
+        watcher.wait_for_phase('contact')
+        rig.close()
+        reply = send(watcher, handle.get_result_async).result(DEADLINE_S)
+        assert 'ended in' in reply.result.message
+        watcher.wait_for_phase('aborted')
+
+
+def test_closing_the_graph_in_a_glide_brings_the_rig_to_rest(context):
+    with SimulatedRig(seed=3) as rig:
+        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
+        operator, watcher = OperatorNode((), context), Watcher(context)
+        graph = rig_graph(ports, {}, {}, simulated=True)
+        with running_graph(graph, context, others=[operator, watcher]):
+            operator.home_guide()
+            rig.mount('texture', 'R1', 'flexion')
+            watcher.start_trial('texture')
+            watcher.wait_for_phase('glide')
+        truth = truth_at_rest(rig)
+        assert truth['guide_position_m'] < 0.120
+        assert truth['tension_n'] < 1.0
+
+
+class Truth:
+    """Where guide and tendon of the simulated rig really were, and when."""
+
+    def __init__(self, rig):
+        self._rig = rig
+        self._samples = []
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._read)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._is_over.set()
+        self._thread.join()
+
+    def _read(self):
+        while not self._is_over.wait(0.005):
+            self._samples.append((time.time_ns(), self._rig.truth()))
+
+    def first_ns(self, condition):
+        return next(stamp_ns for stamp_ns, state in self._samples if condition(state))
+
+
+def stamp_ns(watcher, phase):
+    (event,) = (event for event in watcher.events if event.phase == phase)
+    return Time.from_msg(event.header.stamp).nanoseconds
+
+
+def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(context):
+    # A driver that is busy accepting does not beat either.
+    parameters = {'trial_runner': {'heartbeat_timeout_s': 10.0}}
+    with running_rig(context, parameters=parameters) as (rig, operator, watcher, nodes):
+        operator.home_guide()
+        rig.mount('texture', 'R1', 'flexion')
+        timers = []
+
+        async def accept_late(_):
+            late = Future()
+            timers.append(threading.Timer(1.5, late.set_result, [None]))
+            timers[-1].start()
+            await late
+            return GoalResponse.ACCEPT
+
+        for name in ('linear_guide', 'tendon_actuator'):
+            nodes[name].goal_runners[0]._server.register_goal_callback(accept_late)
+        with Truth(rig) as truth:
+            result = operator.run_trial(TrialRequest('texture', 'flexion', 'R1', 'late'))
+            watcher.wait_for_phase('done')
+        assert result == 'late'
+        moments = {
+            'contact': truth.first_ns(lambda s: s['tendon_displacement_m'] > 5e-5),
+            'glide': truth.first_ns(
+                lambda s: s['tendon_displacement_m'] > 0.004 and s['guide_position_m'] > 0.06001
+            ),
+            'release': truth.first_ns(lambda s: s['guide_position_m'] > 0.1249),
+        }
+        for phase, true_ns in moments.items():
+            assert abs(stamp_ns(watcher, phase) - true_ns) < STAMP_BOUND_S * 1e9, phase
+        assert stamp_ns(watcher, 'glide') - stamp_ns(watcher, 'contact') > 1.5e9
+
+
+def test_a_sensor_that_dies_in_the_hold_fails_the_trial(context):
+    with running_rig(context) as (rig, operator, watcher, _):
+        operator.home_guide()
+        rig.mount('stiffness', 'pla', 'flexion')
+        handle = watcher.start_trial('stiffness')
+        watcher.wait_for_phase('hold')
+        rig.fault('sensor', 'unplug')
+        reply = send(watcher, handle.get_result_async).result(DEADLINE_S)
+        assert 'No valid sample came on tendon_sensor/strain' in reply.result.message
+        watcher.wait_for_phase('aborted')
+        assert 'No valid sample' in watcher.events[-1].message
+        assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(context, monkeypatch):
+    encode_pieces = guide_client.encode_pieces
+
+    def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
+        for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
+            if speed_mm_s == 15.0 and number == 150:
+                time.sleep(0.6)  # longer than run_on_s
+            yield line
+
+    monkeypatch.setattr(guide_client, 'encode_pieces', encode_and_pause)
+    with running_rig(context) as (rig, operator, watcher, nodes):
+        operator.home_guide()
+        rig.mount('texture', 'R1', 'flexion')
+        handle = watcher.start_trial('texture')
+        result = send(watcher, handle.get_result_async).result(DEADLINE_S).result
+        assert 'ended in glide' in result.message
+        assert 0.1 < result.glide_lag_s < 0.8
+        assert nodes['linear_guide']._client.late_moves == 1
+        watcher.wait_for_phase('aborted')

@@ -1,0 +1,97 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A signal ends the programs of nodes and the `tactile` command from their first moment on."""
+
+from importlib.metadata import entry_points
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from ament_index_python.packages import get_package_prefix
+import pytest
+
+from tactile_ros.programs.node_program import find_node_class, GROUP
+
+DEADLINE_S = 60.0
+EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
+NUMBERS = [signal.SIGINT, signal.SIGTERM]
+
+
+def program(package, name):
+    return str(Path(get_package_prefix(package), 'lib', package, name))
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd='/'
+    )
+
+
+def wait_until_held(process):
+    """Wait until the process catches SIGTERM itself: long before its node is made."""
+    end_s = time.monotonic() + DEADLINE_S
+    caught = 0
+    while not caught >> (signal.SIGTERM - 1) & 1:
+        assert time.monotonic() < end_s
+        assert process.poll() is None, process.stderr.read()
+        status = Path(f'/proc/{process.pid}/status').read_text()
+        caught = int(dict(row.split(':', 1) for row in status.splitlines())['SigCgt'], 16)
+
+
+@pytest.mark.parametrize('number', NUMBERS)
+@pytest.mark.parametrize('executable', EXECUTABLES)
+def test_a_signal_before_the_node_is_made_ends_the_program_with_zero(executable, number):
+    package = find_node_class(executable).__module__.partition('.')[0]
+    process = start(program(package, executable))
+    wait_until_held(process)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, errors) == (0, '')
+
+
+@pytest.mark.parametrize('number', NUMBERS)
+@pytest.mark.parametrize(
+    'arguments', [['rig'], ['sense'], ['hand', '--fingers', 'index']], ids=lambda a: a[0]
+)
+def test_a_signal_before_the_nodes_are_made_ends_a_command_with_zero(arguments, number):
+    process = start(program('tactile_lab', 'tactile'), *arguments, '--simulated')
+    wait_until_held(process)
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, output, errors) == (0, '', '')
+
+
+@pytest.mark.parametrize('number', NUMBERS)
+def test_a_command_that_works_is_interrupted_and_says_so_by_its_code(number, tmp_path):
+    process = start(
+        program('tactile_lab', 'tactile'), 'demo', '--short', '-o', str(tmp_path / 'demo')
+    )
+    assert process.stdout.readline()
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 128 + number, errors
+    assert 'Traceback' not in errors
+
+
+def test_an_executable_without_a_node_is_refused():
+    done = subprocess.run(
+        [sys.executable, '-c', 'from tactile_ros.programs.node_program import main; main()'],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+    assert 'no installed package has a node' in done.stderr

@@ -1,0 +1,365 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import dataclasses
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+
+from tactile_bags import (
+    AUDIT,
+    BagWriter,
+    EVENT,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bags.bag_repair import repair_bag
+from tactile_bags.errors import BagError
+from tactile_bags.storage.mcap_writer import McapWriter
+from tactile_bringup.nodes.graph_runner import create_node, running_graph
+from tactile_bringup.wiring.graph import recorder_node
+from tactile_features.conversions import strain_block_from_msg
+from tactile_lab.commands.live_trials import check_recording
+from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.qos import EVENTS, STREAM
+
+DEADLINE_S = 10.0
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline, 'condition not met in time'
+        time.sleep(0.005)
+
+
+def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
+    source = Node('source', context=context, namespace='thumb')
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    early = TrialEvent(trial_id='a', phase='approach')
+    events.publish(early)  # latched: sent before the recorder is there
+    blocks = [
+        serialize_message(
+            StrainBlock(sequence=i, period_ns=16_666_667, tension_n=[0.1 * i, -1e-300])
+        )
+        for i in range(200)
+    ]
+    path = tmp_path / 'bag'
+    graph = [recorder_node(path, None, ('c',), {}, namespaces=('thumb',), simulated=False)]
+    with running_graph(graph, context, others=[source]) as nodes:
+        recorder = nodes['bag_recorder']
+        missing = '/thumb/tactile_features/features'
+        wait_until(lambda: strain.get_subscription_count() == 1)
+        wait_until(lambda: '/thumb/tendon_sensor/strain' not in recorder.unmatched_topics())
+        assert missing in recorder.unmatched_topics()
+        for block in blocks:
+            strain.publish(block)
+        wait_until(lambda: recorder.message_count == 201)
+    with TactileBag(path) as bag:
+        assert bag.facts['simulated'] is False
+        assert bag.namespaces == ('thumb',)
+        assert [m.data for m in bag.messages(STRAIN)] == blocks
+        assert [m.decode().trial_id for m in bag.messages(EVENT)] == ['a']
+
+
+def trial_event(phase, stamp_ns, trial_id='t'):
+    event = TrialEvent(trial_id=trial_id, phase=phase)
+    event.header.stamp.sec, event.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return event
+
+
+def strain_block(sequence, stamp_ns):
+    block = StrainBlock(sequence=sequence, period_ns=10**7, tension_n=[1.0])
+    block.header.stamp.sec, block.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return block
+
+
+def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    received = []
+    source.create_subscription(RecordingAudit, 'bag_recorder/audit', received.append, EVENTS)
+    path = tmp_path / 'bag'
+    graph = [recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)]
+    with running_graph(graph, context, others=[source]) as nodes:
+        recorder = nodes['bag_recorder']
+        wait_until(lambda: strain.get_subscription_count() and events.get_subscription_count())
+        wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
+        events.publish(trial_event('approach', 10**9))
+        events.publish(trial_event('done', 2 * 10**9))
+        wait_until(lambda: recorder.message_count == 2)
+        for i in range(300):
+            if i != 150:
+                strain.publish(strain_block(i, i * 10**7))
+        wait_until(lambda: received)
+        assert not received[0].passed
+        assert received[0].trial_id == 't'
+        assert received[0].lost_count == received[0].gap_count == 1
+        assert received[0].nominal_rate_hz == 100.0
+        wait_until(lambda: recorder.message_count == 301)
+    assert [audit.trial_id for audit in recorder.audits] == ['t', '']
+    with TactileBag(path) as bag:
+        assert bag.facts['audit']['failed_trials'] == 1
+        assert bag.facts['audit']['whole'][0]['lost_count'] == 1
+        assert [m.decode().trial_id for m in bag.messages(AUDIT)] == ['t', '']
+
+
+def test_what_a_hand_has_not_is_not_waited_for(context, tmp_path):
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    on_hand = dataclasses.replace(description, parameters={**description.parameters, 'rig': False})
+    with running_graph([on_hand], context) as nodes:
+        missing = nodes['bag_recorder'].unmatched_topics()
+    assert '/tendon_sensor/strain' in missing
+    assert not any('linear_guide' in name or 'trial_runner' in name for name in missing)
+    assert '/tactile_features/running_features' not in missing
+
+
+def test_a_recording_that_lacks_a_topic_says_which(context, tmp_path):
+    received = []
+    listener = Node('listener', context=context)
+    listener.create_subscription(DiagnosticArray, '/diagnostics', received.append, 10)
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    parameters = {**description.parameters, 'match_timeout_s': 0.0}
+    impatient = dataclasses.replace(description, parameters=parameters)
+    with running_graph([impatient], context, others=[listener]):
+        wait_until(lambda: received)
+    (status,) = received[0].status
+    assert status.level == DiagnosticStatus.ERROR
+    assert 'no publisher of /tendon_sensor/strain' in status.message
+
+
+def messages_on_disk(path):
+    try:
+        with TactileBag(path) as bag:
+            return [message.decode().sequence for message in bag.messages(STRAIN)]
+    except BagError:
+        return []  # not there yet
+
+
+def publish_until(strain, condition):
+    """Publish one block again and again: of a match, each side knows on its own."""
+
+    def publish():
+        strain.publish(strain_block(0, 0))
+        return condition()
+
+    wait_until(publish)
+
+
+def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    path = tmp_path / 'bag'
+    program = 'from tactile_bags.nodes.bag_recorder_node import main; main()'
+    facts = '{"simulated": true, "operator": "nobody"}'
+    arguments = ['--ros-args', '-p', f'bag:={path}', '-p', f"facts:='{facts}'"]
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
+    with subprocess.Popen([sys.executable, '-c', program, *arguments], env=environment) as process:
+        try:
+            publish_until(strain, lambda: messages_on_disk(path))
+            for i in range(1, 100):
+                strain.publish(strain_block(i, i * 10**7))
+            # The file is read while it is written: this is what a crash would leave.
+            wait_until(lambda: messages_on_disk(path)[-1] == 99)
+            for i in range(100, 150):
+                strain.publish(strain_block(i, i * 10**7))
+        finally:
+            process.send_signal(signal.SIGKILL)
+        process.wait(DEADLINE_S)
+    source.destroy_node()
+    sequences = messages_on_disk(path)
+    last = sequences[-1]
+    assert last >= 99
+    assert sequences[-last:] == list(range(1, last + 1))  # 0 was sent until it was heard
+    with TactileBag(path) as bag:
+        assert 'never closed' in bag.recovered
+        assert bag.facts == {'simulated': True, 'operator': 'nobody'}
+    repair = repair_bag(path, tmp_path / 'repaired')
+    assert repair.message_count == len(sequences)
+    with TactileBag(tmp_path / 'repaired') as bag:
+        assert bag.recovered == ''
+        assert bag.facts['operator'] == 'nobody'
+    assert messages_on_disk(tmp_path / 'repaired') == sequences
+
+
+def test_a_disk_that_takes_no_more_ends_the_recording_with_a_sentence(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    with BagWriter(tmp_path / 'bag', {}) as writer:
+        name = writer.add_topic(STRAIN_TOPIC)
+        writer.write_raw(name, 1, b'')
+        with monkeypatch.context() as patch:
+            patch.setattr(McapWriter, 'sync', full)
+            with pytest.raises(BagError, match='No space left'):
+                writer.sync()
+        writer.save()
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, 'No space left on device')
+
+
+@pytest.mark.parametrize('failing', ['flush', 'write', 'sync'])
+def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monkeypatch, failing):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    received, statuses, ends = [], [], []
+    source.create_subscription(StrainBlock, 'tendon_sensor/strain', received.append, STREAM)
+    source.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 10)
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+
+    def until_failed():
+        with running_graph(
+            [description], context, others=[source], on_end=lambda: ends.append(1)
+        ) as nodes:
+            recorder = nodes['bag_recorder']
+            wait_until(lambda: strain.get_subscription_count() == 2)
+            wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
+            strain.publish(strain_block(0, 0))
+            wait_until(lambda: messages_on_disk(tmp_path / 'bag') == [0])
+            with monkeypatch.context() as patch:
+                patch.setattr(McapWriter, failing, full_disk)
+                strain.publish(strain_block(1, 10**7))
+                wait_until(lambda: recorder.is_finished)
+            assert recorder.has_failed
+            assert 'No space left' in recorder.failure
+            with pytest.raises(TactileError, match='No space left'):
+                check_recording(recorder)
+            for i in range(2, 5):
+                strain.publish(strain_block(i, i * 10**7))
+            wait_until(lambda: len(received) == 5)
+            wait_until(
+                lambda: any(
+                    row.level == DiagnosticStatus.ERROR and 'No space left' in row.message
+                    for array in statuses
+                    for row in array.status
+                )
+            )
+            assert not ends
+
+    with pytest.raises(TactileError, match='failed on the way: bag_recorder'):
+        until_failed()
+    assert messages_on_disk(tmp_path / 'bag')[0] == 0
+
+
+def test_a_disk_that_is_full_at_the_very_end_is_told(context, tmp_path, monkeypatch):
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    recorder = create_node(description, context)
+    assert recorder.bring_up()
+    monkeypatch.setattr(McapWriter, 'write_metadata', full_disk)
+    recorder.take_down()
+    assert recorder.has_failed
+    assert 'as after the kill' in recorder.failure
+
+
+def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(
+    context, tmp_path, monkeypatch
+):
+    add_channel = McapWriter.add_channel
+
+    def add_until_full(writer, topic):
+        return full_disk() if topic.type_name == AUDIT else add_channel(writer, topic)
+
+    monkeypatch.setattr(McapWriter, 'add_channel', add_until_full)
+    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    recorder = create_node(description, context)
+    assert recorder.trigger_configure() == TransitionCallbackReturn.FAILURE
+    recorder.take_down()
+
+
+def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, tmp_path):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    program = (
+        'import sys\n'
+        'from tactile_bags.nodes.bag_recorder_node import main\n'
+        'from tactile_bags.storage.mcap_writer import McapWriter\n'
+        'def full(writer):\n'
+        '    if writer._new.size: raise OSError(28, "No space left on device")\n'
+        'McapWriter.flush = full\n'
+        'sys.exit(main())'
+    )
+    arguments = ['--ros-args', '-p', f'bag:={tmp_path / "bag"}']
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
+    with subprocess.Popen(
+        [sys.executable, '-c', program, *arguments],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            publish_until(strain, lambda: process.poll() is not None)
+            _, log = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    source.destroy_node()
+    assert process.returncode == 1
+    assert 'No space left on device; 0 messages are saved' in log
+    assert 'Traceback' not in log
+
+
+def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_path, monkeypatch):
+    def stumble(msg):
+        if msg.sequence == 1:
+            raise ValueError('not that')
+        return strain_block_from_msg(msg)
+
+    monkeypatch.setattr('tactile_bags.nodes.bag_recorder_node.strain_block_from_msg', stumble)
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    path = tmp_path / 'bag'
+    description = recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)
+    with running_graph([description], context, others=[source]) as nodes:
+        recorder = nodes['bag_recorder']
+        wait_until(lambda: strain.get_subscription_count() == 1)
+        wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
+        for i in range(3):
+            strain.publish(strain_block(i, i * 10**7))
+        wait_until(lambda: recorder.message_count == 3)
+    assert messages_on_disk(path) == [0, 1, 2]
+    (audit,) = recorder.audits
+    assert audit.sample_count == 2
+
+
+def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
+    source = Node('source', context=context)
+    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    events.publish(TrialEvent(trial_id='early', phase='approach'))
+    path = tmp_path / 'bag'
+    recorder = create_node(recorder_node(path, None, (), {}, simulated=False), context)
+    recorder.trigger_configure()
+    with NodeGroup([source, recorder], context=context):
+        wait_until(lambda: '/trial_runner/events' not in recorder.unmatched_topics())
+        assert recorder.message_count == 0
+        recorder.trigger_activate()
+        wait_until(lambda: recorder.message_count == 1)
+        recorder.trigger_deactivate()
+        events.publish(TrialEvent(trial_id='late', phase='done'))
+        recorder.trigger_activate()
+        wait_until(lambda: recorder.message_count >= 2)

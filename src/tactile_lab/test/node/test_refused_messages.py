@@ -1,0 +1,127 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Every node outlives messages that it must refuse; a replay passes over the same messages."""
+
+import dataclasses
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import pytest
+from rclpy.node import Node
+
+from tactile_bags import STRAIN, TactileBag
+from tactile_bags.auditing.audit import audit_bag
+from tactile_bags.replaying.comparison import compare
+from tactile_bags.replaying.replay import recorded_config, replay_through_core
+from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_bringup.wiring.graph import recorder_node, sensing_graph, slip_node
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+
+DEADLINE_S = 20.0
+CLASSIFIER = 'stiffness_flexion_classifier'
+
+
+def wait_until(condition):
+    end_s = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_path):
+    graph = [
+        node
+        for node in sensing_graph('', find_models(trained), {})
+        if node.name != 'tendon_sensor'
+    ]
+    graph.append(slip_node({}, simulated=False))
+    graph.append(recorder_node(tmp_path / 'bag', None, (), {}, simulated=False, rig=False))
+    peer = Node('peer', context=context)
+    strain = peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    events = peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    features = peer.create_publisher(TactileFeatures, 'tactile_features/features', RESULTS)
+    reasons = {}
+
+    def take(message):
+        for status in message.status:
+            for pair in status.values:
+                if pair.key == 'last_refused_message':
+                    reasons[status.name] = pair.value
+
+    peer.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
+    with running_graph(graph, context, others=[peer]) as nodes:
+        listeners = ('tactile_features', 'slip_detector', 'bag_recorder')
+        wait_until(lambda: strain.get_subscription_count() == events.get_subscription_count() == 3)
+        wait_until(lambda: features.get_subscription_count() == 2)
+        strain.publish(StrainBlock(period_ns=-1, tension_n=[1.0]))
+        strain.publish(StrainBlock(period_ns=1, tension_n=[]))
+        strain.publish(StrainBlock(period_ns=1, tension_n=[1.0], status=2**31))
+        events.publish(TrialEvent(trial_id='a', phase='dance'))
+        features.publish(TactileFeatures(outcome=9))
+        for name in listeners:
+            wait_until(lambda name=name: nodes[name].message_guard.refused_count == 4)
+        wait_until(lambda: nodes[CLASSIFIER].message_guard.refused_count == 1)
+        wait_until(lambda: reasons.keys() == {*listeners, CLASSIFIER})
+        assert 'outcome is 9' in reasons[CLASSIFIER]
+        assert 'cannot be audited' in reasons['bag_recorder']
+        # Everything works on.
+        strain.publish(StrainBlock(period_ns=1, tension_n=[1.0]))
+        features.publish(TactileFeatures(feature_set='stiffness_regression', outcome=1))
+        wait_until(lambda: nodes['tactile_features'].extractor.block_count == 1)
+        wait_until(lambda: nodes[CLASSIFIER].published_count == 1)
+        # One a message on each recorded topic: four blocks, one event, two feature windows.
+        wait_until(lambda: nodes['bag_recorder'].message_count >= 7)
+
+
+def test_the_operator_waits_on_after_an_unknown_answer(context):
+    operator, peer = OperatorNode((CLASSIFIER,), context), Node('peer', context=context)
+    answers = peer.create_publisher(Classification, f'{CLASSIFIER}/classification', RESULTS)
+    with NodeGroup([operator], context=context) as group, NodeGroup([peer], context=context):
+        wait_until(answers.get_subscription_count)
+        answers.publish(Classification(trial_id='a', outcome=9))
+        answers.publish(Classification(trial_id='a', outcome=1, scores=[1.0]))
+        answers.publish(Classification(trial_id='a', outcome=1))
+        assert operator.wait_for_answer('a').scores == ()
+        assert not group.ended.is_set()
+
+
+def test_a_replay_passes_over_what_the_nodes_refuse(stiffness_bag, rewrite, context, tmp_path):
+    count = 0
+
+    def spoil(type_name, message):
+        nonlocal count
+        count += type_name == STRAIN
+        if type_name == STRAIN and count % 50 == 0:
+            return dataclasses.replace(message, status=np.uint32(2**31))
+        return message
+
+    path = rewrite(stiffness_bag, tmp_path / 'spoiled', spoil)
+    with TactileBag(path) as bag:
+        config = recorded_config(bag)
+        core = replay_through_core(bag, {}, config)
+        try:
+            nodes = replay_through_nodes(bag, {}, config, context, expected=core)
+        except TactileError as error:
+            pytest.fail(str(error))
+    comparison = compare(core, nodes, ('the core', 'the nodes'))
+    assert comparison.is_equal, comparison.first_difference
+    assert any(not audit.passed for audit in audit_bag(path))

@@ -1,0 +1,95 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Answers while the finger glides: recorded live from a model file alone, replayed equal."""
+
+from collections import Counter
+import dataclasses
+
+from domain_coordinator import domain_id
+import numpy as np
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bags import TactileBag
+from tactile_bags.replaying.replay import recorded_config, recorded_results
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import Ports
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+from tactile_lab.commands.live_trials import LiveSetup, run_live_trials
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.replay import replay_and_compare
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+from tactile_ros.errors import TactileError
+from tactile_sim.rig_process import SimulatedRig
+
+
+@pytest.fixture(scope='module')
+def table(tmp_path_factory):
+    plan = SimulationPlan('texture', 'flexion', 3, seed=5)
+    folder = tmp_path_factory.mktemp('bags')
+    bag = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+    (table,) = read_tables([bag]).tables.values()
+    return table
+
+
+@pytest.fixture
+def model(table, tmp_path):
+    """Return a file of any name: it says itself what it is for, and what it wants."""
+    path = tmp_path / 'running.onnx'
+    write_model(path, train(table, 'knn', running=read_running_tables(table, [0.5, 1.5])))
+    return path
+
+
+def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
+    bag = tmp_path / 'bag'
+    with domain_id() as domain, SimulatedRig(seed=3) as rig:
+        setup = LiveSetup(
+            Ports(*rig.ports), bag, models=model, simulated=True, domain_id=int(domain)
+        )
+        request = TrialRequest('texture', 'flexion', 'R1', 'glide')
+        (trial,) = run_live_trials(setup, [request], Output(as_json=True), hand=rig)
+    assert trial.answer.scores  # whatever it is: one window in twenty may be unknown
+    with TactileBag(bag) as recording:
+        assert recorded_config(recording).running_samples == (30, 90)
+        results = recorded_results(recording)
+    for found in (results.windows, results.classifications):
+        assert Counter(item.running for item in found) == {True: 2, False: 1}
+    (report,) = replay_and_compare(bag, None, through_nodes=True)
+    assert report.is_equal, report.comparisons
+    assert report.comparisons['recorded and plain core'].classification_count == 3
+    model.rename(model.with_name('elsewhere.onnx'))
+    with pytest.raises(TactileError, match=r'running\.onnx; name them: --models'):
+        replay_and_compare(bag, None, through_nodes=False)
+
+
+def test_a_model_for_any_contact_answers_a_live_trial(table, tmp_path):
+    contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
+    mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
+    model = write_model(tmp_path / 'texture.onnx', train(mixed, 'knn'))
+    with domain_id() as domain, SimulatedRig(seed=3) as rig:
+        setup = LiveSetup(
+            Ports(*rig.ports), tmp_path / 'bag', tmp_path, simulated=True, domain_id=int(domain)
+        )
+        request = TrialRequest('texture', 'flexion', 'R1', 'glide')
+        (trial,) = run_live_trials(setup, [request], Output(as_json=True), hand=rig)
+    assert trial.answer is not None
+    assert trial.answer.model_id == model.model_id

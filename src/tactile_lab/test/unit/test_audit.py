@@ -1,0 +1,462 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import random
+import tracemalloc
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from tactile_bags import BagWriter, EVENT, STRAIN, TactileBag
+from tactile_bags.auditing.audit import audit_bag, FingerAuditor
+from tactile_features.records import (
+    STATUS_CLOCK_STEP,
+    STATUS_RECONNECTED,
+    STATUS_RESTARTED,
+    StrainBlock,
+    TrialEvent,
+)
+
+PERIOD_NS = 10_000_000
+START_NS = 1_600_000_000_000_000_000
+
+
+def blocks_of(counts, *, start=0):
+    """Return a stream of blocks with these numbers of samples, without a gap."""
+    blocks, sequence = [], start
+    for count in counts:
+        stamp_ns = START_NS + sequence * PERIOD_NS
+        blocks.append(StrainBlock(stamp_ns, sequence, PERIOD_NS, np.zeros(count)))
+        sequence += count
+    return blocks
+
+
+def whole(blocks, rate_hz=100.0):
+    auditor = FingerAuditor('', rate_hz)
+    for block in blocks:
+        assert auditor.add_block(block) == []
+    (audit,) = auditor.finish()
+    return audit
+
+
+def event(phase, second, trial='t'):
+    stamp_ns = START_NS + round(second * 1e9)
+    return TrialEvent(stamp_ns, trial, '', 'stiffness', 'flexion', 'wood', phase)
+
+
+def trial_audits(blocks, events, *, events_first=True):
+    auditor = FingerAuditor('thumb', 100.0)
+    audits = []
+    steps = [auditor.add_event, auditor.add_block]
+    for step, items in sorted(
+        zip(steps, [events, blocks], strict=True), key=lambda x: (x[1] is events) != events_first
+    ):
+        for item in items:
+            audits += step(item)
+    return [*audits, *auditor.finish()][:-1]
+
+
+def test_a_whole_stream_passes():
+    audit = whole(blocks_of([1, 7, 3, 50]))
+    assert audit.passed, audit.findings
+    assert (audit.sample_count, audit.lost_count, audit.gap_count) == (61, 0, 0)
+    assert audit.rate_hz == pytest.approx(100.0)
+    assert audit.largest_step_s == pytest.approx(0.01)
+
+
+@given(
+    counts=st.lists(st.integers(1, 9), min_size=3, max_size=40),
+    dropped=st.sets(st.integers(1, 38), min_size=1),
+)
+def test_every_loss_between_two_blocks_is_counted(counts, dropped):
+    blocks = blocks_of(counts)
+    dropped = {i for i in dropped if i < len(blocks) - 1}
+    kept = [b for i, b in enumerate(blocks) if i not in dropped]
+    audit = whole(kept)
+    assert audit.lost_count == sum(counts[i] for i in dropped)
+    assert audit.gap_count == sum(i - 1 not in dropped for i in dropped)
+    assert audit.passed == (not dropped)
+
+
+@given(
+    counts=st.lists(st.integers(1, 9), min_size=2, max_size=30),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_order_and_repetition_are_counted(counts, seed):
+    """A shuffled stream has lost nothing; what comes twice is a duplicate."""
+    blocks = blocks_of(counts)
+    rng = random.Random(seed)
+    first, rest = blocks[0], blocks[1:]
+    rng.shuffle(rest)
+    again = [rng.choice(blocks) for _ in range(3)]
+    audit = whole([first, *rest, *again])
+    assert audit.lost_count == audit.gap_count == 0
+    assert audit.sample_count == sum(counts)
+    assert audit.duplicate_count == sum(len(b.tension_n) for b in again)
+    assert (audit.disordered_count > 0) == (rest != blocks[1:])
+
+
+def test_loss_that_the_driver_alone_knows_of_counts():
+    blocks = blocks_of([5, 5])
+    late = StrainBlock(blocks[1].stamp_ns, 5, PERIOD_NS, np.zeros(5), lost_before=2)
+    assert whole([blocks[0], late]).lost_count == 2
+
+
+def test_a_restart_is_a_finding_and_not_a_duplicate():
+    again = StrainBlock(START_NS + 10**9, 0, PERIOD_NS, np.zeros(5))
+    audit = whole([*blocks_of([5, 5]), again])
+    assert audit.duplicate_count == 0
+    assert 'anew' in audit.findings[0]
+    assert audit.rate_hz == pytest.approx(100.0)
+
+
+def test_a_reconnection_is_a_finding():
+    first, second = blocks_of([5, 5])
+    second = StrainBlock(
+        second.stamp_ns, 5, PERIOD_NS, second.tension_n, status=STATUS_RECONNECTED
+    )
+    assert 'reached anew' in whole([first, second]).findings[0]
+
+
+def test_a_wrong_rate_names_the_remedy():
+    audit = whole(blocks_of([100]), rate_hz=60.0)
+    assert 'the rate is 100 Hz, not 60 Hz' in audit.findings[0]
+    assert whole(blocks_of([100]), rate_hz=0.0).passed
+
+
+def test_nothing_at_all_is_a_finding():
+    assert whole([]).findings == ('no samples of the tension came',)
+
+
+@pytest.mark.parametrize('events_first', [True, False])
+@pytest.mark.parametrize('size', [1, 7, 400])
+def test_a_trial_is_audited_by_its_own_samples(events_first, size):
+    blocks = blocks_of([size] * (800 // size))
+    del blocks[len(blocks) // 2 : len(blocks) // 2 + (size < 400)]
+    events = [event('approach', 1.0), event('done', 2.0)]
+    events += [event('approach', 5.0, 'u'), event('done', 6.0, 'u')]
+    audits = trial_audits(blocks, events, events_first=events_first)
+    assert [(a.finger, a.trial_id) for a in audits] == [('thumb', 't'), ('thumb', 'u')]
+    assert all(a.passed for a in audits), [a.findings for a in audits]
+    assert audits[0].sample_count == 101
+
+
+@pytest.mark.parametrize('lost', [100, 150, 200])
+def test_a_sample_lost_at_the_edge_of_a_trial_is_found(lost):
+    """First, middle and last sample of a trial from 1 s to 2 s."""
+    blocks = [b for i, b in enumerate(blocks_of([1] * 400)) if i != lost]
+    (audit,) = trial_audits(blocks, [event('approach', 1.0), event('done', 2.0)])
+    assert audit.lost_count == 1
+
+
+def test_a_trial_that_the_samples_do_not_cover_is_found():
+    events = [event('approach', 1.0), event('done', 9.0)]
+    (audit,) = trial_audits(blocks_of([400]), events)
+    assert 'the samples end 5.010 s before the trial' in audit.findings
+    (audit,) = trial_audits(blocks_of([900], start=500), events)
+    assert 'the samples begin 4.000 s after the trial' in audit.findings
+
+
+@pytest.mark.parametrize('lost', [150, 2_000, 4_400])
+def test_a_trial_longer_than_events_may_be_late_is_audited_whole(lost):
+    """From 1 s to 45 s: what was lost long ago, and what just now."""
+    blocks = [b for i, b in enumerate(blocks_of([1] * 4_600)) if i != lost]
+    auditor = FingerAuditor('', 100.0)
+    audits = auditor.add_event(event('contact', 1.0))
+    for i, block in enumerate(blocks):
+        audits += auditor.add_block(block)
+        if i == 4_480:  # its end is told before its last samples come
+            audits += auditor.add_event(event('done', 45.0))
+    (audit,) = audits
+    assert audit.sample_count == 4_400
+    assert audit.findings[0].startswith('1 samples lost in 1 gaps')
+
+
+def test_events_that_come_too_late_for_their_samples_are_a_finding():
+    blocks = blocks_of([10] * 1000)
+    (audit,) = trial_audits(
+        blocks, [event('contact', 10.0), event('done', 12.0)], events_first=False
+    )
+    assert audit.findings == (
+        'its events came more than 10 s after its samples; what is missing is not known',
+    )
+    (audit,) = trial_audits(
+        blocks, [event('contact', 95.0), event('done', 97.0)], events_first=False
+    )
+    assert audit.passed
+
+
+def test_trials_without_any_samples_do_not_pile_up():
+    auditor = FingerAuditor('', 100.0)
+    audits = []
+    for i in range(1500):
+        for phase in ('contact', 'done'):
+            audits += auditor.add_event(event(phase, i, f't{i}'))
+    assert len(audits) >= 499
+    assert {audit.findings for audit in audits} == {('no samples of the tension came',)}
+
+
+@pytest.mark.parametrize('with_trials', [False, True])
+def test_memory_does_not_grow_with_the_length_of_a_recording(with_trials):
+    """Where trials are found in the signal there are no stated events at all."""
+    auditor = FingerAuditor('', 100.0)
+    tension_n = np.zeros(1)
+
+    def record(first, last):
+        for i in range(first, last):
+            second = i // 100
+            auditor.add_block(StrainBlock(START_NS + i * PERIOD_NS, i, PERIOD_NS, tension_n))
+            if with_trials and i % 500 == 0:
+                auditor.add_event(event('contact', second, f't{second}'))
+                auditor.add_event(event('done', second + 3, f't{second}'))
+
+    tracemalloc.start()
+    try:
+        record(0, 3_000)
+        early = tracemalloc.get_traced_memory()[0]
+        record(3_000, 30_000)
+        assert tracemalloc.get_traced_memory()[0] < early + 100_000
+        assert early < 1_000_000
+    finally:
+        tracemalloc.stop()
+    assert auditor.finish()[-1].sample_count == 30_000
+
+
+PHASES = ('approach', 'contact', 'hold', 'release', 'done')
+STEPS = [
+    (-60, STATUS_CLOCK_STEP),
+    (-15, STATUS_CLOCK_STEP),
+    (60, STATUS_CLOCK_STEP),
+    (-0.5, STATUS_CLOCK_STEP),
+    (-60, 0),
+    (-15, 0),
+]
+
+
+def stepped_recording(
+    step_s, status, *, at=4_000, starts, lost=(), restart=False, late_s=0.0, count=9_000
+):
+    """Return the audits of trials of 4 s, while the clock is set with sample ``at``.
+
+    ``starts`` are numbers of samples. Each event comes ``late_s`` after its stamp [s].
+    """
+    auditor = FingerAuditor('', 100.0)
+    audits = []
+    events = {
+        start + 100 * k: (start, phase) for start in starts for k, phase in enumerate(PHASES)
+    }
+
+    def stamp_of(i):
+        return START_NS + i * PERIOD_NS + (round(step_s * 1e9) if i >= at else 0)
+
+    late = round(late_s * 1e9) // PERIOD_NS
+    for i in range(count):
+        if i not in lost:
+            sequence = i - at if restart and i >= at else i
+            block_status = status if i == at else 0
+            block = StrainBlock(stamp_of(i), sequence, PERIOD_NS, np.zeros(1), status=block_status)
+            audits += auditor.add_block(block)
+        if i - late in events:
+            start, phase = events[i - late]
+            stamp_ns = stamp_of(i - late) + 1
+            audits += auditor.add_event(
+                TrialEvent(stamp_ns, f't{start}', '', 'stiffness', 'flexion', '', phase)
+            )
+    assert len(auditor._recent) <= 1_002
+    audits += auditor.finish()
+    assert [a.trial_id for a in audits] == [*(f't{start}' for start in starts), '']
+    return audits
+
+
+def step_finding(step_s):
+    way = 'forward' if step_s > 0 else 'back'
+    return f"the host's clock was set {way} by {abs(step_s):.3f} s during the "
+
+
+@pytest.mark.parametrize(('step_s', 'status'), STEPS)
+@pytest.mark.parametrize('late_s', [0.0, 0.05])
+@pytest.mark.parametrize(
+    'starts',
+    [
+        pytest.param([4_010, 5_000, 6_000, 8_000], id='before'),
+        pytest.param([1_000, 3_590, 4_010, 5_000], id='between'),
+        pytest.param([3_000, 3_598, 4_002], id='at the edges'),
+    ],
+)
+def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_s):
+    *trials, recording = stepped_recording(step_s, status, starts=starts, late_s=late_s)
+    for audit in trials:
+        assert audit.passed, audit.describe()
+        assert audit.sample_count == 400
+        assert audit.rate_hz == pytest.approx(100.0)
+    assert recording.findings == (step_finding(step_s) + 'recording',)
+    assert (recording.sample_count, recording.lost_count) == (9_000, 0)
+
+
+@pytest.mark.parametrize(('step_s', 'status'), STEPS)
+@pytest.mark.parametrize('at', [3_902, 4_000, 4_200, 4_299])
+def test_a_clock_step_in_a_trial_fails_only_this_one(step_s, status, at):
+    starts = [1_000, 3_900, 4_400, 6_000]
+    before, during, *after, _ = stepped_recording(step_s, status, at=at, starts=starts)
+    assert during.findings == (step_finding(step_s) + 'trial',)
+    assert during.sample_count == 400
+    span_ns = during.end_ns - during.start_ns
+    assert span_ns == 399 * PERIOD_NS + round(step_s * 1e9)
+    assert all(audit.passed for audit in (before, *after)), [a.describe() for a in after]
+
+
+@pytest.mark.parametrize(('step_s', 'status'), STEPS)
+def test_a_loss_beside_a_clock_step_is_counted(step_s, status):
+    _, during, after, _ = stepped_recording(
+        step_s, status, starts=[1_000, 3_900, 5_000], lost={3_950, 4_100, 5_100}
+    )
+    assert during.findings[0] == step_finding(step_s) + 'trial'
+    assert (during.lost_count, after.lost_count) == (2, 1)
+    assert [finding.split(' (')[0] for finding in after.findings] == ['1 samples lost in 1 gaps']
+
+
+@pytest.mark.parametrize(('step_s', 'status'), STEPS)
+def test_trials_after_a_restart_with_a_clock_step_pass(step_s, status):
+    status |= STATUS_RECONNECTED | STATUS_RESTARTED
+    before, *after, recording = stepped_recording(
+        step_s, status, starts=[1_000, 4_100, 6_000], restart=True
+    )
+    assert all(audit.passed for audit in (before, *after)), [a.describe() for a in after]
+    assert recording.duplicate_count == 0
+
+
+@pytest.mark.parametrize('step_s', [-60, -15, 60])
+def test_many_clock_steps_take_little_memory(step_s):
+    auditor = FingerAuditor('', 100.0)
+    auditor.add_event(event('contact', 0.0))
+    tracemalloc.start()
+    try:
+        for i in range(20_000):
+            if i == 5_000:
+                early = tracemalloc.get_traced_memory()[0]
+            stamp_ns = START_NS + i * PERIOD_NS + i // 10 * step_s * 10**9
+            status = STATUS_CLOCK_STEP * (i % 10 == 0)
+            block = StrainBlock(stamp_ns, i, PERIOD_NS, np.zeros(1), status=status)
+            assert auditor.add_block(block) == []
+        assert tracemalloc.get_traced_memory()[0] < early + 100_000
+    finally:
+        tracemalloc.stop()
+    trial, recording = auditor.finish()
+    assert 'during the trial, the first of' in trial.findings[0]
+    assert 'during the recording, the first of 1999 steps' in recording.findings[0]
+
+
+@pytest.mark.parametrize('step_s', [-60, -15, 60, 10**9])
+def test_an_event_between_a_clock_step_and_its_block_delays_no_other_trial(step_s):
+    """The first event of a trial is stamped by the new clock, which no block has shown yet."""
+    auditor = FingerAuditor('', 100.0)
+    audits = []
+    events = {2_000: ('contact', 'a'), 2_200: ('done', 'a')}
+    events |= {3_000: ('contact', 'b'), 3_200: ('done', 'b')}
+    for i in range(4_000):
+        stamp_ns = START_NS + i * PERIOD_NS + (i >= 2_000) * step_s * 10**9
+        if i in events:
+            phase, trial = events[i]
+            message = TrialEvent(stamp_ns, trial, '', 'stiffness', 'flexion', '', phase)
+            audits += auditor.add_event(message)
+        status = STATUS_CLOCK_STEP * (i == 2_000)
+        audits += auditor.add_block(
+            StrainBlock(stamp_ns, i, PERIOD_NS, np.zeros(1), status=status)
+        )
+    assert [audit.trial_id for audit in audits] == ['a', 'b']
+    assert audits[0].passed == (step_s > 0), audits[0].describe()
+    assert audits[1].passed, audits[1].describe()
+
+
+def test_samples_that_come_late_are_no_clock_step():
+    blocks = blocks_of([1] * 1000)
+    blocks.insert(800, blocks.pop(300))
+    blocks.insert(900, blocks[100])
+    audit = whole(blocks)
+    assert audit.findings == ('1 samples came again', '1 samples came later than a newer one')
+
+
+def test_a_simulated_recording_passes(stiffness_bag):
+    audits = audit_bag(stiffness_bag)
+    assert len(audits) == 16
+    assert all(audit.passed for audit in audits), [a.describe() for a in audits]
+
+
+def _blocks_of_ten(source, target):
+    """Copy a bag with ten samples in a message, as a live recording has few in each."""
+    with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+        types = writer.store.types
+        for topic in bag.stored_topics:
+            writer.add_stored_topic(topic)
+        for message in bag.messages():
+            if message.type_name != STRAIN:
+                writer.write_raw(message.topic, message.received_at_ns, message.data)
+                continue
+            block = message.decode()
+            first_ns = block.header.stamp.sec * 10**9 + block.header.stamp.nanosec
+            for i in range(0, len(block.tension_n), 10):
+                sec, nanosec = divmod(first_ns + i * block.period_ns, 10**9)
+                stamp = types['builtin_interfaces/msg/Time'](sec, nanosec)
+                part = types[STRAIN](
+                    header=types['std_msgs/msg/Header'](stamp, 'tendon_sensor_link'),
+                    sequence=block.sequence + i,
+                    period_ns=block.period_ns,
+                    tension_n=block.tension_n[i : i + 10],
+                    lost_before=0,
+                    stamp_error_s=block.stamp_error_s,
+                    status=block.status,
+                )
+                writer.write(message.topic, message.received_at_ns, part)
+    return target
+
+
+@pytest.fixture(scope='module')
+def recorded_blocks(stiffness_bag, tmp_path_factory):
+    from tactile_features.conversions import event_from_msg, strain_block_from_msg
+
+    path = _blocks_of_ten(stiffness_bag, tmp_path_factory.mktemp('audit') / 'bag')
+    with TactileBag(path) as bag:
+        return [
+            strain_block_from_msg(m.decode())
+            if m.type_name == STRAIN
+            else event_from_msg(m.decode())
+            for m in bag.messages(STRAIN, EVENT)
+        ]
+
+
+def audit_of(items):
+    auditor = FingerAuditor('', 60.0)
+    audits = []
+    for item in items:
+        add = auditor.add_block if isinstance(item, StrainBlock) else auditor.add_event
+        audits += add(item)
+    return [*audits, *auditor.finish()]
+
+
+def test_the_recording_in_small_blocks_passes(recorded_blocks):
+    assert all(audit.passed for audit in audit_of(recorded_blocks))
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_loss_of_one_percent_is_always_reported(recorded_blocks, seed):
+    rng = random.Random(seed)
+    strain = [i for i, item in enumerate(recorded_blocks) if isinstance(item, StrainBlock)]
+    lost = set(rng.sample(strain, max(1, len(strain) // 100)))
+    audits = audit_of([item for i, item in enumerate(recorded_blocks) if i not in lost])
+    inner = lost - {strain[0], strain[-1]}  # nobody can miss what no neighbour tells of
+    assert audits[-1].lost_count == sum(len(recorded_blocks[i].tension_n) for i in inner)
+    assert audits[-1].passed == (not inner)

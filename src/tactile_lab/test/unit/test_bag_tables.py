@@ -1,0 +1,154 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import numpy as np
+import pytest
+
+from tactile_bags import (
+    BagWriter,
+    EVENT,
+    RecordedTopic,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bags.errors import BagError
+from tactile_lab.datasets.bag_tables import number_blocks, read_tables
+from tactile_lab.simulation.simulated_trials import SAMPLES_PER_BLOCK
+
+
+def test_table_has_one_row_a_trial_with_its_label(stiffness_bag):
+    found = read_tables([stiffness_bag])
+    assert found.left_out == ()
+    (table,) = found.tables.values()
+    assert list(found.tables) == [('stiffness', 'flexion')]
+    assert table.values.shape == (15, 3)
+    labels, counts = np.unique(table.labels, return_counts=True)
+    assert labels.tolist() == ['none', 'pla', 'rubber_shell', 'solid_rubber', 'sponge']
+    assert set(counts) == {3}
+    assert table.column('simulated').all()
+    assert len(set(table.column('trial_id'))) == 15
+
+
+def test_lost_samples_leave_their_trial_out_and_say_so(rewrite, stiffness_bag, tmp_path):
+    seen = []
+
+    def lose_one_block(type_name, message):
+        if type_name == STRAIN:
+            seen.append(message.sequence)
+            # Inside the hold of the first trial: it lasts from about 1 s to 5 s.
+            if message.sequence == 2 * SAMPLES_PER_BLOCK:
+                return None
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'lossy', lose_one_block)])
+    (table,) = found.tables.values()
+    assert len(table) == 14
+    assert len(found.left_out) == 1
+    assert f'{SAMPLES_PER_BLOCK} samples are missing' in found.left_out[0]
+
+
+def test_trials_without_a_label_are_left_out(rewrite, stiffness_bag, tmp_path):
+    def forget(type_name, message):
+        if type_name == EVENT and message.object_label == 'pla':
+            message.object_label = ''
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'unlabelled', forget)])
+    (table,) = found.tables.values()
+    assert len(table) == 12
+    assert all('no label' in sentence for sentence in found.left_out)
+
+
+def test_windows_go_by_their_features_and_not_by_the_name_of_the_protocol(
+    rewrite, stiffness_bag, tmp_path
+):
+    def rename(type_name, message):
+        if type_name == EVENT and message.object_label == 'pla':
+            message.protocol = 'texture'
+        if type_name == EVENT and message.object_label == 'sponge':
+            message.protocol = ''
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'renamed', rename)])
+    (table,) = found.tables.values()
+    assert list(found.tables) == [('stiffness', 'flexion')]
+    usual = read_tables([stiffness_bag]).tables['stiffness', 'flexion']
+    assert table.compute_sha256() == usual.compute_sha256()
+
+
+def test_label_is_that_of_the_moment_when_the_name_of_a_trial_comes_again(
+    rewrite, stiffness_bag, tmp_path
+):
+    def forget_names(type_name, message):
+        if type_name == EVENT:
+            message.trial_id = 'trial'
+        return message
+
+    found = read_tables([rewrite(stiffness_bag, tmp_path / 'nameless', forget_names)])
+    usual = read_tables([stiffness_bag]).tables['stiffness', 'flexion']
+    assert found.tables['stiffness', 'flexion'].compute_sha256() == usual.compute_sha256()
+
+
+def test_bag_without_trials_is_refused_with_the_reason(rewrite, stiffness_bag, tmp_path):
+    path = rewrite(
+        stiffness_bag, tmp_path / 'silent', lambda kind, m: m if kind == STRAIN else None
+    )
+    with pytest.raises(BagError, match='no labelled trial'):
+        read_tables([path])
+
+
+def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
+    with TactileBag(stiffness_bag) as bag:
+        facts = {**bag.facts, 'feature_config': {'stiffness_settle_s': 1.0}}
+        with BagWriter(tmp_path / 'other', facts) as writer:
+            for name, (type_name, _) in bag.topics.items():
+                writer.add_topic(RecordedTopic(name.strip('/'), type_name))
+    with pytest.raises(BagError, match='other feature parameters'):
+        read_tables([stiffness_bag, tmp_path / 'other'])
+
+
+def test_blocks_are_runs_of_each_labels_trials_in_time():
+    labels = np.array(['a', 'b'] * 12)
+    sessions = np.repeat(['s', 't'], 12)
+    starts_ns = np.arange(24)[::-1]  # the table's order need not be that of time
+    blocks = number_blocks(starts_ns, sessions, labels)
+    of_a = blocks[(labels == 'a') & (sessions == 's')]
+    assert of_a.tolist() == [5, 4, 3, 2, 1, 0]
+    assert number_blocks(starts_ns[:8], sessions[:8], labels[:8]).max() == 4
+
+
+def test_table_says_where_each_window_stands(stiffness_bag):
+    (table,) = read_tables([stiffness_bag]).tables.values()
+    assert set(table.column('bag')) == {str(stiffness_bag)}
+    assert (table.column('window_end_ns') - table.column('window_start_ns') > 3e9).all()
+    assert (np.diff(np.sort(table.column('window_start_ns'))) > 4e9).all()
+
+
+def test_detected_trials_are_those_of_the_replay_whatever_was_recorded(stiffness_bag, tmp_path):
+    """The recorder may have missed events, or joined later than the feature node."""
+    config = {'phases': 'stiffness', 'detected_object_label': 'pla', 'detected_session_id': 's1'}
+    path = tmp_path / 'detected'
+    with TactileBag(stiffness_bag) as bag:
+        facts = {**bag.facts, 'feature_config': {**bag.facts['feature_config'], **config}}
+        with BagWriter(path, facts) as writer:
+            strain = writer.add_topic(STRAIN_TOPIC)
+            for message in bag.messages(STRAIN):
+                writer.write_raw(strain, message.received_at_ns, message.data)
+    found = read_tables([path])
+    (table,) = found.tables.values()
+    assert found.left_out == ()
+    assert len(set(table.column('trial_id'))) == len(table) == 15
+    assert set(table.labels) == {'pla'}
+    assert set(table.column('session_id')) == {'s1'}

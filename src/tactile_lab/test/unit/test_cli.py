@@ -1,0 +1,35 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import os
+
+import pytest
+
+from tactile_lab.cli import main as cli
+from tactile_ros.programs.transports import PROFILES, TRANSPORTS
+
+
+@pytest.mark.parametrize(('before', 'after'), [(None, 'LOCALHOST'), ('SUBNET', 'SUBNET')])
+def test_commands_stay_on_this_computer_unless_told_otherwise(monkeypatch, before, after):
+    name = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+    for variable in ('RMW_IMPLEMENTATION', name, TRANSPORTS, *PROFILES):
+        monkeypatch.setenv(variable, '')  # so that it is restored
+        monkeypatch.delenv(variable)
+    if before is not None:
+        monkeypatch.setenv(name, before)
+    monkeypatch.setattr('sys.argv', ['tactile', '--help'])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
+    assert os.environ[name] == after

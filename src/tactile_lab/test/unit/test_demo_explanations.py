@@ -1,0 +1,79 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the demo says of the trials that it missed."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features import FeatureConfig, FeatureWindow, Outcome, spec_for
+from tactile_lab.commands.demo import explain_misses
+from tactile_lab.commands.live_trials import LiveTrial
+from tactile_lab.commands.train import TrainedModel
+
+
+@pytest.fixture(scope='module')
+def trained(tmp_path_factory):
+    """Sponge is apart; PLA and rubber are alike, and each session moves both."""
+    rng = np.random.default_rng(0)
+    labels = np.tile(['pla', 'rubber', 'sponge'], 40)
+    sessions = np.repeat(['a', 'b', 'c', 'd'], 30)
+    slope = {'pla': 1.0, 'rubber': 1.0, 'sponge': 9.0}
+    values = np.array([slope[label] for label in labels])[:, None] + rng.normal(size=(120, 3)) / 9
+    columns = {'session_id': sessions, 'contact': np.full(120, 'flexion')}
+    table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
+    path = tmp_path_factory.mktemp('models') / 'stiffness_flexion.onnx'
+    model = write_model(path, train(table, 'knn'))
+    return TrainedModel(path, model.model_id, table, None, model.manifest)
+
+
+def live(trained, label, values):
+    spec = trained.table.spec
+    window = FeatureWindow(
+        spec.feature_set, spec.version, 't', 'flexion', True, Outcome.OK, '',
+        np.asarray(values), 0, 3_000_000_000, 0, 60.0, 180, 0, 0, '',
+        specification_digest=spec.digest,
+    )  # fmt: skip
+    answer = TactileModel.load(trained.path).classify(window)
+    return LiveTrial(TrialRequest('stiffness', 'flexion', label), answer)
+
+
+def test_a_right_answer_needs_no_explanation(trained):
+    assert explain_misses([live(trained, 'sponge', [9.0, 9.0, 9.0])], [trained]) == []
+
+
+def test_a_wrong_answer_is_explained_by_sessions_held_out(trained):
+    (row,) = np.flatnonzero(trained.table.labels == 'rubber')[:1]
+    trial = live(trained, 'pla', trained.table.values[row])
+    said = trial.answer.label
+    if said == 'pla':
+        trial = live(trained, 'rubber', trained.table.values[row])
+    (sentence,) = explain_misses([trial], [trained])
+    wanted = trial.request.object_label
+    assert sentence.startswith(f'stiffness, flexion, {wanted}, taken for {said}: so were ')
+    share, whole = (int(word) for word in sentence.split() if word.isdigit())
+    assert whole == 40
+    assert 5 <= share <= 35  # nothing but chance tells the two apart
+
+
+def test_an_unknown_answer_says_its_reason(trained):
+    (sentence,) = explain_misses([live(trained, 'pla', [99.0, 99.0, 99.0])], [trained])
+    assert 'unlike all that the model was trained on' in sentence

@@ -1,0 +1,92 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bags of simulated trials whose phases are found in the tension, not read from the events."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_bags import (
+    BagWriter,
+    EVENT,
+    EVENT_TOPIC,
+    STRAIN,
+    STRAIN_TOPIC,
+    TactileBag,
+)
+from tactile_bags.auditing.audit import audit_bag
+from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bringup.records import TrialConfig
+from tactile_features.config import FeatureConfig
+from tactile_features.records import Outcome
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+
+WITHIN_NS = 50_000_000
+
+
+@pytest.fixture(scope='module')
+def texture_bag(tmp_path_factory):
+    plan = SimulationPlan('texture', 'abduction', 1, seed=8)
+    folder = tmp_path_factory.mktemp('bags')
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+
+def windows(path, phases):
+    with TactileBag(path) as bag:
+        config = dataclasses.replace(recorded_config(bag), phases=phases)
+        return replay_windows(bag, config, finish=True)
+
+
+def check_each_trial_is_found(path, phases):
+    stated, detected = windows(path, 'stated'), windows(path, phases)
+    assert len(stated) == len(detected)
+    for one, other in zip(stated, detected, strict=True):
+        assert one.outcome == other.outcome == Outcome.OK
+        assert abs(one.window_start_ns - other.window_start_ns) <= WITHIN_NS
+        assert other.trial_id.startswith('detected-')
+    return stated, detected
+
+
+def test_every_press_is_found(stiffness_bag):
+    stated, detected = check_each_trial_is_found(stiffness_bag, 'stiffness')
+    # In newtons: the tension relaxes by some hundredths of one within the tolerance.
+    np.testing.assert_allclose(
+        [w.values[1] for w in detected], [w.values[1] for w in stated], atol=0.1
+    )
+
+
+def test_every_glide_is_found(texture_bag):
+    check_each_trial_is_found(texture_bag, 'texture')
+
+
+def test_an_audit_goes_by_the_stated_trials_where_others_were_found_beside_them(
+    stiffness_bag, tmp_path
+):
+    both = tmp_path / 'both'
+    with TactileBag(stiffness_bag) as bag, BagWriter(both, bag.facts) as writer:
+        found_topic = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
+        strain, stated, found = map(writer.add_topic, (STRAIN_TOPIC, EVENT_TOPIC, found_topic))
+        for message in bag.messages(STRAIN, EVENT):
+            if message.type_name == EVENT:
+                later_ns = message.received_at_ns + 10_000_000
+                writer.write_raw(stated, message.received_at_ns, message.data)
+                renamed = message.data.replace(b'stiffness_flexion-', b'detected__flexion-')
+                assert renamed != message.data
+                writer.write_raw(found, later_ns, renamed)
+            else:
+                writer.write_raw(strain, message.received_at_ns, message.data)
+    assert audit_bag(both) == audit_bag(stiffness_bag)

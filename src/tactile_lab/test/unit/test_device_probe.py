@@ -1,0 +1,132 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recognising devices by what they say: bytes in, a sentence out."""
+
+import os
+from pathlib import Path
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from tactile_lab.devices.device_probe import find_holders, find_names, NAME_FOLDERS, recognise
+
+MILLISECONDS = {'time_column': 0, 'time_unit_s': 0.001}
+
+
+def lines(*texts, end='\r\n'):
+    """Bytes that begin in the middle of a line and end in another."""
+    return ('3,cut' + end + end.join(texts) + end + texts[0][:3]).encode()
+
+
+@pytest.mark.parametrize(
+    ('data', 'what'),
+    [
+        (b"\r\nGrbl 1.1h ['$' for help]\r\n", 'Grbl: "Grbl 1.1h"'),
+        (b"\x00\xf8\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n", 'Grbl: "GrblHAL 1.1f"'),
+        (b'<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n', 'Grbl, in state Idle'),
+        (b'<Hold:0|MPos:0.000,0.000,0.000>\r\n', 'Grbl, in state Hold'),
+    ],
+)
+def test_grbl_is_known_by_banner_and_status(data, what):
+    assert recognise(data) == ('guide', what, {})
+
+
+def test_open_scale_lines_say_their_columns():
+    said = lines(*(f'{16 * i},{0.5 + i / 100:.2f},lbs,24.75,' for i in range(100, 110)))
+    device, what, parameters = recognise(said)
+    assert device == 'sensor'
+    assert what == 'load-cell lines such as "1744,1.59,lbs,24.75,"'
+    assert parameters == {**MILLISECONDS, 'value_column': 1, 'unit': 'lbf'}
+
+
+def test_values_alone_and_with_a_float_time():
+    said = lines(*(f'{-3.5 + i:.1f}' for i in range(8)), end='\n')
+    assert recognise(said)[2] == {'time_column': -1, 'value_column': 0}
+    said = lines(*(f'{i / 10:.1f} {i}' for i in range(8)), end='\n')
+    assert recognise(said)[2] == {
+        'time_column': 0,
+        'time_unit_s': 1.0,
+        'time_decimals': 1,
+        'value_column': 1,
+    }
+
+
+def test_a_first_column_that_falls_is_no_time():
+    said = lines(*(f'{i % 3} {i}' for i in range(8)), end='\n')
+    assert recognise(said)[2] == {'time_column': -1, 'value_column': 0}
+
+
+def test_a_boot_text_before_the_lines_does_not_matter():
+    banner = b'\r\nSerial Load Cell Converter version 1.2\r\nMinimum time between reports: 16\r\n'
+    assert recognise(banner) is None
+    said = banner + lines(*(f'{16 * i},0.5,kg,' for i in range(10)))
+    assert recognise(said)[2] == {**MILLISECONDS, 'value_column': 1, 'unit': 'kg'}
+
+
+def test_an_open_scale_in_its_menu_is_known():
+    device, what, _ = recognise(
+        b'System Configuration\r\n1) Tare scale to zero [0]\r\nx) Exit\r\n>'
+    )
+    assert device == 'sensor'
+    assert 'menu' in what
+
+
+@pytest.mark.parametrize(
+    'data', [b'', b'\n\n\n\n\n\n', b'hello\nworld\nhow\nare\nyou\ntoday\n', b'1\n2\n', b'1,2,3']
+)
+def test_what_is_not_known_is_not_guessed(data):
+    assert recognise(data) is None
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_break_it(data):
+    answer = recognise(data)
+    assert answer is None or answer[0] in ('guide', 'sensor')
+
+
+def test_names_and_holders_of_a_port(tmp_path):
+    master, slave = os.openpty()
+    try:
+        port = os.ttyname(slave)
+        folder = tmp_path / 'by-id'
+        folder.mkdir()
+        (folder / 'usb-maker_thing').symlink_to(port)
+        (folder / 'usb-other').symlink_to('/dev/null')
+        assert find_names(port, [str(folder), str(tmp_path / 'none')]) == (
+            str(folder / 'usb-maker_thing'),
+        )
+        assert any(holder.endswith(f'({os.getpid()})') for holder in find_holders(port))
+    finally:
+        os.close(slave)
+        os.close(master)
+    assert not any(holder.endswith(f'({os.getpid()})') for holder in find_holders(port))
+
+
+def test_the_udev_rules_name_the_ports_and_are_installed():
+    package = Path(__file__).parents[3] / 'tactile_bringup'
+    rules = (package / 'udev' / '60-tactile.rules').read_text()
+    lines = [line for line in rules.splitlines() if line and not line.startswith('#')]
+    # A misspelt key or a single = where == belongs makes udev skip the line, or assign.
+    part = re.compile(
+        r'(ACTION|SUBSYSTEM|DRIVERS|SYMLINK|ATTRS\{\w+\})(==|!=)"[^"]+"'
+        r'|(SYMLINK\+|GROUP|MODE|GOTO|LABEL|ENV\{\w+\}|ATTR\{[\w/]+\})="[^"]+"'
+    )
+    for line in lines:
+        assert all(part.fullmatch(text) for text in line.split(', ')), line
+    for name in ('guide', 'tendon', 'sensor'):
+        assert f'SYMLINK+="{NAME_FOLDERS[0].removeprefix("/dev/")}/{name}"' in rules
+    assert "glob('udev/*.rules')" in (package / 'setup.py').read_text()

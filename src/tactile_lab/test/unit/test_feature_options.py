@@ -1,0 +1,113 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`--features` of train and evaluate: sets by name, and the choice inside the folds."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_lab.cli.main import app
+from tactile_lab.commands.features import choose_features, list_sets
+from tactile_ros.errors import TactileError
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('bags')
+    arguments = ['simulate', 'texture', '-o', str(folder), '--contact', 'flexion']
+    done = CliRunner().invoke(app, [*arguments, '--trials', '3', '--sessions', '2', '--jobs', '1'])
+    assert done.exit_code == 0, done.output
+    return folder / 'texture_flexion'
+
+
+@pytest.fixture
+def archive(tmp_path):
+    rng = np.random.default_rng(0)
+    label = np.repeat(['a', 'b'], 12)
+    x = rng.normal(size=(24, 3, 60))
+    x[:, 1] += np.where(label == 'a', 3.0, 0.0)[:, None]
+    np.savez(tmp_path / 'glides.npz', x=x, label=label, rate_hz=60.0)
+    return tmp_path / 'glides.npz'
+
+
+def invoke(*arguments):
+    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_automatic_features_are_chosen_and_the_runner_up_is_named(bag, tmp_path):
+    said = ' '.join(
+        invoke(
+            *('train', bag, '-o', tmp_path, '--features', 'auto'),
+            *('--repetitions', 1, '--folds', 2),
+        ).split()
+    )
+    assert 'chosen inside the folds' in said
+    assert 'the runner-up is' in said
+    assert 'times the time of training and tests' in said
+    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    name = model.spec.feature_set
+    assert f'texture, flexion: {name} with' in said
+
+
+def test_a_named_waveform_goes_into_a_model_of_random_convolutions(bag, tmp_path):
+    invoke(
+        *('train', bag, '-o', tmp_path, '--features', 'glide_waveform', '--classifier', 'rocket'),
+        *('--repetitions', 1, '--folds', 2),
+    )
+    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    assert model.spec.feature_set == 'glide_waveform'
+    assert model.manifest.classifier == 'rocket'
+
+
+def test_all_channels_of_an_archive_count(archive):
+    def best(channel):
+        said = invoke(
+            *('evaluate', archive, '--task', 'texture', '--channel', channel, '--json'),
+            *('--features', 'glide_waveform', '--folds', 3, '--repetitions', 1),
+        )
+        (found,) = json.loads(said)['sets']
+        scores = {s['classifier']: s['mean'] for s in found['evaluations'][0]['scores']}
+        return len(found['features']), scores['rocket']
+
+    assert best('all') == (180, 1.0)
+    count, accuracy = best(0)
+    assert count == 60
+    assert accuracy < 0.9
+
+
+def test_names_that_are_no_sets_are_refused_by_train(bag, tmp_path):
+    done = CliRunner().invoke(app, ['train', str(bag), '-o', str(tmp_path), '--features', 'slope'])
+    assert done.exit_code == 2
+    assert 'it must be auto or name sets of features: texture_spectrum' in ' '.join(
+        done.output.split()
+    )
+
+
+def test_each_set_goes_to_its_phase():
+    assert choose_features(None, None, 'glide_waveform,hold_waveform') == {
+        'texture_features': 'glide_waveform',
+        'stiffness_features': 'hold_waveform',
+    }
+    over = choose_features('45:0.5', None, 'spatial_waveform')
+    assert over['texture_features'] == 'spatial_waveform'
+    assert over['spatial_length_m'] == pytest.approx(0.045)
+    assert list_sets('slope,correlation') == []
+    with pytest.raises(TactileError, match='glide_waveform is none'):
+        choose_features('45:0.5', None, 'glide_waveform')

@@ -1,0 +1,110 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tactile_bringup.wiring.graph import Ports, recorder_node, rig_graph, RIG_NODES, slip_node
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_classifier.names import all_classifier_names, classifier_name, parse_classifier_name
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_program import find_node_class
+
+PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
+
+
+def by_name(nodes):
+    return {node.name: node for node in nodes}
+
+
+@pytest.fixture
+def models(trained):
+    return find_models(trained)
+
+
+def test_rig_has_every_node_with_its_port(models):
+    nodes = by_name(rig_graph(PORTS, models, {}, simulated=True))
+    assert sorted(nodes) == sorted([*RIG_NODES, 'stiffness_flexion_classifier'])
+    assert nodes['linear_guide'].parameters['port'] == '/dev/guide'
+    assert nodes['tendon_actuator'].parameters['port'] == '/dev/tendon'
+    assert nodes['tendon_sensor'].parameters['port'] == '/dev/sensor'
+    assert nodes['trial_runner'].parameters['simulated'] is True
+
+
+def test_classifier_is_told_what_the_feature_node_is_told(models):
+    parameters = {'tactile_features': {'rate_hz': 100.0, 'texture_samples': 300, 'buffer_s': 60.0}}
+    nodes = by_name(rig_graph(PORTS, models, parameters, simulated=False))
+    classifier = nodes['stiffness_flexion_classifier'].parameters
+    assert classifier['rate_hz'] == 100.0
+    assert classifier['texture_samples'] == 300
+    assert 'buffer_s' not in classifier
+    assert classifier['task'] == 'stiffness'
+    assert classifier['contact'] == 'flexion'
+
+
+def test_given_parameters_win():
+    nodes = by_name(
+        rig_graph(PORTS, {}, {'tendon_sensor': {'port': '/dev/other'}}, simulated=False)
+    )
+    assert nodes['tendon_sensor'].parameters['port'] == '/dev/other'
+
+
+def test_classifier_names_round_trip():
+    assert len(all_classifier_names()) == 6
+    for name in all_classifier_names():
+        assert classifier_name(*parse_classifier_name(name)) == name
+    with pytest.raises(TactileError, match='smell'):
+        parse_classifier_name('smell_flexion_classifier')
+
+
+def test_every_described_node_can_be_created_here(models):
+    nodes = rig_graph(PORTS, models, {}, simulated=True)
+    nodes.append(recorder_node(Path('bag'), None, (), {}, simulated=True))
+    nodes.append(slip_node({}, simulated=True))
+    for node in nodes:
+        module = find_node_class(node.executable).__module__
+        assert module.split('.')[0] == node.package
+        assert module.split('.')[-1] == node.executable
+
+
+def test_recording_notes_where_its_models_are(tmp_path):
+    node = recorder_node(tmp_path / 'recording', tmp_path / 'models', (), {}, simulated=True)
+    assert '"models": "../models"' in node.parameters['facts']
+
+
+def test_recording_notes_the_windows_and_passes_over_parameters_of_every_node(tmp_path):
+    parameters = {'texture_samples': 90, 'use_sim_time': True}
+    node = recorder_node(tmp_path / 'recording', None, (), parameters, simulated=True)
+    assert json.loads(node.parameters['facts'])['feature_config']['texture_samples'] == 90
+
+
+def test_nodes_that_can_die_alone_watch_each_other():
+    alone = {node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True)}
+    assert 'heartbeat_topics' not in alone['linear_guide'].parameters
+    watched = {node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True, watched=True)}
+    assert set(watched['linear_guide'].parameters['heartbeat_topics']) == {
+        'trial_runner/heartbeat',
+        'tendon_actuator/heartbeat',
+    }
+    assert set(watched['tendon_actuator'].parameters['heartbeat_topics']) == {
+        'trial_runner/heartbeat',
+        'linear_guide/heartbeat',
+    }
+    assert watched['linear_guide'].parameters['strain_timeout_s'] > 0
+    given = rig_graph(
+        PORTS, {}, {'linear_guide': {'strain_timeout_s': 0.5}}, simulated=True, watched=True
+    )
+    assert {n.name: n for n in given}['linear_guide'].parameters['strain_timeout_s'] == 0.5

@@ -1,0 +1,172 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Simulated glides at several speeds: from `tactile simulate --speed` to a table over distance."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_features.config import FeatureConfig
+from tactile_features.spec import spec_for
+from tactile_lab.cli.main import app
+from tactile_lab.commands.evaluate import _read_sets, EvaluateRequest, run_evaluate
+from tactile_lab.commands.features import parse_over
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.report.analysis import analyse
+from tactile_ros.errors import TactileError
+
+SPEEDS_MM_S = (10, 30)
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('bags')
+    speeds = [part for mm_s in SPEEDS_MM_S for part in ('--speed', str(mm_s))]
+    arguments = ['simulate', 'texture', '-o', str(folder), '--contact', 'flexion']
+    arguments += ['--trials', '2', '--sessions', '2', '--jobs', '1', *speeds]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    return [folder / f'texture_flexion_{mm_s}mm_s' for mm_s in SPEEDS_MM_S]
+
+
+def test_each_speed_has_a_bag_whose_events_state_it(bags):
+    for mm_s, bag in zip(SPEEDS_MM_S, bags, strict=True):
+        table = read_tables([bag], parse_over('45:0.5')).tables['texture', 'flexion']
+        assert len(table) == 32
+        assert set(table.column('glide_speed_m_s')) == {mm_s / 1e3}
+        assert table.spec.feature_set == 'texture_spatial'
+        # 45 mm each, however long that takes.
+        duration_s = (table.column('window_end_ns') - table.column('window_start_ns')) / 1e9
+        np.testing.assert_allclose(duration_s * mm_s, 45.0, atol=mm_s / 60.0)
+
+
+def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, tmp_path):
+    arguments = ['train', *map(str, bags), '-o', str(tmp_path), '--over', '45:0.5']
+    done = CliRunner().invoke(app, [*arguments, '--repetitions', '1', '--folds', '2'])
+    assert done.exit_code == 0, done.output
+    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    config = FeatureConfig(texture_features='texture_spatial')
+    assert model.spec.mismatch(spec_for('texture', config)) == ''
+    assert 'feature set' in model.spec.mismatch(spec_for('texture', FeatureConfig()))
+    finer = dataclasses.replace(config, spatial_finest_m=0.00025)
+    assert 'spatial_finest_m' in model.spec.mismatch(spec_for('texture', finer))
+
+
+def test_running_answers_over_distance_are_refused(bags, tmp_path):
+    arguments = ['train', str(bags[0]), '-o', str(tmp_path), '--over', '45:0.5']
+    done = CliRunner().invoke(app, [*arguments, '--running', '1'])
+    assert done.exit_code == 2
+    assert 'no running answers' in done.output
+
+
+@pytest.mark.parametrize('text', ['45', '45:', 'a:b', '1:0.5', '45:0', 'nan:1'])
+def test_a_window_that_is_none_is_refused(text):
+    with pytest.raises(TactileError, match='--over'):
+        parse_over(text)
+
+
+def test_only_texture_has_a_speed(tmp_path):
+    done = CliRunner().invoke(app, ['simulate', 'slip', '-o', str(tmp_path), '--speed', '5'])
+    assert done.exit_code == 2
+    assert 'for texture' in done.output
+
+
+@pytest.fixture
+def archive(tmp_path):
+    path = tmp_path / 'glides.npz'
+    at_s = np.arange(400) / 50.0
+    speeds = np.tile([10.0, 20.0], 12)
+    pitch_mm = np.repeat([3.0, 5.0], 12)
+    x = np.sin(2 * np.pi * (speeds / pitch_mm)[:, None] * at_s)[:, None]
+    label = np.repeat(['fine', 'coarse'], 12)
+    np.savez(path, x=x, label=label, rate_hz=50.0, speed_mm_s=speeds, speed=speeds)
+    return path
+
+
+def request_for(path: Path, **fields):
+    defaults = {name.name: None for name in dataclasses.fields(EvaluateRequest)}
+    given = {
+        'recordings': (path,),
+        'task': 'texture',
+        'groups': ('speed_mm_s',),
+        'folds': 2,
+        'repetitions': 1,
+        'seed': 0,
+        'over': '30:0.5',
+        'speed_column': 'speed_mm_s',
+    }
+    return EvaluateRequest(**{**defaults, **given, **fields})
+
+
+def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive, capsys):
+    run_evaluate(request_for(archive), as_json=True)
+    (result,) = json.loads(capsys.readouterr().out)['sets']
+    assert 'over 30:0.5 mm' in result['title']
+    assert result['features'][0] == 'tension__spatial_spectrum__per_m_33.333'
+
+
+def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, capsys, tmp_path):
+    fields = {'over': None, 'speed_column': None, 'detrend': 'linear'}
+    page = tmp_path / 'report.html'
+    run_evaluate(request_for(archive, **fields, report=page), as_json=True)
+    (result,) = json.loads(capsys.readouterr().out)['sets']
+    assert result['feature_parameters'] == {
+        'spectrum_detrend': 'linear',
+        'spectrum_window': 'none',
+    }
+    text = page.read_text()
+    assert 'features: texture_spectrum, spectrum_detrend linear, spectrum_window none' in text
+    assert 'so do the texture features of this comparison' in text
+    run_evaluate(request_for(archive, **{**fields, 'detrend': 'mean'}, report=page), as_json=True)
+    assert 'so do the texture features of this comparison' not in page.read_text()
+
+
+def test_the_comparison_with_the_paper_is_made_with_the_mean_alone(archive, tmp_path):
+    request = request_for(archive, over=None, speed_column=None, detrend='linear', report=tmp_path)
+    (recordings,) = _read_sets(request)
+    trials = load_archive(archive)
+    want = table_from_trials('texture', trials, 0, config=FeatureConfig(spectrum_detrend='mean'))
+    assert recordings.published.compute_sha256() == want.compute_sha256()
+    (result,) = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)
+    published = result.as_published
+    expected = evaluate(want, folds=2, repetitions=1, random_state=0)
+    assert published.plain.to_dict()['scores'] == expected.to_dict()['scores']
+    assert published.recordings.table is recordings.published
+    assert not np.array_equal(published.significance.mean_p, result.significance.mean_p)
+    mean = dataclasses.replace(request, detrend='mean')
+    assert _read_sets(mean)[0].published is None
+
+
+@pytest.mark.parametrize(
+    ('fields', 'sentence'),
+    [
+        ({'speed_column': None}, 'name the column'),
+        ({'speed_column': 'label'}, 'name the column'),
+        ({'speed_column': 'speed'}, 'end in its unit'),
+        ({'task': 'stiffness'}, 'for texture'),
+        ({'over': '100:0.5'}, 'row 0: it has 400 samples'),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_a_sentence(archive, fields, sentence):
+    with pytest.raises(Exception, match=sentence):
+        run_evaluate(request_for(archive, **fields), as_json=True)

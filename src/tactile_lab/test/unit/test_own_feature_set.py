@@ -1,0 +1,160 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A package of somebody else's brings a feature set: the example of docs/feature_sets.md."""
+
+import dataclasses
+import importlib
+from pathlib import Path
+import re
+import sys
+
+import numpy as np
+import pytest
+
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.dataset import table_from_trials
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.records import ClassifierConfig
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features import (
+    FeatureConfig,
+    FeatureError,
+    features_from_trials,
+    Outcome,
+    spec_for,
+    StrainBlock,
+    TrialEvent,
+    TrialFeatureExtractor,
+)
+from tactile_features.feature_sets.registry import find_feature_set, GROUP, list_feature_sets
+
+PAGE = Path(__file__).resolve().parents[4] / 'docs' / 'feature_sets.md'
+RATE_HZ = 62.5
+PERIOD_NS = 16_000_000
+
+
+def install(monkeypatch, folder, value='roughness:Roughness', name='roughness'):
+    """Install a distribution as pip does: its module, its metadata, its entry point."""
+    metadata = folder / f'{name}-1.0.dist-info'
+    metadata.mkdir(parents=True)
+    (metadata / 'METADATA').write_text(f'Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n')
+    (metadata / 'entry_points.txt').write_text(f'[{GROUP}]\n{name} = {value}\n')
+    if PAGE.is_file():
+        (example,) = re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.S)
+        (folder / 'roughness.py').write_text(example)
+    monkeypatch.syspath_prepend(str(folder))
+    importlib.invalidate_caches()
+    find_feature_set.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def forget():
+    yield
+    find_feature_set.cache_clear()
+
+
+@pytest.fixture
+def roughness(monkeypatch, tmp_path):
+    if not PAGE.is_file():
+        pytest.skip('the packages are not in their own repository: no docs beside them')
+    install(monkeypatch, tmp_path / 'site')
+    return FeatureConfig(rate_hz=RATE_HZ, texture_samples=120, texture_features='roughness')
+
+
+def stream(config, tension_n):
+    extractor = TrialFeatureExtractor(config)
+    end_ns = len(tension_n) * PERIOD_NS
+    for stamp_ns, phase in ((0, 'glide'), (end_ns - 1, 'done')):
+        extractor.add_event(TrialEvent(stamp_ns, 't', '', 'texture', 'flexion', '', phase))
+    return extractor.add_block(StrainBlock(0, 0, PERIOD_NS, tension_n)) + extractor.finish()
+
+
+def smooth_and_rough():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(40, 1, 120)) * np.repeat([1.0, 3.0], 20)[:, None, None]
+    label = np.repeat(['smooth', 'rough'], 20)
+    return LabelledTrials(x, label, RATE_HZ, {})
+
+
+def test_stream_and_arrays_give_the_same_bits(roughness):
+    assert list_feature_sets('glide')[-1] == 'roughness'
+    assert 'roughness' not in list_feature_sets('hold')
+    tension_n = np.random.default_rng(1).normal(5.0, 1.0, 300)
+    (window,) = stream(roughness, tension_n)
+    assert (window.outcome, window.feature_set) == (Outcome.OK, 'roughness')
+    first = np.searchsorted(np.arange(300) * PERIOD_NS, 600_000_000)
+    part = tension_n[first : first + 120]
+    values, spec = features_from_trials('texture', part[None], RATE_HZ, config=roughness)
+    assert values[0].tobytes() == window.values.tobytes()
+    assert window.values == pytest.approx([part.std(), np.ptp(part)])
+    assert spec.mismatch(spec_for('texture', roughness)) == ''
+    assert window.specification_digest == spec_for('texture', roughness).digest
+
+
+def test_the_live_node_and_the_classifier_share_its_parameters(roughness):
+    config = ClassifierConfig(rate_hz=RATE_HZ, texture_samples=120, texture_features='roughness')
+    assert spec_for('texture', config.feature_config()) == spec_for('texture', roughness)
+    spec = spec_for('texture', roughness)
+    assert spec_for('texture', FeatureConfig(**spec.config_values())) == spec
+    assert 'feature set' in spec.mismatch(spec_for('texture', FeatureConfig(rate_hz=RATE_HZ)))
+
+
+def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
+    roughness, tmp_path, monkeypatch
+):
+    table = table_from_trials('texture', smooth_and_rough(), config=roughness)
+    assert (table.task, table.spec.names) == ('texture', ('tension__rms', 'tension__range'))
+    path = tmp_path / 'model.onnx'
+    model = write_model(path, train(table, 'knn'))
+    model.expect(spec_for('texture', roughness))
+    (window,) = stream(roughness, np.random.default_rng(2).normal(5.0, 3.0, 300))
+    assert model.accepts(window)
+    assert model.describe_mismatch(window) == ''
+    assert model.classify(window).label == 'rough'
+    with pytest.raises(ModelFileError, match='window in samples'):
+        model.expect(spec_for('texture', dataclasses.replace(roughness, texture_samples=180)))
+
+    monkeypatch.setattr(sys, 'path', [p for p in sys.path if p != str(tmp_path / 'site')])
+    find_feature_set.cache_clear()
+    with pytest.raises(ModelFileError, match='"roughness" is not installed here'):
+        TactileModel.load(path)
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'sentence'),
+    [
+        ('other', 'roughness:Roughness', 'the name must be that of its entry point, "other"'),
+        ('gone', 'no_such_module:Set', 'gone of gone cannot be loaded from no_such_module:Set'),
+        ('list', 'builtins:list', 'builtins:list of list is not a subclass of FeatureSet'),
+    ],
+)
+def test_an_entry_point_that_is_no_feature_set_is_refused(
+    monkeypatch, tmp_path, name, value, sentence
+):
+    if not PAGE.is_file():
+        pytest.skip('the packages are not in their own repository: no docs beside them')
+    install(monkeypatch, tmp_path / 'site', value, name)
+    with pytest.raises(FeatureError, match=re.escape(sentence)):
+        FeatureConfig(texture_features=name)
+
+
+@pytest.mark.parametrize('parameter', ['texture_features', 'stiffness_features'])
+def test_a_set_of_the_other_phase_or_of_nobody_is_refused(parameter):
+    wrong = {'texture_features': 'stiffness_regression', 'stiffness_features': 'texture_spatial'}
+    for name in (wrong[parameter], 'nobodys'):
+        with pytest.raises(FeatureError, match=f'{parameter} is "{name}"; it must be'):
+            FeatureConfig(**{parameter: name})

@@ -1,0 +1,175 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_bags import TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.replaying.comparison import compare, compare_with_recorded
+from tactile_bags.replaying.replay import (
+    load_models,
+    recorded_config,
+    replay_through_core,
+    TactileResults,
+)
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_classifier.errors import ClassifierError
+
+NAMES = ('one', 'other')
+
+
+@pytest.fixture
+def results(stiffness_bag, trained):
+    with TactileBag(stiffness_bag) as bag:
+        return replay_through_core(bag, load_models(find_models(trained)), recorded_config(bag))
+
+
+def changed(results, **fields):
+    windows = list(results.windows)
+    windows[3] = dataclasses.replace(windows[3], **fields)
+    return TactileResults(windows, list(results.classifications))
+
+
+def test_every_trial_gives_a_window_and_an_answer(results):
+    assert len(results.windows) == len(results.classifications) == 15
+    assert all(c.label for c in results.classifications)
+
+
+def test_two_passes_are_equal(results, stiffness_bag, trained):
+    with TactileBag(stiffness_bag) as bag:
+        again = replay_through_core(bag, load_models(find_models(trained)), recorded_config(bag))
+    comparison = compare(results, again, NAMES)
+    assert comparison.is_equal
+    assert comparison.window_count == 15
+
+
+def test_a_difference_in_the_last_bit_is_reported(results):
+    values = results.windows[3].values.copy()
+    values[1] = np.nextafter(values[1], np.inf)
+    comparison = compare(results, changed(results, values=values), NAMES)
+    assert not comparison.is_equal
+    assert results.windows[3].trial_id in comparison.first_difference
+    assert 'values' in comparison.first_difference
+
+
+def test_the_sign_of_a_zero_score_is_reported(results):
+    def with_score(score):
+        answers = [dataclasses.replace(results.classifications[0], scores=(1.0, score))]
+        return TactileResults([], answers)
+
+    assert compare(with_score(0.0), with_score(0.0), NAMES).is_equal
+    assert 'scores' in compare(with_score(0.0), with_score(-0.0), NAMES).first_difference
+
+
+def test_a_shifted_stamp_is_reported(results):
+    stamp = results.windows[3].window_start_ns + 1
+    assert (
+        'window_start_ns'
+        in compare(results, changed(results, window_start_ns=stamp), NAMES).first_difference
+    )
+
+
+def test_a_missing_window_is_reported(results):
+    fewer = TactileResults(results.windows[:-1], results.classifications)
+    assert (
+        '15 feature windows in one, 14 in other' in compare(results, fewer, NAMES).first_difference
+    )
+
+
+def test_a_changed_label_is_reported(results):
+    answers = list(results.classifications)
+    answers[0] = dataclasses.replace(answers[0], label='granite')
+    other = TactileResults(list(results.windows), answers)
+    assert 'granite' in compare(results, other, NAMES).first_difference
+
+
+def test_model_for_other_windows_is_refused(stiffness_bag, trained):
+    with TactileBag(stiffness_bag) as bag:
+        config = dataclasses.replace(recorded_config(bag), stiffness_settle_s=1.0)
+        with pytest.raises(ClassifierError, match='settle'):
+            replay_through_core(bag, load_models(find_models(trained)), config)
+
+
+def test_unusable_feature_parameters_are_refused(stiffness_bag):
+    with TactileBag(stiffness_bag) as bag:
+        for values in ({'colour': 1}, {'rate_hz': 'fast'}, {'rate_hz': -1.0}, [1], 'red'):
+            bag.facts['feature_config'] = values
+            with pytest.raises(BagError, match='feature parameters'):
+                recorded_config(bag)
+
+
+def test_a_recording_of_before_an_option_has_what_it_meant_then(stiffness_bag):
+    with TactileBag(stiffness_bag) as bag:
+        values = dict(bag.facts['feature_config'], spectrum_detrend='linear')
+        bag.facts['feature_config'] = values
+        assert recorded_config(bag).spectrum_detrend == 'linear'
+        del values['spectrum_detrend'], values['spectrum_window']
+        config = recorded_config(bag)
+        assert (config.spectrum_detrend, config.spectrum_window) == ('mean', 'none')
+
+
+def timed(results, end_ns, **made_at_ns):
+    """Return results, all made long before the end but for those whose place is given."""
+    results = TactileResults(list(results.windows), list(results.classifications))
+    for items in (results.windows, results.classifications):
+        for i, item in enumerate(items):
+            results.made_at_ns[id(item)] = made_at_ns.get(f'_{i}', end_ns - (20 - i) * 10**10)
+    return results
+
+
+def without(results, *places):
+    left = [
+        [x for i, x in enumerate(items) if i not in places]
+        for items in (results.windows, results.classifications)
+    ]
+    return TactileResults(*left, results.made_at_ns)
+
+
+def test_what_became_complete_at_the_end_need_not_be_recorded(results):
+    end_ns = 10**18
+    core = timed(results, end_ns, _13=end_ns - 2 * 10**8, _14=end_ns - 10**8)
+    for places in ([14], [13, 14]):
+        comparison = compare_with_recorded(without(core, *places), core, end_ns)
+        assert comparison.is_equal, comparison
+        assert comparison.window_count == 15 - len(places)
+        assert f'{len(places)} feature windows and {len(places)} class' in comparison.tail
+        assert results.windows[14].trial_id in comparison.tail
+        assert 'could not be recorded any more' in comparison.tail
+        # The other way round: its samples are not in the recording.
+        comparison = compare_with_recorded(core, without(core, *places), end_ns)
+        assert comparison.is_equal
+        assert 'last samples' in comparison.tail
+
+
+def test_what_lacks_before_the_end_is_a_difference(results):
+    end_ns = 10**18
+    early = timed(results, end_ns)
+    late = timed(results, end_ns, _13=end_ns - 2 * 10**8, _14=end_ns - 10**8)
+    for core, place in ((early, 14), (early, 3), (late, 13), (late, 3)):
+        comparison = compare_with_recorded(without(core, place), core, end_ns)
+        assert not comparison.is_equal
+        assert comparison.tail == ''
+    assert compare_with_recorded(late, late, end_ns).tail == ''
+    broken = late.windows[3] = dataclasses.replace(late.windows[3], frame_id='elsewhere')
+    late.made_at_ns[id(broken)] = end_ns - 10**11
+    comparison = compare_with_recorded(without(early, 14), late, end_ns)
+    assert not comparison.is_equal
+
+
+def test_a_bag_knows_when_its_last_message_came(stiffness_bag):
+    with TactileBag(stiffness_bag) as bag:
+        assert bag.end_ns == max(message.received_at_ns for message in bag.messages())

@@ -1,0 +1,270 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The report: what it says must follow from the numbers, and it must stand alone."""
+
+import dataclasses
+import html.parser
+import json
+import re
+
+import numpy as np
+import pytest
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_features.config import FeatureConfig
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
+from tactile_features.spec import spec_for
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.report.analysis import analyse, in_unit
+from tactile_lab.report.build import build_page, report_path, write_report
+from tactile_lab.report.components import find_components
+from tactile_lab.report.figures.drawing import INK, render
+from tactile_lab.report.page import Page
+from tactile_lab.report.published import compare_with_paper, tell_design
+from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
+from tactile_lab.report.sentences import summarise_comparison, summarise_set
+from tactile_ros.errors import TactileError
+
+
+def make_holds(values, labels, **columns):
+    table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
+    return RecordingSet('stiffness, flexion', 'flexion', False, table, (), 'N')
+
+
+def make_easy_holds(slope_n_s=1.0):
+    """Objects that differ in slope alone, while the intercept varies far more."""
+    generator = np.random.default_rng(3)
+    code = np.repeat([0, 1, 2], 24)
+    values = np.stack(
+        [
+            slope_n_s * (code + generator.normal(0.0, 0.05, 72)),
+            generator.normal(0.0, 30.0, 72),
+            np.clip(generator.normal(-0.9, 0.01, 72), -1.0, 0.0),
+        ],
+        axis=1,
+    )
+    return make_holds(values, np.array(['pla', 'rubber_shell', 'sponge'])[code])
+
+
+def make_textures():
+    generator = np.random.default_rng(4)
+    time_s = np.arange(180) / 60.0
+    labels = np.repeat(['fine <b>', 'coarse'], 12)
+    frequency_hz = np.where(labels == 'coarse', 5.0, 20.0)
+    signals = np.sin(2 * np.pi * frequency_hz[:, None] * time_s) + generator.normal(
+        0.0, 0.1, (24, 180)
+    )
+    spec = spec_for('texture', FeatureConfig())
+    table = FeatureTable(compute_spectrum(signals), labels, spec, {'day': np.arange(24) % 3})
+    examples = array_examples(table, signals, 60.0)
+    return RecordingSet('texture, x.npz', '', False, table, (('day',),), 'raw', examples)
+
+
+def run(*sets):
+    return analyse(sets, folds=6, repetitions=2, random_state=0, jobs=1)
+
+
+@pytest.fixture(scope='module')
+def easy_holds():
+    (result,) = run(make_easy_holds())
+    return result
+
+
+@pytest.fixture(scope='module')
+def textures():
+    (result,) = run(make_textures())
+    return result
+
+
+class LinkCollector(html.parser.HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.links, self.tags = [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        names = ('src', 'href', 'xlink:href', 'data', 'srcset')
+        self.links += [value for name, value in attrs if name in names]
+
+
+def test_page_refers_to_nothing_outside_itself_and_escapes_labels(textures):
+    page = build_page([textures], [], {'folds': '6'}, {'python': '3'})
+    collector = LinkCollector()
+    collector.feed(page)
+    assert [link for link in collector.links if not link.startswith('#')] == []
+    assert not {'script', 'link', 'img', 'iframe', 'b'} & set(collector.tags)
+    assert collector.tags.count('svg') == 5
+    assert '@import' not in page
+    assert 'url(http' not in page
+    assert 'fine &lt;b&gt;' in page
+    for target in (link[1:] for link in collector.links if link.startswith('#s')):
+        assert f'id="{target}"' in page
+
+
+def test_every_table_of_accuracies_names_its_split(textures):
+    page = build_page([textures], [], {}, {})
+    captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
+    of_accuracies = [caption for caption in captions if caption.startswith('accurac')]
+    assert len(of_accuracies) == 5
+    for caption in of_accuracies:
+        assert 'stratified 6-fold' in caption or 'one day held out' in caption
+    assert 'SIMULATED' not in page
+
+
+def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tmp_path):
+    sets = bag_sets(read_tables([stiffness_bag]).tables)
+    assert sets[0].hold_out == (('trial_block',),)
+    results = analyse(sets, folds=3, repetitions=1, random_state=0, jobs=1)
+    path = tmp_path / 'report.html'
+    write_report(path, results, [stiffness_bag], {'folds': '3'})
+    page = path.read_text(encoding='utf-8')
+    figures = page.split('<figure>')[1:]
+    assert len(figures) == 7
+    for figure in figures:
+        assert figure.startswith('<figcaption>SIMULATED. ')
+        assert '>SIMULATED</text>' in figure
+    tables = page.split('<caption>')[1:]
+    assert all(table.startswith('SIMULATED. ') for table in tables)
+    assert 'slope -0.90, intercept 12.62, correlation -0.99' in page
+    assert 'seed 7' in page
+    json.dumps([result.to_dict() for result in results], allow_nan=False)
+
+
+def test_examples_are_the_very_windows_of_the_features(stiffness_bag):
+    (found,) = bag_sets(read_tables([stiffness_bag]).tables)
+    assert len(found.examples) == 5
+    for example in found.examples:
+        slope, intercept, correlation = found.table.values[example.row]
+        fit = np.polynomial.Polynomial.fit(example.time_s, example.signal, 1).convert()
+        assert fit.coef == pytest.approx([intercept, slope], rel=1e-6)
+        assert np.corrcoef(example.time_s, example.signal)[0, 1] == pytest.approx(correlation)
+    start_s, end_s = found.trial.window_s
+    (hold,) = (phase for phase in found.trial.trace.phases if phase[0] == 'hold')
+    assert hold[1] < start_s < end_s < hold[2]
+
+
+def test_unscaled_rbf_machine_is_told_from_the_others_and_its_cause_is_seen(easy_holds):
+    rows = {c.statement: c for c in compare_with_paper([easy_holds])}
+    scaled = rows[
+        'Stiffness: neighbours, the linear machine and the tree reach above 97.2 % (scaled)'
+    ]
+    assert scaled.verdict == 'agrees'
+    assert rows['Stiffness: the RBF machine is dramatically lower (scaled)'].verdict == (
+        'does not agree'
+    )
+    assert rows['Texture: flexion and abduction do equally well'].verdict == 'not tested'
+    accuracies = {point.unit: point.accuracy for point in easy_holds.units}
+    # In a unit in which slope and correlation count as much as the intercept: all is well.
+    assert min(accuracies.values()) < 0.6
+    assert easy_holds.plain.score('svm_rbf', 'standard').mean > 0.97
+    assert easy_holds.plain.score('svm_rbf', 'none').mean < 0.6
+
+
+@pytest.mark.parametrize(
+    ('mountings', 'sessions', 'words'),
+    [
+        (
+            lambda label, i: label,
+            lambda i: 'a',
+            '1 session, each plate or object fixed once, as in',
+        ),
+        (lambda label, i: f'{label}{i % 2}', lambda i: 'a', 'fixed up to 2 times, not as in'),
+        (lambda label, i: label, lambda i: f's{i % 3}', '3 sessions, .* fixed once, not as in'),
+        (lambda label, i: '', lambda i: 'a', 'mountings not stated'),
+    ],
+)
+def test_design_of_the_trials_is_told_beside_the_papers(easy_holds, mountings, sessions, words):
+    table = easy_holds.recordings.table
+    columns = {
+        'mounting_id': np.array([mountings(label, i) for i, label in enumerate(table.labels)]),
+        'session_id': np.array([sessions(i) for i in range(len(table))]),
+    }
+    changed = dataclasses.replace(table, columns=columns)
+    recordings = dataclasses.replace(easy_holds.recordings, table=changed)
+    assert re.search(words, tell_design([dataclasses.replace(easy_holds, recordings=recordings)]))
+
+
+def test_sentences_follow_the_numbers(easy_holds):
+    comparisons = compare_with_paper([easy_holds])
+    tested = [c for c in comparisons if c.verdict != 'not tested']
+    agree = sum(c.verdict == 'agrees' for c in tested)
+    assert f'Of {len(tested)} checks' in summarise_comparison(comparisons)
+    assert f'{agree} agree,' in summarise_comparison(comparisons)
+    assert f'{100 * easy_holds.plain.nested.mean:.1f} %' in summarise_set(easy_holds)[0]
+
+
+def test_units_change_forces_and_nothing_else():
+    table = make_easy_holds().table
+    other = in_unit(table, 1e3)
+    np.testing.assert_array_equal(other.values, table.values * [1e3, 1e3, 1.0])
+
+
+def test_one_feature_is_evaluated_and_says_what_cannot_be_done():
+    holds = make_easy_holds()
+    spec = holds.table.spec
+    one = FeatureTable(
+        holds.table.values[:, :1],
+        holds.table.labels,
+        dataclasses.replace(spec, names=spec.names[:1], units=spec.units[:1]),
+    )
+    (result,) = run(RecordingSet('one', '', False, one, (), 'N'))
+    assert result.selections == ()
+    assert result.not_done == ('feature selection: there is one feature only',)
+    assert 'one feature only' in build_page([result], [], {}, {})
+
+
+def test_figures_take_the_colour_of_the_page_and_have_no_names_twice():
+    drawings = [
+        render(lambda figure: figure.subplots().plot([1, 2]), (3, 2), 'a line', simulated=False)
+        for _ in range(2)
+    ]
+    assert drawings[0] == drawings[1]
+    svg = drawings[0].svg
+    assert 'currentColor' in svg
+    assert INK not in svg
+    assert 'id="figure' not in svg
+    assert svg.startswith('<svg ')
+
+
+def test_report_goes_to_a_file_or_into_a_folder(tmp_path):
+    assert report_path(tmp_path / 'a.html') == tmp_path / 'a.html'
+    assert report_path(tmp_path / 'new' / 'folder') == tmp_path / 'new' / 'folder' / 'report.html'
+    assert list((tmp_path / 'new' / 'folder').iterdir()) == []
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(TactileError, match='cannot write the report'):
+        report_path(tmp_path / 'file' / 'a.html')
+
+
+def test_page_escapes_whatever_it_is_given():
+    page = Page('<title>', simulated=False)
+    page.heading('<i>')
+    page.paragraph('a & b')
+    page.table('<caption>', ['<'], [['>']])
+    text = page.to_html()
+    assert '<i>' not in text
+    assert '&lt;title&gt;' in text
+    assert 'a &amp; b' in text
+
+
+def test_components_are_known_by_the_names_of_the_features():
+    spec = spec_for('texture', FeatureConfig())
+    components = find_components(spec)
+    np.testing.assert_allclose(components.frequency, np.arange(1, 91) / 3, atol=1e-3)
+    assert components.columns.tolist() == list(range(1, 91))
+    over_distance = spec_for('texture', FeatureConfig(texture_features='texture_spatial'))
+    found = find_components(over_distance)
+    assert found.title == 'spatial frequency [cycles/mm]'
+    assert found.frequency[0] == pytest.approx(1 / 45, rel=1e-3)
+    assert find_components(spec_for('stiffness', FeatureConfig())) is None

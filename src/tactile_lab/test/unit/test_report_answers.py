@@ -1,0 +1,236 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the report says of answers besides a label follows from the trials."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from tactile_bags import TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bringup.records import TrialConfig
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.evaluation.open_set import evaluate_open_set
+from tactile_classifier.evaluation.plans import run_plans
+from tactile_features.config import FeatureConfig
+from tactile_features.records import Measure
+from tactile_features.spec import spec_for
+from tactile_lab.commands.evaluate import select_features
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.measure_tables import read_measures
+from tactile_lab.report.analysis import analyse
+from tactile_lab.report.answer_sections import list_unmeasured
+from tactile_lab.report.answers import AnswersPlan, summarise_measures
+from tactile_lab.report.build import build_page
+from tactile_lab.report.components import find_components
+from tactile_lab.report.figures.significance import explain_mean_p
+from tactile_lab.report.recordings import bag_sets, RecordingSet
+from tactile_lab.report.sentences import summarise_answers
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+from tactile_ros.errors import TactileError
+
+
+def make_holds(gap, each=24):
+    """Four objects in three sessions; the first two differ by ``gap`` times their scatter."""
+    generator = np.random.default_rng(5)
+    centres = np.array([0.0, gap, 100.0, 200.0])
+    code = np.repeat(np.arange(4), each)
+    values = centres[code, np.newaxis] + generator.normal(0.0, 1.0, (4 * each, 3))
+    return FeatureTable(
+        values,
+        np.array(['alike', 'twin', 'other', 'far'])[code],
+        spec_for('stiffness', FeatureConfig()),
+        {'session_id': np.arange(4 * each) % 3, 'simulated': np.zeros(4 * each, dtype=bool)},
+    )
+
+
+def answer(table, hold_out=('session_id',)):
+    (answers,) = run_plans([AnswersPlan(table, hold_out)])
+    return answers
+
+
+@pytest.fixture(scope='module')
+def texture_bag(tmp_path_factory):
+    plan = SimulationPlan('texture', 'flexion', 4, seed=11)
+    folder = tmp_path_factory.mktemp('bags')
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+
+@pytest.fixture(scope='module')
+def answered(texture_bag):
+    """Return the texture bag's results, and the page made of them."""
+    sets = bag_sets(read_tables([texture_bag]).tables)
+    results = analyse(sets, folds=2, repetitions=1, random_state=0, answers=True, jobs=1)
+    return results, build_page(results, [], {}, {})
+
+
+def test_unknown_twin_is_missed_and_a_far_label_is_not():
+    answers = answer(make_holds(gap=0.0))
+    miss = {unknown.label: unknown.miss_rate for unknown in answers.open_set.unknown}
+    assert miss['twin'] > 0.7
+    assert miss['far'] == 0.0
+    assert answers.open_set.split == 'one session held out'
+    apart = answer(make_holds(gap=50.0))
+    assert max(unknown.miss_rate for unknown in apart.open_set.unknown) == 0.0
+
+
+def test_what_cannot_be_done_says_why_and_the_rest_is_done():
+    answers = answer(make_holds(gap=50.0), ())
+    assert answers.open_set.split == 'stratified 6-fold over trials'
+    assert answers.stopping is None
+    assert answers.measures == ()
+    assert answers.not_done == (
+        'running answers: a hold is answered when it is over; only texture has running answers',
+        'measures: needs the stream of a bag; an archive has windows alone',
+    )
+    two = make_holds(gap=50.0)
+    two = answer(two.take((two.labels == 'far') | (two.labels == 'twin')))
+    assert two.open_set is None
+    assert two.not_done[0].startswith('"I don\'t know": there are 2 labels')
+
+
+def test_plan_gives_what_the_evaluation_alone_gives():
+    table = make_holds(gap=3.0)
+    alone = evaluate_open_set(table, 'knn', hold_out=('session_id',), false_alarm_rate=0.05)
+    found = answer(table)
+    assert found.open_set == alone
+    sentence = summarise_answers(found)[0]
+    assert f'AUROC {100 * alone.auroc:.1f} %' in sentence
+    assert f'{100 * alone.miss_rate:.1f} % missed' in sentence
+
+
+def test_measures_are_those_of_the_windows(stiffness_bag):
+    (table,) = read_tables([stiffness_bag]).tables.values()
+    measures = read_measures(table)
+    with TactileBag(stiffness_bag) as bag:
+        windows = {w.trial_id: w for w in replay_windows(bag, recorded_config(bag))}
+    assert len(measures) == len(table) == 15
+    for trial_id, found in zip(table.column('trial_id'), measures, strict=True):
+        assert found == windows[trial_id].measures
+        assert 'relaxation_time' in {measure.name for measure in found}
+
+
+def test_measures_of_other_windows_are_refused(stiffness_bag):
+    (table,) = read_tables([stiffness_bag]).tables.values()
+    columns = {**table.columns, 'window_end_ns': table.column('window_end_ns') + 1}
+    moved = FeatureTable(table.values, table.labels, table.spec, columns)
+    with pytest.raises(BagError, match='other windows than those recorded'):
+        read_measures(moved)
+
+
+def test_summary_counts_what_has_no_value_and_leaves_it_out():
+    def pitch(value, uncertainty):
+        return (Measure('groove_pitch', 'm', value, uncertainty),)
+
+    none = (Measure('groove_pitch', 'm', reason='no grooves'),)
+    rough = [pitch(0.001 * k, 0.0001 * k) for k in (3, 4, 5, 6, 7)]
+    labels = np.array(['flat', *['rough'] * 6, 'flat'])
+    flat, found = summarise_measures(labels, [none, *rough, none, none])
+    few = summarise_measures(labels[1:5], rough[:4])[0]
+    assert (few.measured, few.median, few.spread) == (4, pytest.approx(0.0045), None)
+    assert (flat.label, flat.trials, flat.measured) == ('flat', 2, 0)
+    assert (flat.median, flat.spread, flat.standard_uncertainty) == (None, None, None)
+    assert (found.label, found.trials, found.measured) == ('rough', 6, 5)
+    assert found.median == pytest.approx(0.005)
+    assert found.spread == pytest.approx(0.5 * 0.004 * 0.68)
+    assert found.standard_uncertainty == pytest.approx(0.0005)
+    assert list_unmeasured([flat, found]) == [
+        'No groove pitch of flat (2 of 2), rough (1 of 6), most often because: no grooves.'
+    ]
+
+
+def test_spread_of_normal_values_is_their_standard_deviation():
+    values = np.random.default_rng(1).normal(0.004, 0.0001, 4000)
+    measures = [(Measure('groove_pitch', 'm', value, 0.0001),) for value in values.tolist()]
+    (found,) = summarise_measures(np.full(4000, 'x'), measures)
+    assert found.spread == pytest.approx(0.0001, rel=0.05)
+
+
+def test_running_answers_of_chosen_features_are_not_compared_with_the_whole(texture_bag):
+    (table,) = read_tables([texture_bag]).tables.values()
+    few = select_features(table, ','.join(table.spec.names[3:6]))
+    (answers,) = run_plans([AnswersPlan(few, ('trial_block',))])
+    assert answers.stopping is None
+    assert answers.not_done == (
+        'running answers: some of the features alone have no running answers',
+    )
+    assert len(answers.measures) == 8
+
+
+def test_a_short_name_of_several_features_is_refused_with_all_of_them(texture_bag):
+    (table,) = read_tables([texture_bag]).tables.values()
+    names = ('one__size', 'other__size', *table.spec.names[2:])
+    table = FeatureTable(
+        table.values, table.labels, dataclasses.replace(table.spec, names=names), table.columns
+    )
+    assert select_features(table, 'other__size').spec.names == ('other__size',)
+    with pytest.raises(TactileError, match=r'write one of one__size, other__size$'):
+        select_features(table, 'size')
+
+
+def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
+    (result,), page = answered
+    assert result.answers.not_done == ()
+    for heading in ('&quot;I don&#x27;t know&quot;', 'Sooner', 'Measures'):
+        assert f'">{heading}</h2>' in page
+    captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
+    ours = [c for c in captions if '3 nearest neighbours, not scaled, ' in c]
+    assert len(ours) == 4
+    assert all(c.startswith('SIMULATED. ') for c in captions)
+    assert all(result.answers.open_set.split in c for c in ours)
+    figures = [part.split('</figure>')[0] for part in page.split('<figure>')[1:]]
+    for words in ('left out of the training', 'hollow marks'):
+        (figure,) = (figure for figure in figures if words in figure)
+        assert figure.startswith('<figcaption>SIMULATED. ')
+        assert '>SIMULATED</text>' in figure
+    document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert document['answers']['stopping']['seconds'] == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+    assert {measure['name'] for measure in document['answers']['measures']} == {'groove_pitch'}
+    pitches = {m.label: m.median for m in result.answers.measures}
+    assert pitches['R1'] == pytest.approx(0.006, rel=0.02)
+    assert pitches['F'] is None
+
+
+def test_sections_are_left_out_when_not_asked_for(easy_result):
+    assert easy_result.answers is None
+    assert easy_result.to_dict()['answers'] is None
+    page = build_page([easy_result], [], {}, {})
+    assert 'Sooner' not in page
+    assert 'know&quot;' not in page
+
+
+@pytest.fixture(scope='module')
+def easy_result():
+    recordings = RecordingSet('holds', '', False, make_holds(gap=9.0), (), 'N')
+    (result,) = analyse([recordings], folds=3, repetitions=1, random_state=0, jobs=1)
+    return result
+
+
+def test_mean_p_is_explained_by_counting_pairs(answered):
+    (result,), page = answered
+    components = find_components(result.recordings.table.spec)
+    p = result.significance.p[components.columns]
+    over = np.array([[p[k, i, j] > 0.05 for i in range(8) for j in range(i)] for k in range(90)])
+    sentence = explain_mean_p(result, components)
+    assert f'of the 28 pairs of classes, {np.median(over.sum(axis=1)):g} have p over' in sentence
+    assert f'{int((over.sum(axis=1) < 14).sum())} of 90 components' in sentence
+    few = sum(p[:, i, j].min() <= 0.05 / 90 for i in range(8) for j in range(i))
+    assert f'. {few} pairs differ in some component at 0.05 over' in sentence
+    assert f'over 0.05 in {over.sum(axis=0).max()} components' in sentence
+    assert 'depends on which pairs of classes are averaged' in page

@@ -1,0 +1,386 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import dataclasses
+import json
+from pathlib import Path
+import threading
+
+import joblib
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.errors import BagError
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_features.config import FeatureConfig
+from tactile_features.conversions import event_from_msg, strain_block_from_msg
+from tactile_lab.cli.main import app
+from tactile_lab.commands import simulate
+from tactile_lab.commands.replay import run_replay
+from tactile_lab.commands.simulate import run_simulate, SimulateRequest
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.simulation import simulated_bags, simulated_trials
+from tactile_lab.simulation.simulated_bags import paper_plans, write_simulated_bag
+from tactile_lab.simulation.simulated_trials import (
+    find_onset_s,
+    plan_trial,
+    SimulationPlan,
+    SLIP_M,
+)
+from tactile_ros.errors import TactileError
+from tactile_sim.physics.fast_trials import SimulatedTrials
+
+CONFIG = TrialConfig(simulated=True)
+RATE_HZ = 60
+
+
+def write(folder, plan, **options):
+    return write_simulated_bag(folder, plan, CONFIG, FeatureConfig(), **options)
+
+
+def digest(bag_path):
+    with TactileBag(bag_path) as bag:
+        return bag.sha256()
+
+
+def read_events(bag_path):
+    """Return the events of each trial, in the order of the bag."""
+    trials = {}
+    with TactileBag(bag_path) as bag:
+        for message in bag.messages(EVENT):
+            event = event_from_msg(message.decode())
+            trials.setdefault(event.trial_id, []).append(event)
+    return trials
+
+
+def read_blocks(bag_path):
+    with TactileBag(bag_path) as bag:
+        return [strain_block_from_msg(message.decode()) for message in bag.messages(STRAIN)]
+
+
+@pytest.fixture
+def simulator(monkeypatch):
+    """Stand in for the physics: a rising tension, and what a test wants to go wrong."""
+
+    class Simulator:
+        def __init__(self):
+            self.failures = {}  # (label, number) to when the solver gives up
+            self.slip_m = lambda label, times_s: np.zeros_like(times_s)
+            self.finished = 0
+
+        def simulate(
+            self,
+            protocol,
+            label,
+            contact,
+            timeline,
+            count,
+            seed,
+            *,
+            session,
+            first,
+            trials_per_mounting,
+            catalogue,
+        ):
+            times_s = np.arange(round(timeline.duration_s * RATE_HZ) + 1) / RATE_HZ
+            failed_at_s = [
+                self.failures.get((label, n), np.nan) for n in range(first, first + count)
+            ]
+            self.finished += count
+            return SimulatedTrials(
+                tension_n=np.tile(times_s, (count, 1)),
+                sample_times_s=times_s,
+                truth={'slip_m': np.tile(self.slip_m(label, times_s), (count, 1))},
+                failed_at_s=np.array(failed_at_s),
+            )
+
+    simulator = Simulator()
+    monkeypatch.setattr(simulated_trials, 'simulate_trials', simulator.simulate)
+    return simulator
+
+
+def test_samples_follow_each_other_without_gap_through_all_trials(stiffness_bag):
+    blocks = read_blocks(stiffness_bag)
+    expected = 0
+    for block in blocks:
+        assert block.sequence == expected
+        expected += len(block.tension_n)
+        assert abs(block.stamp_ns - blocks[0].stamp_ns - block.sequence * 1e9 / RATE_HZ) < 2
+
+
+def test_every_event_is_marked_as_simulated_and_phases_are_in_order(stiffness_bag):
+    with TactileBag(stiffness_bag) as bag:
+        assert bag.facts['simulated'] is True
+    trials = read_events(stiffness_bag)
+    assert len(trials) == 15
+    for events in trials.values():
+        assert all(event.simulated for event in events)
+        assert [e.phase for e in events] == ['approach', 'contact', 'hold', 'release', 'done']
+        hold, release = events[2], events[3]
+        assert release.stamp_ns - hold.stamp_ns == 4_000_000_000
+
+
+def test_same_seed_same_bytes_other_seed_other_bytes(stiffness_bag, tmp_path):
+    again, other = (
+        write(tmp_path / str(seed), SimulationPlan('stiffness', 'flexion', 3, seed)).path
+        for seed in (7, 8)
+    )
+    assert digest(again) == digest(stiffness_bag)
+    assert digest(other) != digest(stiffness_bag)
+
+
+def test_the_number_of_processes_does_not_change_a_byte(stiffness_bag, tmp_path):
+    plan = SimulationPlan('stiffness', 'flexion', 3, 7)
+    bag = write(tmp_path, plan, jobs=2).path
+    assert digest(bag) == digest(stiffness_bag)
+    assert (bag / 'metadata.yaml').read_bytes() == (stiffness_bag / 'metadata.yaml').read_bytes()
+
+
+def test_another_back_end_takes_over_by_configuration(stiffness_bag, tmp_path, monkeypatch):
+    threads = set()
+    simulate_chunk = simulated_bags.simulate_chunk
+
+    def watch(*arguments):
+        threads.add(threading.get_ident())
+        return simulate_chunk(*arguments)
+
+    monkeypatch.setattr(simulated_bags, 'simulate_chunk', watch)
+    with joblib.parallel_config(backend='threading'):
+        bag = write(tmp_path, SimulationPlan('stiffness', 'flexion', 3, 7), jobs=2).path
+    assert threading.get_ident() not in threads
+    assert digest(bag) == digest(stiffness_bag)
+
+
+def test_trials_come_by_session_then_number_then_label_however_they_are_cut(
+    simulator, tmp_path, monkeypatch
+):
+    plan = SimulationPlan('stiffness', 'flexion', 5, 7, sessions=2)
+    whole = write(tmp_path / 'whole', plan)
+    monkeypatch.setattr(simulated_bags, 'CHUNK_TRIALS', 2)
+    monkeypatch.setattr(simulated_bags, 'ROUND_TRIALS', 1)
+    cut = write(tmp_path / 'cut', plan)
+    assert digest(cut.path) == digest(whole.path)
+    trials = read_events(whole.path)
+    labels = [events[0].object_label for events in trials.values()][:5]
+    assert len(set(labels)) == 5
+    assert list(trials) == [
+        f'stiffness_flexion-7-{session}-{label}-{number:04d}'
+        for session in range(2)
+        for number in range(5)
+        for label in labels
+    ]
+    sessions = [events[0].session_id for events in trials.values()]
+    assert sessions == ['simulated-7-0'] * 25 + ['simulated-7-1'] * 25
+    assert len({events[0].mounting_id for events in trials.values()}) == 50
+
+
+def test_no_more_than_a_round_of_trials_waits_to_be_written(simulator, tmp_path, monkeypatch):
+    monkeypatch.setattr(simulated_bags, 'CHUNK_TRIALS', 2)
+    monkeypatch.setattr(simulated_bags, 'ROUND_TRIALS', 20)
+    written, waiting = 0, []
+
+    def count(trials):
+        nonlocal written
+        waiting.append(simulator.finished - written)
+        written += trials
+
+    with joblib.parallel_config(backend='threading'):
+        bag = write(
+            tmp_path, SimulationPlan('stiffness', 'flexion', 40, 7), jobs=2, on_trials=count
+        )
+    assert bag.trials == written == 200
+    assert max(waiting) <= 20
+
+
+def test_trial_without_equilibrium_is_aborted_and_its_rest_left_out(simulator, tmp_path):
+    simulator.failures = {('sponge', 1): 2.0, ('pla', 0): 0.1}
+    bag = write(tmp_path, SimulationPlan('stiffness', 'flexion', 2, 7))
+    pla, sponge = 'stiffness_flexion-7-0-pla-0000', 'stiffness_flexion-7-0-sponge-0001'
+    assert dict(bag.aborted) == {pla: 0.1, sponge: 2.0}
+    trials = read_events(bag.path)
+    assert [event.phase for event in trials[pla]] == ['aborted']
+    assert [event.phase for event in trials[sponge]] == ['approach', 'contact', 'hold', 'aborted']
+    assert trials[sponge][-1].message == 'the simulation found no equilibrium at 2.000 s'
+    blocks = read_blocks(bag.path)
+    last = max(i for i, b in enumerate(blocks) if b.stamp_ns < trials[sponge][-1].stamp_ns)
+    # The fake tension is the time of its sample.
+    assert 1.95 < blocks[last].tension_n[-1] < 2.0
+    gap = blocks[last + 1].sequence - blocks[last].sequence - len(blocks[last].tension_n)
+    assert blocks[last + 1].lost_before == gap > 0
+    assert sum(block.lost_before > 0 for block in blocks) == 2
+
+
+@pytest.mark.parametrize('failed_at_s', [2.0, 5.2])
+def test_aborted_trial_gives_no_features(simulator, tmp_path, failed_at_s):
+    """Neither one that ended in the hold, nor one that ended after it."""
+    simulator.failures = {('sponge', 1): failed_at_s}
+    bag = write(tmp_path, SimulationPlan('stiffness', 'flexion', 2, 7))
+    last = read_events(bag.path)['stiffness_flexion-7-0-sponge-0001'][-2]
+    assert last.phase == ('hold' if failed_at_s == 2.0 else 'release')
+    found = read_tables([bag.path])
+    table = found.tables['stiffness', 'flexion']
+    assert len(table.values) == 9
+    (sentence,) = found.left_out
+    assert 'sponge-0001: the trial was aborted' in sentence
+    assert 'no equilibrium at' in sentence
+
+
+def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_path, capsys):
+    simulator.failures = {('sponge', 1): 2.0}
+    request = SimulateRequest(
+        protocol='stiffness',
+        contacts=('flexion', 'abduction'),
+        trials_per_label=2,
+        sessions=1,
+        seed=7,
+        folder=tmp_path,
+        description=None,
+        jobs=1,
+        plot=None,
+    )
+    assert run_simulate(request, as_json=True) is False
+    told = capsys.readouterr()
+    assert '1 of 10 trials ABORTED' in told.err
+    bags = json.loads(told.out)['bags']
+    assert bags[0]['aborted'] == {'stiffness_flexion-7-0-sponge-0001': 2.0}
+    assert bags[1]['aborted'] == {'stiffness_abduction-7-0-sponge-0001': 2.0}
+
+
+def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
+    simulator, tmp_path, capsys
+):
+    def simulate_design(design, sessions=1):
+        folder = tmp_path / design
+        request = SimulateRequest(
+            'stiffness', ('flexion',), 3, sessions, 7, folder, None, 1, None, (), design
+        )
+        run_simulate(request, as_json=True)
+        (table,) = read_tables([folder / 'stiffness_flexion']).tables.values()
+        return table
+
+    table = simulate_design('as-published')
+    mountings = table.columns['mounting_id']
+    assert sorted(set(zip(table.labels, mountings, strict=True))) == [
+        (label, f'simulated-7-0-flexion-{label}-0') for label in sorted(set(table.labels))
+    ]
+    assert len(set(simulate_design('crossed').columns['mounting_id'])) == 15
+    capsys.readouterr()
+    with pytest.raises(TactileError, match='--sessions is 2'):
+        simulate_design('as-published', sessions=2)
+
+
+@pytest.mark.parametrize(('complete', 'code'), [(True, 0), (False, 3)])
+def test_exit_code_tells_scripts_about_aborted_trials(monkeypatch, tmp_path, complete, code):
+    monkeypatch.setattr(simulate, 'run_simulate', lambda request, as_json: complete)
+    done = CliRunner().invoke(app, ['simulate', 'slip', '-o', str(tmp_path)])
+    assert done.exit_code == code
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sentence'),
+    [
+        ({'plot': Path('/no/such/folder/trial.png')}, 'there is no folder /no/such/folder'),
+        ({'jobs': 0}, '--jobs is 0'),
+        ({'folder': 'taken'}, 'taken.*exists already'),
+    ],
+)
+def test_the_command_refuses_with_a_sentence(simulator, tmp_path, changes, sentence):
+    (tmp_path / 'taken' / 'slip_flexion').mkdir(parents=True)
+    folder = tmp_path / changes.pop('folder', 'free')
+    request = SimulateRequest('slip', ('flexion',), 1, 1, 7, folder, None, 1, None)
+    with pytest.raises(TactileError, match=sentence):
+        run_simulate(dataclasses.replace(request, **changes), as_json=False)
+    assert simulator.finished == 0
+
+
+def test_unfinished_bag_is_removed_and_an_existing_one_kept(simulator, tmp_path, stiffness_bag):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    plan = SimulationPlan('stiffness', 'flexion', 1, 7)
+    with pytest.raises(KeyboardInterrupt):
+        write(tmp_path, plan, on_trials=interrupt)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(BagError, match='exist'):
+        write(stiffness_bag.parent, plan)
+    assert len(read_events(stiffness_bag)) == 15
+
+
+def test_slip_bag_tells_the_true_onset(simulator, tmp_path):
+    phases = dict(plan_trial(CONFIG, TrialRequest('slip', 'flexion')).phases)
+    begin_s = phases['pull'] + 0.1
+    simulator.slip_m = lambda label, times_s: (
+        1e-3 * np.clip(times_s - begin_s, 0, None) * (label == 'smooth')
+    )
+    bag = write(tmp_path, SimulationPlan('slip', 'flexion', 1, 7))
+    with TactileBag(bag.path) as opened:
+        table = opened.facts['slip_onsets']
+    assert table['simulated'] is True
+    onset_s = table['onset_s']
+    assert set(onset_s) == set(read_events(bag.path))
+    expected_s = begin_s + SLIP_M / 1e-3 - phases['approach']
+    assert onset_s['slip_flexion-7-0-smooth-0000'] == pytest.approx(expected_s, abs=1e-6)
+    assert onset_s['slip_flexion-7-0-rough-0000'] is None
+    for events in read_events(bag.path).values():
+        assert [e.phase for e in events] == ['approach', 'contact', 'pull', 'release', 'done']
+        assert {e.protocol for e in events} == {'slip'}
+
+
+@pytest.mark.parametrize('before_m', [0.0, -3e-4])
+def test_onset_counts_from_the_pull_in_either_direction(before_m):
+    planned = plan_trial(CONFIG, TrialRequest('slip', 'flexion'))
+    pull_s = dict(planned.phases)['pull']
+    times_s = np.arange(planned.sample_count) / RATE_HZ
+    slip_m = before_m + 2e-3 * np.clip(pull_s + 0.2 - times_s, None, 0)
+    onset_s = find_onset_s(planned, times_s, slip_m) + planned.phases[0][1]
+    assert onset_s == pytest.approx(pull_s + 0.2 + SLIP_M / 2e-3, abs=1e-6)
+    assert find_onset_s(planned, times_s[:5], slip_m[:5]) is None
+
+
+def test_slip_bag_is_refused_where_features_are_needed(simulator, tmp_path):
+    bag = write(tmp_path, SimulationPlan('slip', 'flexion', 1, 7))
+    with pytest.raises(BagError, match='no slip features yet'):
+        read_tables([bag.path])
+    with pytest.raises(TactileError, match='no slip features yet'):
+        run_replay(bag.path, None, through_nodes=False, times=1, as_json=True)
+
+
+def test_plan_keeps_the_glide_speed():
+    planned = plan_trial(CONFIG, TrialRequest('texture', 'flexion'))
+    phases = dict(planned.phases)
+    glide_s = phases['release'] - phases['glide']
+    ramps_s = CONFIG.glide_speed_m_s / 0.5
+    assert glide_s == pytest.approx(CONFIG.glide_length_m / CONFIG.glide_speed_m_s + ramps_s)
+
+
+def test_paper_plans_are_the_four_sets():
+    plans = paper_plans(10, 6, 1)
+    assert {(p.protocol, p.contact) for p in plans} == {
+        (p, c) for p in ('texture', 'stiffness') for c in ('flexion', 'abduction')
+    }
+    assert len(plans) == 4
+
+
+def test_one_seed_makes_other_trials_for_each_contact_session_and_label(tmp_path):
+    bags = [
+        write(tmp_path, SimulationPlan('stiffness', contact, 1, 1, sessions=2)).path
+        for contact in ('flexion', 'abduction')
+    ]
+    blocks = [read_blocks(bag) for bag in bags]
+    each = len(blocks[0]) // 10
+    noise = {bag_blocks[i * each].tension_n.tobytes() for bag_blocks in blocks for i in range(10)}
+    assert len(noise) == 20

@@ -1,0 +1,81 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import numpy as np
+import pytest
+
+from tactile_bringup.records import TrialConfig
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+from tactile_lab.simulation.simulation_plots import (
+    draw_picture,
+    plot_simulated_trial,
+    simulate_picture,
+    surface_drop_m,
+)
+from tactile_ros.errors import TactileError
+from tactile_sim.descriptions.catalogue import Catalogue
+
+CONFIG = TrialConfig(simulated=True)
+
+
+def picture_of(protocol, contact='flexion'):
+    return simulate_picture(SimulationPlan(protocol, contact, 1, 1), CONFIG, Catalogue(None))
+
+
+@pytest.mark.parametrize('contact', ['flexion', 'abduction'])
+def test_the_finger_hangs_free_at_rest_and_touches_the_plate_all_along(contact):
+    picture = picture_of('texture', contact)
+    finger = picture.catalogue.finger(contact)
+    top_m = surface_drop_m(finger)
+    gaps_m = [top_m - shape.curve_m[-1, 1] - finger.tip_radius_m for shape in picture.shapes]
+    assert [shape.moment for shape in picture.shapes] == ['at rest', 'start', 'middle', 'end']
+    assert gaps_m[0] > 5e-3
+    # Pressed in by less than a millimetre, and at most a groove's depth down.
+    assert all(-2e-3 < gap < 0.0 for gap in gaps_m[1:])
+
+
+def test_the_guide_carries_the_finger_over_the_plate():
+    bases_m = [shape.curve_m[0] for shape in picture_of('texture').shapes]
+    start_m, length_m = CONFIG.guide_start_m, CONFIG.glide_length_m
+    ways_m = np.array([0.0, 0.0, 0.5, 1.0]) * length_m
+    assert np.array(bases_m) == pytest.approx(np.column_stack([start_m + ways_m, 0 * ways_m]))
+
+
+@pytest.mark.parametrize(
+    ('protocol', 'last'),
+    [
+        ('texture', 'amplitude [mN]'),
+        ('stiffness', 'true contact force [N]'),
+        ('slip', 'true slip [mm]'),
+    ],
+)
+def test_figure_says_that_it_is_simulated_and_what_it_shows(protocol, last):
+    picture = picture_of(protocol)
+    figure = draw_picture(picture)
+    title = figure.get_suptitle()
+    assert title.startswith(f'SIMULATED {protocol} trial: flexion on {picture.label}')
+    assert 'no number is a measurement' in title
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels[:3] == ['drop below the base [mm]', 'tendon tension [N]', last]
+    phases = {text.get_text() for text in figure.axes[1].texts}
+    assert {'contact', 'release'} < phases
+    assert figure.axes[0].get_aspect() == 1.0
+
+
+def test_plot_is_a_png_file_or_a_sentence(tmp_path):
+    plan = SimulationPlan('stiffness', 'flexion', 1, 1)
+    plot_simulated_trial(tmp_path / 'trial', plan, CONFIG, Catalogue(None))
+    assert (tmp_path / 'trial').read_bytes().startswith(b'\x89PNG')
+    with pytest.raises(TactileError, match='cannot write'):
+        plot_simulated_trial(tmp_path / 'none' / 'trial.png', plan, CONFIG, Catalogue(None))

@@ -1,0 +1,163 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What `tactile train` makes of a small simulated recording of texture."""
+
+import dataclasses
+
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bags import TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bringup.records import TrialConfig
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_features.config import FeatureConfig
+from tactile_features.spec import spec_for
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.train import (
+    describe_answers,
+    run_recalibrate,
+    run_train,
+    train_models,
+    TrainRequest,
+)
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+from tactile_ros.errors import TactileError
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    plan = SimulationPlan('texture', 'flexion', 3, seed=5)
+    folder = tmp_path_factory.mktemp('bags')
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+
+@pytest.fixture(scope='module')
+def table(bag):
+    (table,) = read_tables([bag]).tables.values()
+    return table
+
+
+def test_running_tables_are_what_the_live_extractor_gives(bag, table):
+    tables = read_running_tables(table, [0.5, 1.5])
+    assert list(tables) == [30, 90]
+    with TactileBag(bag) as opened:
+        config = recorded_config(opened)
+        config = type(config)(**{**vars(config), 'running_samples': (30, 90)})
+        windows = [w for w in replay_windows(opened, config) if w.running]
+    assert len(windows) == 2 * len(table)
+    for window in windows:
+        found = tables[window.sample_count]
+        (row,) = (table.column('trial_id') == window.trial_id).nonzero()[0]
+        assert found.values[row].tobytes() == window.values.tobytes()
+        assert found.labels[row] == table.labels[row]
+
+
+@pytest.mark.parametrize('seconds', [[0.1], [1.0, 0.5], [3.0]])
+def test_seconds_that_do_not_fit_are_refused(table, seconds):
+    with pytest.raises(BagError, match='no running answers after'):
+        read_running_tables(table, seconds)
+
+
+def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
+    found = read_tables([bag])
+    request = TrainRequest(
+        tmp_path / 'models',
+        cross_validation={'folds': 3, 'repetitions': 1},
+        false_alarm_rate=0.1,
+        running='0.5,1.5',
+        stop_error_rate=0.2,
+    )
+    (trained,) = train_models(found, request, Output(as_json=True))
+    model = TactileModel.load(trained.path)
+    assert model.running_samples == (30, 90)
+    assert model.manifest.false_alarm_rate == 0.1
+    assert model.manifest.stop_error_rate == 0.2
+    sentences = describe_answers(model.manifest)
+    assert 'at 10 % false alarms' in sentences[0]
+    assert sentences[-1].startswith('running answers, accuracy held out: 0.5 s')
+    assert trained.to_dict()['parts'][2]['sample_count'] == 90
+    before = trained.path.read_bytes()
+    with pytest.raises(TactileError, match='would be replaced: give another folder'):
+        train_models(found, request, Output(as_json=True))
+    assert trained.path.read_bytes() == before
+
+
+@pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
+def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, detrend):
+    request = TrainRequest(
+        tmp_path, cross_validation={'folds': 3, 'repetitions': 1}, running='1', detrend=detrend
+    )
+    run_train([bag], request, as_json=False)
+    assert f'spectrum_detrend {detrend}' in ' '.join(capsys.readouterr().out.split())
+    model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
+    with TactileBag(bag) as opened:
+        config = dataclasses.replace(
+            recorded_config(opened), spectrum_detrend=detrend, running_samples=(60,)
+        )
+        windows = replay_windows(opened, config)
+    assert model.spec == spec_for('texture', config)
+    assert model.manifest.feature_values()['spectrum_detrend'] == detrend
+    others = {'none', 'mean', 'linear'} - {detrend}
+    for other in others:
+        with pytest.raises(ModelFileError, match='spectrum_detrend'):
+            model.expect(spec_for('texture', dataclasses.replace(config, spectrum_detrend=other)))
+    (table,) = read_tables([bag], {'spectrum_detrend': detrend}).tables.values()
+    parts = read_running_tables(table, [1.0])[60]
+    for window in windows:
+        (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
+        assert not model.describe_mismatch(window)
+        values = parts.values if window.running else table.values
+        assert values[row].tobytes() == window.values.tobytes()
+
+
+def test_detrending_is_for_the_spectrum_over_time(tmp_path):
+    with pytest.raises(TactileError, match='--detrend is for the spectrum over time'):
+        run_train([], TrainRequest(tmp_path, over='45:0.5', detrend='linear'), as_json=True)
+
+
+def test_text_that_is_no_seconds_is_refused(tmp_path):
+    with pytest.raises(TactileError, match='--running is "1;2"'):
+        TrainRequest(tmp_path, running='1;2').running_seconds()
+
+
+def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(bag, tmp_path):
+    plan = SimulationPlan('texture', 'flexion', 3, seed=6, sessions=2)
+    folder = tmp_path / 'more'
+    folder.mkdir()
+    path = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+    request = TrainRequest(
+        tmp_path / 'models',
+        cross_validation={'folds': 3, 'repetitions': 1},
+        false_alarm_rate=0.1,
+        running='1',
+    )
+    (trained,) = train_models(read_tables([path]), request, Output(as_json=True))
+    today = tmp_path / 'today'
+    run_recalibrate(trained.path, [bag], today, force=False, as_json=True)
+    (written,) = today.iterdir()
+    model = TactileModel.load(written)
+    stated = model.manifest.calibration['recalibrated']
+    assert stated['model_id'] == trained.model_id
+    assert len(stated['offsets']) == 2  # of whole and running windows
+    assert 'session_statistics' not in trained.to_dict()['calibration']
+    with pytest.raises(TactileError, match='would be replaced'):
+        run_recalibrate(trained.path, [bag], today, force=False, as_json=True)

@@ -1,0 +1,147 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The lifecycle node of those that take or give samples, features and answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import functools
+from typing import Any
+
+from rclpy.executors import Executor
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from tactile_ros.bus.local_bus import RecordPublisher, RecordSubscription
+from tactile_ros.bus.worker import Periodic, Worker
+from tactile_ros.lifecycle import TactileNode
+
+
+class DataNode(TactileNode):
+    """A `TactileNode` that hands data to its neighbours in the process without messages.
+
+    Records of neighbours and periodic calls come on the node's worker, messages and services on
+    its executor. Transitions and callbacks of subscriptions exclude them: a subclass needs no
+    lock. What a callback on the worker raises ends the executor, as if it had been its own.
+
+    The worker runs from the moment that the node is given to an executor.
+    """
+
+    def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
+        self.worker = Worker(f'worker of {name}', self._fail)
+        super().__init__(name, config_class, **node_options)
+
+    # -- for subclasses ----------------------------------------------------------
+
+    def publish_records(
+        self,
+        message_type: type,
+        topic: str,
+        to_message: Callable[[Any], Any],
+        profile: QoSProfile,
+    ) -> RecordPublisher:
+        """Make a publisher of records; see `RecordPublisher`."""
+        return RecordPublisher(self, message_type, topic, to_message, profile)
+
+    def subscribe_records(
+        self, message_type: type, topic: str, callback: Callable[[Any], object], **options: Any
+    ) -> RecordSubscription:
+        """Subscribe to records; see `RecordSubscription`."""
+        return RecordSubscription(self, message_type, topic, callback, **options)
+
+    def call_every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
+        """Call again and again, by the computer's time."""
+        return self.worker.every(period_s, callback)
+
+    def create_subscription(
+        self,
+        message_type: Any,
+        topic: str,
+        callback: Callable[..., Any],
+        *args: Any,
+        **options: Any,
+    ) -> Any:
+        """Subscribe; the callback never runs beside one of the worker."""
+
+        @functools.wraps(callback)  # rclpy looks at the signature
+        def excluding(*arguments: Any) -> None:
+            with self.worker.lock:
+                callback(*arguments)
+
+        return super().create_subscription(message_type, topic, excluding, *args, **options)
+
+    # -- transitions ---------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        with self.worker.held():
+            return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        with self.worker.held():
+            return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        with self.worker.held():
+            return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        with self.worker.held():
+            return super().on_cleanup(state)
+
+    def _stop_and_tear_down(self) -> None:
+        with self.worker.held():
+            super()._stop_and_tear_down()
+
+    # -- use --------------------------------------------------------------------------
+
+    @property
+    def executor(self) -> Executor | None:
+        """The executor that the node was given to."""
+        executor: Executor | None = Node.executor.fget(self)
+        return executor
+
+    @executor.setter
+    def executor(self, executor: Executor | None) -> None:
+        Node.executor.fset(self, executor)
+        if executor is not None:
+            self.worker.start()
+
+    def wake_executor(self) -> None:
+        """Have the executor look anew at what the node waits for."""
+        if self.executor is not None:
+            self.executor.wake()
+
+    def destroy_node(self) -> None:
+        if not self.worker.stop():
+            self.get_logger().error('a callback of the worker does not end')
+        super().destroy_node()
+
+    def take_down(self) -> None:
+        """Stop, give everything back and destroy the node, from any state."""
+        self.worker.stop()
+        super().take_down()
+
+    def _fail(self, error: Exception) -> None:
+        """End the executor with what a callback of the worker has raised."""
+
+        def fail() -> None:
+            raise error
+
+        executor = self.executor
+        if executor is None:
+            self.get_logger().fatal(f'a callback failed: {error}')
+        else:
+            executor.create_task(fail)

@@ -1,0 +1,301 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Records from node to node within a process, without messages.
+
+A `RecordPublisher` hands each record to the `RecordSubscription` objects of its process on the
+same topic. It builds and publishes a message only when somebody else listens. See
+docs/decisions/0008-local-bus.md.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Hashable
+import copy
+import threading
+from typing import Any, TYPE_CHECKING
+
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.qos import DurabilityPolicy, qos_check_compatible, QoSCompatibility, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+if TYPE_CHECKING:
+    from tactile_ros.bus.data_node import DataNode
+
+LOOK_PERIOD_S = 1.0
+"""How often a subscription looks for publishers outside the process."""
+
+
+class LocalTopic:
+    """The publishers and subscriptions of one topic within the process.
+
+    Attributes
+    ----------
+    inboxes : tuple of Inbox
+        Where records go. Replaced as a whole, so that publishers read it without a lock.
+    """
+
+    def __init__(self) -> None:
+        self.inboxes: tuple[Inbox, ...] = ()
+        self.publisher_profiles: tuple[QoSProfile, ...] = ()
+        self.observers: tuple[Callable[[], None], ...] = ()
+
+
+class LocalBus:
+    """Keeps the `LocalTopic` of each key in use. One serves the whole process: `BUS`."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._topics: dict[Hashable, LocalTopic] = {}
+
+    def add(self, key: Hashable, field: str, entry: Any) -> LocalTopic:
+        """Add an entry to a field of a topic; return the topic, which is made if need be."""
+        with self._lock:
+            topic = self._topics.setdefault(key, LocalTopic())
+            setattr(topic, field, (*getattr(topic, field), entry))
+            return topic
+
+    def remove(self, key: Hashable, field: str, entry: Any) -> None:
+        """Remove an entry, and a topic without entries. Harmless when it is not there."""
+        with self._lock:
+            topic = self._topics.get(key)
+            if topic is None:
+                return
+            setattr(topic, field, tuple(e for e in getattr(topic, field) if e is not entry))
+            if not any(vars(topic).values()):
+                del self._topics[key]
+
+
+BUS = LocalBus()
+
+
+class Inbox:
+    """The newest records for one subscription, at most as many as its queue in DDS would hold.
+
+    Parameters
+    ----------
+    depth : int
+        When it is full, the oldest record is dropped: a gap, as when a queue of DDS is full.
+    notify : callable
+        Called for each record that is there to be taken.
+
+    Attributes
+    ----------
+    dropped_count : int
+        Records that were dropped.
+    """
+
+    def __init__(self, depth: int, notify: Callable[[], None]) -> None:
+        self._records: deque[Any] = deque(maxlen=depth)
+        self._depth = depth
+        self._notify = notify
+        self._lock = threading.Lock()
+        self.dropped_count = 0
+
+    def put(self, record: Any) -> None:
+        """Add a record; returns at once."""
+        with self._lock:
+            is_full = len(self._records) == self._depth
+            self._records.append(record)
+            self.dropped_count += is_full
+        if not is_full:
+            self._notify()
+
+    def take(self) -> Any:
+        """Return the oldest record, and remove it."""
+        with self._lock:
+            return self._records.popleft()
+
+
+class RecordPublisher:
+    """Publishes records: in memory within the process, as messages to everybody else.
+
+    Like a lifecycle publisher it does so only while its node is active.
+
+    Parameters
+    ----------
+    node : DataNode
+    message_type : type
+    topic : str
+    to_message : callable
+        Returns the message of a record.
+    profile : QoSProfile
+        Can be overridden by parameters. Must be volatile.
+    """
+
+    def __init__(
+        self,
+        node: DataNode,
+        message_type: Any,
+        topic: str,
+        to_message: Callable[[Any], Any],
+        profile: QoSProfile,
+    ) -> None:
+        assert profile.durability == DurabilityPolicy.VOLATILE
+        profile = copy.copy(profile)  # rclpy writes the overrides into it
+        self._node = node
+        self._to_message = to_message
+        self._publisher = node.create_lifecycle_publisher(
+            message_type,
+            topic,
+            profile,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+        self._key = (node.context, self._publisher.topic_name, message_type)
+        self._profile = profile
+        self._topic = BUS.add(self._key, 'publisher_profiles', profile)
+        self._tell()
+
+    def publish(self, record: Any) -> None:
+        """Pass a record on, unless the node is inactive. Nobody may change it afterwards."""
+        publisher = self._publisher
+        if not publisher.is_activated:
+            return
+        # Each inbox belongs to a subscription that is matched, too.
+        inboxes = self._topic.inboxes
+        if publisher.get_subscription_count() > len(inboxes):
+            publisher.publish(self._to_message(record))
+        for inbox in inboxes:
+            inbox.put(record)
+
+    def close(self) -> None:
+        """Take the publisher away."""
+        BUS.remove(self._key, 'publisher_profiles', self._profile)
+        self._node.destroy_lifecycle_publisher(self._publisher)
+        self._tell()
+
+    def _tell(self) -> None:
+        for choose in self._topic.observers:
+            choose()
+
+
+class _Gate(MutuallyExclusiveCallbackGroup):
+    """Keeps the executor from waiting on a subscription whose records come in memory."""
+
+    is_open = True
+
+    def can_execute(self, entity: Any) -> bool:
+        return self.is_open and bool(super().can_execute(entity))
+
+
+class RecordSubscription:
+    """Takes records of a topic: in memory while all its publishers live here, else as messages.
+
+    The subscription stands in the ROS graph either way. Both ways end in the same callback, and
+    a `MessageError` of a conversion refuses a record as it refuses a message.
+
+    Parameters
+    ----------
+    node : DataNode
+        Its worker calls for records, its executor for messages, never both at once.
+    message_type : type
+    topic : str
+    callback : callable
+        ``callback(record)``.
+    from_message, from_record : callable
+        Return what the callback takes, from a message and from the publisher's record. Both must
+        return the same for the same data.
+    profile : QoSProfile
+        Its depth bounds the inbox, too.
+
+    Attributes
+    ----------
+    is_local : bool
+        Whether records come in memory now.
+    """
+
+    def __init__(
+        self,
+        node: DataNode,
+        message_type: Any,
+        topic: str,
+        callback: Callable[[Any], object],
+        *,
+        from_message: Callable[[Any], Any],
+        from_record: Callable[[Any], Any],
+        profile: QoSProfile,
+    ) -> None:
+        self._node = node
+        self._profile = profile
+        self._message_type = message_type
+        self._name = topic
+        self._on_message = lambda message: callback(from_message(message))
+        self._on_record = node.message_guard.wrap(
+            topic, lambda record: callback(from_record(record))
+        )
+        self.is_local = False
+        self._is_closed = False
+        self._subscribe()
+        self._key = (node.context, self._subscription.topic_name, message_type)
+        self._inbox = Inbox(profile.depth, lambda: node.worker.submit(self._take))
+        self._observer = lambda: node.worker.submit(self._choose)
+        self._topic = BUS.add(self._key, 'observers', self._observer)
+        self._look = node.worker.every(LOOK_PERIOD_S, self._choose)
+        self._choose()
+
+    def close(self) -> None:
+        """Take the subscription away; what is in its inbox is dropped."""
+        self._is_closed = True
+        self._look.cancel()
+        BUS.remove(self._key, 'observers', self._observer)
+        BUS.remove(self._key, 'inboxes', self._inbox)
+        self._node.destroy_subscription(self._subscription)
+
+    def _subscribe(self) -> None:
+        self._gate = _Gate()
+        self._gate.is_open = not self.is_local
+        self._subscription = self._node.create_subscription(
+            self._message_type,
+            self._name,
+            self._on_message,
+            self._profile,
+            callback_group=self._gate,
+        )
+
+    def _take(self) -> None:
+        record = self._inbox.take()
+        if not self._is_closed:
+            self._on_record(record)
+
+    def _choose(self) -> None:
+        """Take records if all publishers are in this process, and messages if one is not."""
+        if self._is_closed:
+            return
+        profiles = self._topic.publisher_profiles
+        wants_records = (
+            len(profiles) > 0
+            and self._node.count_publishers(self._subscription.topic_name) <= len(profiles)
+            and all(_is_compatible(profile, self._profile) for profile in profiles)
+        )
+        if wants_records == self.is_local:
+            return
+        if wants_records:
+            self._gate.is_open = False
+            self.is_local = True
+            BUS.add(self._key, 'inboxes', self._inbox)
+            return
+        # Messages that have come meanwhile are known already: begin with an empty queue.
+        before = self._subscription
+        self._subscribe()
+        self._node.destroy_subscription(before)
+        BUS.remove(self._key, 'inboxes', self._inbox)
+        self.is_local = False
+        self._gate.is_open = True
+        self._node.wake_executor()
+
+
+def _is_compatible(publisher: QoSProfile, subscription: QoSProfile) -> bool:
+    """Return whether DDS would connect the two."""
+    return bool(qos_check_compatible(publisher, subscription)[0] != QoSCompatibility.ERROR)

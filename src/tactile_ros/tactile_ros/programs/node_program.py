@@ -1,0 +1,58 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The program behind every node's executable.
+
+A package names its nodes in the entry point group ``tactile.nodes``, and this module's `main`
+as the executable of each.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+import os
+from pathlib import Path
+import sys
+from typing import Any
+
+from tactile_ros.programs.signals import hold_signals, ignore_signals
+from tactile_ros.programs.transports import choose_transports
+
+GROUP = 'tactile.nodes'
+
+
+def find_node_class(executable: str) -> Any:
+    """Return the class of the node that an executable runs.
+
+    Raises
+    ------
+    LookupError
+        When no installed package has such a node.
+    """
+    for entry in entry_points(group=GROUP, name=executable):
+        return entry.load()
+    raise LookupError(f'no installed package has a node {executable}; build the workspace anew')
+
+
+def main() -> int:
+    """Run the node that this program's name stands for; return the exit code."""
+    signals = hold_signals()  # before the imports, which take a second
+    os.environ.update(choose_transports(os.environ, 'SUBNET'))
+    from tactile_ros.programs.node_group import run_node
+
+    node_class = find_node_class(Path(sys.argv[0]).name)
+    if signals.received:
+        ignore_signals()
+        return 0
+    return run_node(node_class)

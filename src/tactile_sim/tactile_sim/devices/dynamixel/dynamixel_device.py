@@ -1,0 +1,323 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A Dynamixel XM430-W350 that winds the tendon: bytes in, bytes out, told time and tension."""
+
+from __future__ import annotations
+
+import math
+
+from linear_guide_driver.dynamixel import registers as known
+from linear_guide_driver.dynamixel.registers import COUNTS_PER_TURN, Register
+from tactile_sim.descriptions.description import TendonDrive
+from tactile_sim.devices.dynamixel import control_table as table
+from tactile_sim.devices.dynamixel.control_table import AccessError, ControlTable
+from tactile_sim.devices.dynamixel.packets import (
+    BROADCAST_ID,
+    encode_status,
+    Instruction,
+    InstructionParser,
+)
+from tactile_sim.physics.motion import Motion, plan_move, plan_stop
+
+PING, READ, WRITE, REG_WRITE, ACTION, REBOOT = 0x01, 0x02, 0x03, 0x04, 0x05, 0x08
+SYNC_READ, SYNC_WRITE = 0x82, 0x83
+OVERHEATING = 0x04
+ERROR_RESULT, ERROR_INSTRUCTION, ERROR_CRC = 1, 2, 3
+
+VELOCITY_COUNTS_S = known.VELOCITY_UNIT_RPM / 60 * COUNTS_PER_TURN
+ACCELERATION_COUNTS_S2 = 214.577 / 3600 * COUNTS_PER_TURN
+POSITION_MODES = (3, 4, 5)
+
+
+class DynamixelDevice:
+    """The servo and its pulley.
+
+    Positions are counts; winding in counts up. Only the position modes 3, 4 and 5 move it.
+
+    Parameters
+    ----------
+    drive
+        The description.
+    """
+
+    def __init__(self, drive: TendonDrive) -> None:
+        self._drive = drive
+        self._table = ControlTable()
+        self._parser = InstructionParser()
+        self._now_s = 0.0
+        self._fed_s = 0.0
+        self._silent_until_s = -math.inf
+        self._tension_n = 0.0
+        self._turns_off = 0  # whole turns that the servo has lost count of [counts]
+        self._registered: tuple[int, bytes] | None = None
+        self._stalled = False
+        self._is_hot = False
+        self._position = float(drive.slack_count)
+        self._velocity = 0.0
+        self._motion = Motion(self._position, [], self._position)
+        self._table[known.GOAL_POSITION] = drive.slack_count
+
+    # ---- the world's side ---------------------------------------------------------------
+
+    @property
+    def _offset(self) -> int:
+        """What the present position is ahead of the pulley [counts]."""
+        return self._turns_off + self._table[known.HOMING_OFFSET]
+
+    @property
+    def displacement_m(self) -> float:
+        """Tendon wound in since it just hung [m]."""
+        return (self._position - self._drive.slack_count) * self._drive.m_per_count
+
+    def advance(self, now_s: float, tension_n: float) -> None:
+        """Move on to ``now_s`` against this tension [N]."""
+        elapsed_s = now_s - self._now_s
+        self._now_s, self._tension_n = now_s, tension_n
+        self._check_watchdog()
+        if self._is_hot:
+            self.fail(OVERHEATING)
+        if not self._table[known.TORQUE_ENABLE]:
+            pull = max(tension_n - self._drive.back_drive_n, 0.0)
+            let_out_m = pull / self._drive.back_drive_n_s_m * elapsed_s
+            self._rest_at(self._position - let_out_m / self._drive.m_per_count)
+            return
+        position, velocity = self._motion.state_at(now_s)
+        overloaded = self._load_a(1.0) > self._limit_a()
+        if velocity > 0.0 and overloaded:
+            self._stalled = True
+            self._rest_at(self._position)
+        elif self._stalled and not overloaded:
+            self._stalled = False
+            self._go(self._table[known.GOAL_POSITION])
+        else:
+            self._position, self._velocity = position, velocity
+
+    def fail(self, hardware_error: int) -> None:
+        """Raise a hardware error, as heat or overload would."""
+        self._table[known.HARDWARE_ERROR] |= hardware_error
+        if self._table[known.HARDWARE_ERROR] & self._table[table.SHUTDOWN]:
+            self._table[known.TORQUE_ENABLE] = 0
+
+    def heat(self, temperature_c: int) -> None:
+        """Be this hot, which must be above the limit; a reboot does not help until `cool`."""
+        self._is_hot = True
+        self._table[known.PRESENT_TEMPERATURE] = temperature_c
+
+    def cool(self) -> None:
+        """Be as warm as usual; an error that there is stays."""
+        self._is_hot = False
+        self._table[known.PRESENT_TEMPERATURE] = table.ROOM_C
+
+    def restart(self) -> None:
+        """Lose power for a moment."""
+        self._parser = InstructionParser()
+        self._reboot()
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Take bytes from the bus and return the answers; call `advance` first."""
+        if now_s < self._silent_until_s:
+            return b''
+        answers = bytearray()
+        for packet in self._parser.feed(data):
+            if packet.is_intact:
+                self._fed_s = now_s
+            answers += self._answer(packet)
+            if packet.code == REBOOT and now_s < self._silent_until_s:
+                self._parser = InstructionParser()
+                break
+        return bytes(answers)
+
+    def poll(self, now_s: float) -> bytes:
+        """Return nothing: a servo speaks when it is spoken to."""
+        return b''
+
+    # ---- packets ------------------------------------------------------------------------
+
+    def _answer(self, packet: Instruction) -> bytes:
+        own_id = self._table[table.DEVICE_ID]
+        if packet.device_id not in (own_id, BROADCAST_ID):
+            return b''
+        if not packet.is_intact:
+            return self._status(ERROR_CRC) if packet.device_id == own_id else b''
+        parameters: bytes | None
+        try:
+            parameters, error = self._carry_out(packet), 0
+        except AccessError as refusal:
+            parameters, error = b'', refusal.error
+        level = self._table[known.STATUS_RETURN_LEVEL]
+        reads = packet.code in (READ, SYNC_READ)
+        wanted = packet.code == PING or level >= (1 if reads else 2)
+        addressed = packet.device_id == own_id or packet.code in (PING, SYNC_READ)
+        if parameters is None or not wanted or not addressed:
+            return b''
+        return self._status(error, parameters)
+
+    def _status(self, error: int, parameters: bytes = b'') -> bytes:
+        alert = known.STATUS_ALERT if self._table[known.HARDWARE_ERROR] else 0
+        return encode_status(self._table[table.DEVICE_ID], error | alert, parameters)
+
+    def _carry_out(self, packet: Instruction) -> bytes | None:
+        """Do one instruction; None when nobody expects an answer."""
+        given = packet.parameters
+        if packet.code == PING:
+            return self._table.read(0, 2) + self._table.read(known.FIRMWARE.address, 1)
+        if packet.code == READ:
+            if len(given) != 4:
+                raise AccessError(table.ERROR_LENGTH)
+            return self._read(given)
+        if packet.code in (WRITE, REG_WRITE):
+            if len(given) < 3:
+                raise AccessError(table.ERROR_LENGTH)
+            address = int.from_bytes(given[:2], 'little')
+            if packet.code == WRITE:
+                self._write(address, given[2:])
+            else:
+                self._table.check_write(address, given[2:])
+                self._registered = address, given[2:]
+                self._table[table.REGISTERED] = 1
+        elif packet.code == ACTION:
+            if self._registered is None:
+                raise AccessError(ERROR_RESULT)
+            registered, self._registered = self._registered, None
+            self._table[table.REGISTERED] = 0
+            self._write(*registered)
+        elif packet.code == REBOOT:
+            self._reboot()
+        elif packet.code == SYNC_READ:
+            mine = self._table[table.DEVICE_ID] in given[4:]
+            return self._read(given[:4]) if mine and len(given) > 4 else None
+        elif packet.code == SYNC_WRITE:
+            self._sync_write(given)
+            return None
+        else:
+            raise AccessError(ERROR_INSTRUCTION)
+        return b''
+
+    def _read(self, given: bytes) -> bytes:
+        self._refresh()
+        address, length = (int.from_bytes(given[i : i + 2], 'little') for i in (0, 2))
+        return self._table.read(address, length)
+
+    def _sync_write(self, given: bytes) -> None:
+        address, length = (int.from_bytes(given[i : i + 2], 'little') for i in (0, 2))
+        for start in range(4, len(given), length + 1):
+            part = given[start + 1 : start + 1 + length]
+            if given[start] == self._table[table.DEVICE_ID] and len(part) == length:
+                self._write(address, part)
+
+    def _write(self, address: int, data: bytes) -> None:
+        values = self._table.check_write(address, data)
+        if values.get(known.TORQUE_ENABLE) and self._table[known.HARDWARE_ERROR]:
+            raise AccessError(ERROR_RESULT)
+        for register, value in values.items():
+            self._set(register, value)
+
+    def _set(self, register: Register, value: int) -> None:
+        before = self._table[register]
+        self._table[register] = value
+        if register == known.OPERATING_MODE and value != before:
+            self._table[known.PROFILE_ACCELERATION] = self._table[known.PROFILE_VELOCITY] = 0
+            self._table[table.GOAL_PWM] = self._table[table.PWM_LIMIT]
+            self._table[known.GOAL_CURRENT] = self._table[known.CURRENT_LIMIT]
+            if value == 3:
+                self._forget_turns()
+        elif register == known.TORQUE_ENABLE and not value:
+            self._rest_at(self._position)
+        elif register == known.TORQUE_ENABLE and value != before:
+            if self._table[known.OPERATING_MODE] == 3:
+                self._forget_turns()
+            self._fed_s = self._now_s
+            self._go(self._table[known.GOAL_POSITION])
+        elif register == known.GOAL_POSITION and self._table[known.TORQUE_ENABLE]:
+            self._go(value)
+
+    def _reboot(self) -> None:
+        goal_mode = self._table[known.OPERATING_MODE]
+        temperature_c = self._table[known.PRESENT_TEMPERATURE]
+        self._table.reset_ram()
+        self._table[known.PRESENT_TEMPERATURE] = temperature_c
+        self._table[known.OPERATING_MODE] = goal_mode
+        self._registered = None
+        self._rest_at(self._position)
+        self._forget_turns()
+        self._table[known.GOAL_POSITION] = round(self._position) + self._offset
+        self._silent_until_s = self._now_s + self._drive.reboot_s
+
+    def _forget_turns(self) -> None:
+        believed = round(self._position) + self._turns_off
+        self._turns_off += believed % COUNTS_PER_TURN - believed
+
+    # ---- motion -------------------------------------------------------------------------
+
+    def _rest_at(self, position: float) -> None:
+        self._position, self._velocity = position, 0.0
+        self._motion = Motion(position, [], position)
+
+    def _go(self, goal: int) -> None:
+        """Start the profile to a goal from wherever and however fast it moves."""
+        if self._table[known.OPERATING_MODE] not in POSITION_MODES:
+            return
+        per_m = 1 / self._drive.m_per_count
+        fastest = min(
+            self._table[known.VELOCITY_LIMIT] * VELOCITY_COUNTS_S,
+            self._drive.max_speed_m_s * per_m,
+        )
+        strongest = self._drive.max_acceleration_m_s2 * per_m
+        speed = self._table[known.PROFILE_VELOCITY] * VELOCITY_COUNTS_S or fastest
+        acceleration = self._table[known.PROFILE_ACCELERATION] * ACCELERATION_COUNTS_S2
+        speed, acceleration = min(speed, fastest), min(acceleration or strongest, strongest)
+        target = float(goal - self._offset)
+        segments = plan_move(
+            self._now_s, self._position, self._velocity, target, speed, acceleration
+        )
+        self._motion = Motion(self._position, segments, target)
+
+    def _check_watchdog(self) -> None:
+        steps = self._table[known.BUS_WATCHDOG]
+        if steps in (0, known.WATCHDOG_TRIPPED) or not self._table[known.TORQUE_ENABLE]:
+            return
+        if self._now_s - self._fed_s > steps * known.WATCHDOG_STEP_S:
+            self._table[known.BUS_WATCHDOG] = known.WATCHDOG_TRIPPED
+            self._stalled = False
+            strongest = self._drive.max_acceleration_m_s2 / self._drive.m_per_count
+            stop = plan_stop(self._now_s, self._position, self._velocity, strongest)
+            end = stop[-1].end_position if stop else self._position
+            self._motion = Motion(self._position, stop, end)
+
+    def _load_a(self, direction: float) -> float:
+        """Current for the tension and the gear's friction [A]."""
+        torque_nm = self._tension_n * self._drive.pulley_radius_m
+        friction_a = math.copysign(self._drive.friction_current_a, direction) if direction else 0.0
+        return torque_nm / self._drive.torque_constant_nm_a + friction_a
+
+    def _limit_a(self) -> float:
+        limit = self._table[known.CURRENT_LIMIT]
+        if self._table[known.OPERATING_MODE] == 5:
+            limit = min(limit, abs(self._table[known.GOAL_CURRENT]))
+        return limit * known.CURRENT_UNIT_A
+
+    def _refresh(self) -> None:
+        """Write what is present into the table."""
+        velocity = round(self._velocity / VELOCITY_COUNTS_S)
+        current_a = self._load_a(self._velocity) if self._table[known.TORQUE_ENABLE] else 0.0
+        current_a = max(min(current_a, self._limit_a()), -self._limit_a())
+        believed = round(self._position) + self._offset
+        profile = self._motion.end_s > self._now_s
+        in_position = believed == self._table[known.GOAL_POSITION]
+        self._table[known.PRESENT_POSITION] = believed
+        self._table[known.PRESENT_VELOCITY] = velocity
+        self._table[known.PRESENT_CURRENT] = round(current_a / known.CURRENT_UNIT_A)
+        self._table[table.MOVING] = int(abs(velocity) > self._table[table.MOVING_THRESHOLD])
+        self._table[table.MOVING_STATUS] = int(in_position) | int(profile) << 1

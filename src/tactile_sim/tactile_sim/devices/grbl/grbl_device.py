@@ -1,0 +1,397 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A one-axis Grbl 1.1h controller: bytes in, bytes out, told the time."""
+
+from __future__ import annotations
+
+from collections import deque
+import math
+
+from tactile_sim.descriptions.description import Guide
+from tactile_sim.devices.grbl import settings as setting
+from tactile_sim.devices.grbl.gcode import (
+    Command,
+    GcodeError,
+    Modal,
+    parse_gcode,
+    parse_jog,
+    strip_line,
+)
+from tactile_sim.devices.grbl.planner import Planner
+from tactile_sim.devices.grbl.report import StatusReporter
+from tactile_sim.physics.motion import plan_legs
+
+BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
+LOCK_MESSAGE = b"[MSG:'$H'|'$X' to unlock]\r\n"
+PLANNER_BLOCKS = 15
+RX_BYTES = 128
+LINE_CHARACTERS = 79
+RESET_DELAY_S = 0.5
+BOOT_S = 1.0
+"""From power to the banner, with the boot loader; assumed."""
+
+_SOFT_RESET, _JOG_CANCEL = 0x18, 0x85
+
+
+class GrblDevice:
+    """The controller and its carriage.
+
+    The carriage's place on the rail and the controller's idea of it (MPos) are two things:
+    they are tied together by homing alone. The planner works in the carriage's coordinate,
+    0 at the negative end [mm].
+
+    Parameters
+    ----------
+    guide
+        The description.
+    """
+
+    def __init__(self, guide: Guide) -> None:
+        self.settings = setting.make_settings(guide)
+        self._travel_mm = guide.travel_m * 1e3
+        self._planner = Planner(guide.power_up_m * 1e3)
+        self._zero_mm = guide.power_up_m * 1e3  # carriage coordinate of MPos 0
+        self._now_s = 0.0
+        self._output = bytearray()
+        self._alarmed = bool(self.settings[setting.HOMING])
+        self._start(announce_lock=self._alarmed)
+
+    def _start(self, announce_lock: bool) -> None:
+        self._modal = Modal()
+        self._line = bytearray()
+        self._lines: deque[tuple[str, int]] = deque()  # text, bytes that it takes in the buffer
+        self._line_bytes = 0
+        self._jogging = False
+        self._canceling = False
+        self._homing = False
+        self._critical = 0  # alarm code that only a reset ends
+        self._dwell_end_s: float | None = None
+        self._soft_limit_hit = False
+        self._reset_at_s: float | None = None
+        self._message_at_s: float | None = None
+        self._reporter = StatusReporter()
+        self._output += BANNER + (LOCK_MESSAGE if announce_lock else b'')
+
+    # ---- the world's side ---------------------------------------------------------------
+
+    def position_m(self, now_s: float) -> float:
+        """Where the carriage is on the rail [m]; call with rising times."""
+        self._advance(now_s)
+        return self._on_rail(self._planner.state_at(now_s)[0]) * 1e-3
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Take bytes from the line and return what it answers at once."""
+        self._advance(now_s)
+        for byte in data:
+            self._take_byte(byte)
+            self._advance(now_s)
+        return self.poll(now_s)
+
+    def poll(self, now_s: float) -> bytes:
+        """Return what it has to say by ``now_s``."""
+        self._advance(now_s)
+        sent, self._output = bytes(self._output), bytearray()
+        return sent
+
+    def restart(self, now_s: float) -> None:
+        """Lose power for a moment: the motor stops dead, and the counter starts at 0."""
+        self._stop_dead(now_s)
+        self._zero_mm = self._planner.state_at(now_s)[0]
+        self._alarmed = bool(self.settings[setting.HOMING])
+        self._start(announce_lock=False)
+        self._output.clear()  # what it was about to say is lost as well
+        self._reset_at_s = now_s + BOOT_S
+
+    def trip_limit(self, now_s: float) -> None:
+        """Close the limit switch, by contact or by interference: alarm 1."""
+        self._stop_dead(now_s)
+        self._homing = self._jogging = self._canceling = self._soft_limit_hit = False
+        self._dwell_end_s = None
+        self._raise_alarm(1)
+
+    def _stop_dead(self, now_s: float) -> None:
+        self._advance(now_s)
+        self._planner.place(self._on_rail(self._planner.state_at(now_s)[0]))
+
+    # ---- time ---------------------------------------------------------------------------
+
+    def _advance(self, now_s: float) -> None:
+        """Let events happen at their own times, in order, up to ``now_s``."""
+        while (event_s := self._next_event_s()) <= now_s:
+            self._now_s = max(self._now_s, event_s)
+            self._handle_event()
+        self._now_s = max(self._now_s, now_s)
+
+    def _next_event_s(self) -> float:
+        times = [self._reset_at_s, self._message_at_s, self._dwell_end_s]
+        if self._homing or self._soft_limit_hit or self._canceling:
+            times.append(max(self._planner.end_s, self._now_s))
+        else:
+            times.append(self._planner.next_end_s)
+        return min((t for t in times if t is not None), default=math.inf)
+
+    def _handle_event(self) -> None:
+        now = self._now_s
+        if self._reset_at_s is not None and self._reset_at_s <= now:
+            self._restart()
+        elif self._message_at_s is not None and self._message_at_s <= now:
+            self._message_at_s = None
+            self._output += b'[MSG:Reset to continue]\r\n'
+        elif self._dwell_end_s is not None and self._dwell_end_s <= now:
+            self._dwell_end_s = None
+            self._say_ok()
+        else:
+            self._planner.settle(now)
+            if self._planner.end_s <= now:
+                self._on_rest()
+        self._run_lines()
+
+    def _on_rest(self) -> None:
+        position = self._planner.state_at(self._now_s)[0]
+        if self._on_rail(position) != position:
+            # Steps into the end of the rail are lost: the counter went on, the carriage did not.
+            self._zero_mm += self._on_rail(position) - position
+            self._planner.place(self._on_rail(position))
+        if self._homing:
+            self._homing = self._alarmed = False
+            negative = bool(int(self.settings[setting.HOMING_DIRECTION]) & 1)
+            pull_off = self.settings[setting.PULL_OFF]
+            mpos = -self.settings[setting.TRAVEL] + pull_off if negative else -pull_off
+            self._zero_mm = self._planner.state_at(self._now_s)[0] - mpos
+            self._say_ok()
+        if self._soft_limit_hit:
+            self._soft_limit_hit = False
+            self._planner.drop_queue()
+            self._raise_alarm(2)
+        if self._canceling:
+            self._canceling = False
+            self._planner.drop_queue()
+        if not self._planner.queued:
+            self._jogging = False
+
+    def _on_rail(self, position_mm: float) -> float:
+        return min(max(position_mm, 0.0), self._travel_mm)
+
+    # ---- bytes --------------------------------------------------------------------------
+
+    def _take_byte(self, byte: int) -> None:
+        if byte == _SOFT_RESET:
+            self._reset()
+        elif self._reset_at_s is not None or self._critical:
+            return
+        elif byte == ord('?'):
+            if not self._homing:
+                self._report()
+        elif byte == ord('!'):
+            self._hold()
+        elif byte == ord('~'):
+            if self._planner.held and not self._canceling and not self._soft_limit_hit:
+                self._planner.resume(self._now_s)
+        elif byte == _JOG_CANCEL:
+            if self._jogging:
+                self._cancel_jog()
+        elif byte < 0x80:
+            self._take_character(byte)
+
+    @property
+    def _rx_bytes(self) -> int:
+        return self._line_bytes + sum(size for _, size in self._lines)
+
+    def _take_character(self, byte: int) -> None:
+        if self._rx_bytes >= RX_BYTES:
+            return  # a real AVR drops what does not fit, without a word
+        self._line_bytes += 1
+        if byte not in b'\r\n':
+            self._line.append(byte)
+            return
+        self._lines.append((strip_line(self._line.decode('ascii')), self._line_bytes))
+        self._line.clear()
+        self._line_bytes = 0
+        self._run_lines()
+
+    def _run_lines(self) -> None:
+        """Do the lines that have come, as long as nothing makes them wait."""
+        while self._lines and not self._waiting():
+            line, _ = self._lines.popleft()
+            try:
+                replied = self._run_line(line)
+            except GcodeError as error:
+                self._output += f'error:{error.code}\r\n'.encode()
+            else:
+                if replied:
+                    self._say_ok()
+
+    def _waiting(self) -> bool:
+        return bool(
+            self._homing
+            or self._critical
+            or self._soft_limit_hit
+            or self._canceling
+            or self._dwell_end_s is not None
+            or self._reset_at_s is not None
+            or self._planner.queued >= PLANNER_BLOCKS
+            or ('G4' in self._lines[0][0] and self._planner.queued)
+        )
+
+    def _run_line(self, line: str) -> bool:
+        """Do one line; False if its ``ok`` comes later."""
+        if not line:
+            return True
+        if len(line) > LINE_CHARACTERS:
+            raise GcodeError(11)
+        if line.startswith('$'):
+            return self._run_system(line)
+        if self._alarmed or self._jogging:
+            raise GcodeError(9)
+        command = parse_gcode(line, self._modal, self._mpos(self._planner.target))
+        if command.dwell_s is not None:
+            self._dwell_end_s = self._now_s + command.dwell_s
+            return False
+        if command.target_mm is None:
+            return True
+        if self.settings[setting.SOFT_LIMITS] and not self._within_travel(command.target_mm):
+            # Grbl stops what moves before it raises the alarm, and owes this line its ok.
+            self._soft_limit_hit = True
+            self._planner.hold(self._now_s)
+            return False
+        self._queue(command)
+        return True
+
+    def _run_system(self, line: str) -> bool:
+        moving = bool(self._planner.queued)
+        if line.startswith('$J='):
+            if self._alarmed or (moving and not self._jogging) or self._planner.held:
+                raise GcodeError(8)
+            command = parse_jog(line[3:], self._modal, self._mpos(self._planner.target))
+            if command.target_mm is None or not self._within_travel(command.target_mm):
+                raise GcodeError(15)
+            self._queue(command)
+            self._jogging = bool(self._planner.queued)
+            return True
+        if line == '$G':
+            self._output += f'{self._modal.describe()}\r\n'.encode()
+        elif line == '$X':
+            if self._alarmed:
+                self._alarmed = False
+                self._output += b'[MSG:Caution: Unlocked]\r\n'
+        elif moving:
+            raise GcodeError(8)
+        elif line == '$':
+            self._output += (
+                b'[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]\r\n'
+            )
+        elif line == '$$':
+            for number, value in self.settings.items():
+                text = setting.format_setting(number, value)
+                self._output += f'${number}={text}\r\n'.encode()
+        elif line == '$I':
+            self._output += b'[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\n'
+        elif line == '$H':
+            if not self.settings[setting.HOMING]:
+                raise GcodeError(5)
+            self._home()
+            return False
+        else:
+            setting.write_setting(self.settings, line[1:])
+        return True
+
+    # ---- motion -------------------------------------------------------------------------
+
+    def _mpos(self, carriage_mm: float) -> float:
+        return carriage_mm - self._zero_mm
+
+    def _within_travel(self, mpos_mm: float) -> bool:
+        return -self.settings[setting.TRAVEL] - 1e-9 <= mpos_mm <= 1e-9
+
+    def _queue(self, command: Command) -> None:
+        fastest = self.settings[setting.MAX_RATE]
+        feed = min(command.feed_mm_min or fastest, fastest)
+        self._planner.acceleration = self.settings[setting.ACCELERATION]
+        steps = self.settings[setting.STEPS_PER_MM]
+        target = round((command.target_mm or 0.0) * steps) / steps + self._zero_mm
+        self._planner.append(self._now_s, target, feed / 60)
+
+    def _home(self) -> None:
+        self._homing = True
+        negative = bool(int(self.settings[setting.HOMING_DIRECTION]) & 1)
+        switch = 0.0 if negative else self._travel_mm
+        clear = switch + (
+            self.settings[setting.PULL_OFF] if negative else -self.settings[setting.PULL_OFF]
+        )
+        here = self._planner.state_at(self._now_s)[0]
+        fast, slow = (self.settings[n] / 60 for n in (setting.HOMING_FAST, setting.HOMING_SLOW))
+        legs = [(switch, fast), (clear, fast), (switch, slow), (clear, slow)]
+        segments = plan_legs(self._now_s, here, legs, self.settings[setting.ACCELERATION])
+        self._planner.run(self._now_s, segments, clear)
+
+    def _hold(self) -> None:
+        if self._jogging:
+            self._cancel_jog()
+        elif self._planner.queued and not self._planner.held:
+            self._planner.hold(self._now_s)
+
+    def _cancel_jog(self) -> None:
+        if not self._canceling:
+            self._planner.hold(self._now_s)
+            self._canceling = True
+
+    def _reset(self) -> None:
+        velocity = self._planner.state_at(self._now_s)[1]
+        position = self._planner.state_at(self._now_s)[0]
+        self._planner.place(self._on_rail(position))
+        if self._reset_at_s is not None:
+            return
+        if self._homing or velocity != 0.0:
+            # The motor stops dead and loses steps: the position is not to be trusted.
+            self._raise_alarm(6 if self._homing else 3)
+            self._message_at_s = None
+            self._reset_at_s = self._now_s + RESET_DELAY_S
+            return
+        if self._critical == 2:
+            self._say_ok()
+        self._restart()
+
+    def _restart(self) -> None:
+        self._start(announce_lock=self._alarmed)
+
+    def _raise_alarm(self, code: int) -> None:
+        self._alarmed = True
+        self._output += f'ALARM:{code}\r\n'.encode()
+        if code in (1, 2):
+            self._critical = code
+            self._message_at_s = self._now_s + RESET_DELAY_S
+
+    # ---- replies ------------------------------------------------------------------------
+
+    def _say_ok(self) -> None:
+        self._output += b'ok\r\n'
+
+    def _state(self) -> str:
+        velocity = self._planner.state_at(self._now_s)[1]
+        if self._alarmed:
+            return 'Alarm'
+        if self._planner.held and not self._jogging:
+            return 'Hold:1' if velocity else 'Hold:0'
+        if self._jogging:
+            return 'Jog'
+        return 'Run' if self._planner.queued else 'Idle'
+
+    def _report(self) -> None:
+        carriage, velocity = self._planner.state_at(self._now_s)
+        steps = self.settings[setting.STEPS_PER_MM]
+        mpos_mm = round(self._mpos(carriage) * steps) / steps + 0.0
+        free = PLANNER_BLOCKS - self._planner.queued, RX_BYTES - self._rx_bytes
+        mask = int(self.settings[setting.REPORT_MASK])
+        self._output += self._reporter.encode(self._state(), mpos_mm, velocity, free, mask)

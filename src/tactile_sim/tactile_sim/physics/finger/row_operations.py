@@ -1,0 +1,268 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One step of a trial, operation by operation, on the rows of a solver's block.
+
+``z`` is the block, shape (layout.ROWS, trials); ``t`` is the trial: a number in the
+compiled solver, a slice over all trials in the NumPy one. Both run the lines below.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.mechanics import (
+    compute_balance,
+    compute_line,
+    compute_object_contact,
+    compute_rigid_contact,
+    select,
+)
+
+MAX_TURN_RAD = 0.35
+"""A step that bends the finger by more is cut into parts: it may have changed branch."""
+
+_MIDDLE_RAD, _RANGE_RAD = 0.9, 1.8
+
+
+def begin_step(z: Any, t: Any, coefficients: Any, second: float) -> None:
+    """Start from where the trial is, and guess that it goes on as in the step before.
+
+    The rate of change at the step's end is ``(q - base) * RATE``: Euler's in a fresh step,
+    else, for ``second`` 1, that of the second backward difference. The acceleration is the
+    same difference of these rates: ``q * RATE^2 - swing base``.
+    """
+    known = 1.0 - z[at.FRESH, t]
+    share = (second / 3.0) * known
+    q0, q1, q2 = z[at.MODES, t], z[at.MODES + 1, t], z[at.MODES + 2, t]
+    d0, d1, d2 = z[at.DIFFERENCES, t], z[at.DIFFERENCES + 1, t], z[at.DIFFERENCES + 2, t]
+    z[at.BASES, t], z[at.NEW_MODES, t] = q0 + share * d0, q0 + known * d0
+    z[at.BASES + 1, t], z[at.NEW_MODES + 1, t] = q1 + share * d1, q1 + known * d1
+    z[at.BASES + 2, t], z[at.NEW_MODES + 2, t] = q2 + share * d2, q2 + known * d2
+    z[at.SQUEEZED_BASE, t] = z[at.SQUEEZED, t] + share * z[at.SQUEEZED_DIFFERENCE, t]
+    z[at.RATE, t] = coefficients[at.RATE_COLUMN] * (1.0 + (0.5 * second) * known)
+    for i in range(3):
+        velocity = z[at.VELOCITIES + i, t] + share * z[at.VELOCITY_DIFFERENCES + i, t]
+        z[at.SWING_BASES + i, t] = z[at.RATE, t] * (z[at.RATE, t] * z[at.BASES + i, t] + velocity)
+
+
+def begin_creep(z: Any, t: Any, coefficients: Any, constants: Any) -> None:
+    """Moments that the creeping branch will lend, by its exact relaxation over the step."""
+    keep, early = coefficients[at.CREEP_COLUMN], coefficients[at.CREEP_COLUMN + 1]
+    k = constants.creep_stiffness
+    z[at.CREEP_MOMENTS, t] = k * (keep * z[at.CREEP, t] + early * z[at.MODES, t])
+    z[at.CREEP_MOMENTS + 1, t] = (k / 3) * (keep * z[at.CREEP + 1, t] + early * z[at.MODES + 1, t])
+    z[at.CREEP_MOMENTS + 2, t] = (k / 5) * (keep * z[at.CREEP + 2, t] + early * z[at.MODES + 2, t])
+
+
+def begin_object(z: Any, t: Any, coefficients: Any, springs: Any) -> None:
+    """Stiffness of the object over the step, and the force that its branches take from it."""
+    factor, pressed = z[at.OBJECT_FACTOR, t], z[at.PRESSED, t]
+    material, rest = springs[0], 0.0 * pressed
+    for b in range(at.MAX_BRANCHES):
+        k, column = springs[1 + b], at.BRANCH_COLUMN + 3 * b
+        keep, early, late = (
+            coefficients[column],
+            coefficients[column + 1],
+            coefficients[column + 2],
+        )
+        material = material + k * (1.0 - late)
+        rest = rest + k * (keep * z[at.BRANCHES + b, t] + early * pressed)
+    z[at.MATERIAL, t] = factor * material
+    z[at.REST, t] = factor * rest
+
+
+def locate(z: Any, t: Any, guide_m: float, constants: Any) -> None:
+    """Bend the line, and find where its tip is."""
+    line = compute_line(
+        z[at.NEW_MODES, t],
+        z[at.NEW_MODES + 1, t],
+        z[at.NEW_MODES + 2, t],
+        constants.mass,
+        constants.tip_mass,
+    )
+    z[at.REACH, t] = z[at.OFFSET, t] + z[at.SCALE, t] * guide_m + constants.length * line[1]
+    i = at.LINE
+    z[i, t], z[i + 1, t], z[i + 2, t], z[i + 3, t] = line[0], line[1], line[2], line[3]
+    z[i + 4, t], z[i + 5, t], z[i + 6, t], z[i + 7, t] = line[4], line[5], line[6], line[7]
+    z[i + 8, t], z[i + 9, t], z[i + 10, t], z[i + 11, t] = line[8], line[9], line[10], line[11]
+    z[i + 12, t], z[i + 13, t], z[i + 14, t] = line[12], line[13], line[14]
+    z[i + 15, t], z[i + 16, t], z[i + 17, t], z[i + 18, t] = line[15], line[16], line[17], line[18]
+
+
+def find_cell(
+    z: Any, t: Any, shape_m: float, origin_m: float, per_spacing: float, last: float
+) -> None:
+    """Where on the surface's grid the tip is; beyond the ends it is level."""
+    cell = (z[at.REACH, t] - shape_m - origin_m) * per_spacing
+    cell = select(cell > 0.0, cell, 0.0)
+    z[at.CELL, t] = select(cell < last, cell, last)
+
+
+def press_rigid(z: Any, t: Any, constants: Any) -> None:
+    """Press the fingertip on something rigid."""
+    indentation = constants.length * z[at.LINE, t] - z[at.CLEARANCE, t] + z[at.HEIGHT, t]
+    damper = constants.tip_damping * z[at.RATE, t]
+    z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t] = compute_rigid_contact(
+        indentation, constants.tip_stiffness + damper, damper * z[at.SQUEEZED_BASE, t]
+    )
+
+
+def press_object(z: Any, t: Any, constants: Any) -> None:
+    """Press the fingertip on something that yields."""
+    indentation = constants.length * z[at.LINE, t] - z[at.CLEARANCE, t] + z[at.HEIGHT, t]
+    damper = constants.tip_damping * z[at.RATE, t]
+    z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t], z[at.NEW_PRESSED, t] = compute_object_contact(
+        indentation,
+        z[at.REST, t],
+        z[at.MATERIAL, t],
+        constants.tip_stiffness + damper,
+        damper * z[at.SQUEEZED_BASE, t],
+        constants.inverse_softening,
+    )
+
+
+def leave_object(z: Any, t: Any) -> None:
+    """The object is not under the tip: it recovers alone."""
+    material = z[at.MATERIAL, t]
+    z[at.NEW_PRESSED, t] = z[at.REST, t] / select(material > 0.0, material, 1.0)
+
+
+def improve(
+    z: Any,
+    t: Any,
+    coefficients: Any,
+    tendon_m: float,
+    material_m: float,
+    grip: float,
+    tolerance: float,
+    constants: Any,
+) -> None:
+    """One iteration of Newton's method; a trial that has converged stays where it is."""
+    i = at.LINE
+    line = (
+        z[i, t],
+        z[i + 1, t],
+        z[i + 2, t],
+        z[i + 3, t],
+        z[i + 4, t],
+        z[i + 5, t],
+        z[i + 6, t],
+        z[i + 7, t],
+        z[i + 8, t],
+        z[i + 9, t],
+        z[i + 10, t],
+        z[i + 11, t],
+        z[i + 12, t],
+        z[i + 13, t],
+        z[i + 14, t],
+        z[i + 15, t],
+        z[i + 16, t],
+        z[i + 17, t],
+        z[i + 18, t],
+    )
+    factor, late = z[at.FINGER_FACTOR, t], coefficients[at.CREEP_COLUMN + 2]
+    friction = z[at.FRICTION, t] * (1.0 - constants.friction_loss * z[at.WEAKENED, t])
+    residual, s0, s1, s2, tension, _, tip, tendon = compute_balance(
+        line,
+        (z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t]),
+        (z[at.INCLINE, t], z[at.BEND, t]),
+        z[at.REACH, t] - material_m,
+        (z[at.NEW_MODES, t], z[at.NEW_MODES + 1, t], z[at.NEW_MODES + 2, t]),
+        (z[at.BASES, t], z[at.BASES + 1, t], z[at.BASES + 2, t]),
+        (z[at.SWING_BASES, t], z[at.SWING_BASES + 1, t], z[at.SWING_BASES + 2, t]),
+        (z[at.TIP_SLIDER, t], z[at.TENDON_SLIDER, t]),
+        (
+            z[at.CREEP_MOMENTS, t],
+            z[at.CREEP_MOMENTS + 1, t],
+            z[at.CREEP_MOMENTS + 2, t],
+            constants.creep_stiffness * (1.0 - late),
+        ),
+        (friction, factor),
+        tendon_m + z[at.TENDON_ZERO, t],
+        z[at.RATE, t],
+        grip,
+        constants,
+    )
+    z[at.NEW_TENSION, t], z[at.NEW_TIP, t], z[at.NEW_TENDON, t] = tension, tip, tendon
+    # Comparisons with NaN are false: a trial that has lost its numbers stays open.
+    go = select(residual <= tolerance, 0.0, z[at.ACTIVE, t])
+    z[at.OPEN, t] = go
+    z[at.NEW_MODES, t] = z[at.NEW_MODES, t] - go * s0
+    z[at.NEW_MODES + 1, t] = z[at.NEW_MODES + 1, t] - go * s1
+    z[at.NEW_MODES + 2, t] = z[at.NEW_MODES + 2, t] - go * s2
+
+
+def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> None:
+    """Take the step over into the state of the trials that have solved it."""
+    q0 = z[at.NEW_MODES, t]
+    turn = select(abs(q0 - z[at.MODES, t]) <= MAX_TURN_RAD, 1.0, 1.0 - grip)
+    inside = select(abs(q0 - _MIDDLE_RAD) <= _RANGE_RAD, turn, 0.0)
+    solved = (z[at.ACTIVE, t] - z[at.OPEN, t]) * inside
+    z[at.SOLVED, t] = solved
+    done = solved > 0.0
+    keep, early, late = (
+        coefficients[at.CREEP_COLUMN],
+        coefficients[at.CREEP_COLUMN + 1],
+        coefficients[at.CREEP_COLUMN + 2],
+    )
+    for i in range(3):
+        old, new = z[at.MODES + i, t], z[at.NEW_MODES + i, t]
+        relaxed = keep * z[at.CREEP + i, t] + early * old + late * new
+        z[at.CREEP + i, t] = select(done, relaxed, z[at.CREEP + i, t])
+        z[at.DIFFERENCES + i, t] = select(done, new - old, z[at.DIFFERENCES + i, t])
+        velocity = (new - z[at.BASES + i, t]) * z[at.RATE, t]
+        change = velocity - z[at.VELOCITIES + i, t]
+        z[at.VELOCITY_DIFFERENCES + i, t] = select(done, change, z[at.VELOCITY_DIFFERENCES + i, t])
+        z[at.VELOCITIES + i, t] = select(done, velocity, z[at.VELOCITIES + i, t])
+        z[at.MODES + i, t] = select(done, new, old)
+    z[at.FRESH, t] = select(done, 0.0, z[at.FRESH, t])
+    damper = constants.tip_damping * z[at.RATE, t]
+    squeezed = z[at.NEW_FORCE, t] + damper * z[at.SQUEEZED_BASE, t]
+    squeezed = squeezed / (constants.tip_stiffness + damper)
+    change = squeezed - z[at.SQUEEZED, t]
+    z[at.SQUEEZED_DIFFERENCE, t] = select(done, change, z[at.SQUEEZED_DIFFERENCE, t])
+    z[at.SQUEEZED, t] = select(done, squeezed, z[at.SQUEEZED, t])
+    # Sliding weakens friction over a distance, and time heals it.
+    slid = abs(z[at.NEW_TIP, t] - z[at.TIP_SLIDER, t]) * select(z[at.FORCE, t] > 0.0, grip, 0.0)
+    weak = z[at.WEAKENED, t] * coefficients[at.HEALING_COLUMN] + slid * constants.per_weakening
+    z[at.WEAKENED, t] = select(done, select(weak < 1.0, weak, 1.0), z[at.WEAKENED, t])
+    z[at.TIP_SLIDER, t] = select(done, z[at.NEW_TIP, t], z[at.TIP_SLIDER, t])
+    z[at.TENDON_SLIDER, t] = select(done, z[at.NEW_TENDON, t], z[at.TENDON_SLIDER, t])
+    z[at.TENSION, t] = select(done, z[at.NEW_TENSION, t], z[at.TENSION, t])
+    z[at.FORCE, t] = select(done, z[at.NEW_FORCE, t], z[at.FORCE, t])
+    felt = z[at.NEW_TENSION, t] + constants.crosstalk * z[at.NEW_FORCE, t]
+    sensed = (
+        coefficients[at.SENSOR_COLUMN] * z[at.SENSED, t]
+        + coefficients[at.SENSOR_COLUMN + 1] * z[at.SENSOR_INPUT, t]
+        + coefficients[at.SENSOR_COLUMN + 2] * felt
+    )
+    z[at.SENSED, t] = select(done, sensed, z[at.SENSED, t])
+    z[at.SENSOR_INPUT, t] = select(done, felt, z[at.SENSOR_INPUT, t])
+
+
+def end_object(z: Any, t: Any, coefficients: Any) -> None:
+    """Relax the object's branches; after `end_step`."""
+    done = z[at.SOLVED, t] > 0.0
+    old, new = z[at.PRESSED, t], z[at.NEW_PRESSED, t]
+    for b in range(at.MAX_BRANCHES):
+        column = at.BRANCH_COLUMN + 3 * b
+        relaxed = (
+            coefficients[column] * z[at.BRANCHES + b, t]
+            + coefficients[column + 1] * old
+            + coefficients[column + 2] * new
+        )
+        z[at.BRANCHES + b, t] = select(done, relaxed, z[at.BRANCHES + b, t])
+    z[at.PRESSED, t] = select(done, new, old)

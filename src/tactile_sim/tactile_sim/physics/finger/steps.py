@@ -1,0 +1,113 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Integration schemes, and the coefficients that belong to a length of step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_sim.physics.finger.layout import (
+    BRANCH_COLUMN,
+    COLUMNS,
+    CREEP_COLUMN,
+    HEALING_COLUMN,
+    MAX_BRANCHES,
+    PRESENT_INPUT,
+    RATE_COLUMN,
+    SENSOR_COLUMN,
+)
+from tactile_sim.physics.finger.relaxation import compute_relaxation
+
+FloatArray = NDArray[np.float64]
+
+MAX_HALVINGS = 10
+"""A step that finds no balance is cut into up to 2^10 parts."""
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How rates of change follow from steps: a backward difference.
+
+    Attributes
+    ----------
+    name
+        In tables.
+    order
+        Of convergence, where nothing sticks, slips or touches down within a step.
+    """
+
+    name: str
+    order: int
+
+    @property
+    def second(self) -> float:
+        """1 for the second backward difference, 0 for the first."""
+        return float(self.order - 1)
+
+
+EULER = Scheme('euler', 1)
+BDF2 = Scheme('bdf2', 2)
+"""Gear, "Numerical initial value problems in ordinary differential equations", 1971."""
+
+
+def compute_coefficients(
+    steps_s: Sequence[float],
+    creep_time_s: float,
+    branch_times_s: Sequence[float],
+    sensor_time_s: float,
+    healing_time_s: float = 1.0,
+) -> FloatArray:
+    """Coefficients of every length of step, and of its parts.
+
+    Parameters
+    ----------
+    steps_s
+        The lengths that occur [s]; infinity seeks rest.
+
+    Returns
+    -------
+    ndarray of float, shape (lengths, MAX_HALVINGS + 1, COLUMNS)
+        See `layout`.
+    """
+    table = np.zeros((len(steps_s), MAX_HALVINGS + 1, COLUMNS))
+    for index in np.ndindex(table.shape[:2]):
+        step_s, row = steps_s[index[0]] / 2 ** index[1], table[index]
+        row[RATE_COLUMN] = 1 / step_s
+        row[CREEP_COLUMN : CREEP_COLUMN + 3] = compute_relaxation(step_s, creep_time_s)
+        for branch in range(MAX_BRANCHES):
+            time_s = branch_times_s[branch] if branch < len(branch_times_s) else 1.0
+            column = BRANCH_COLUMN + 3 * branch
+            row[column : column + 3] = compute_relaxation(step_s, time_s)
+        row[SENSOR_COLUMN : SENSOR_COLUMN + 3] = compute_relaxation(step_s, sensor_time_s)
+        row[HEALING_COLUMN] = compute_relaxation(step_s, healing_time_s)[0]
+    return table
+
+
+def split_inputs(before: Any, after: Any, share: float, out: Any) -> None:
+    """Inputs at a share of a step, on a line from its start to its end.
+
+    Parameters
+    ----------
+    before, after, out : ndarray of float, shape (INPUTS,)
+    """
+    for i in range(PRESENT_INPUT):
+        # Counted from the end, so that a whole step has exactly its inputs.
+        out[i] = after[i] - (1.0 - share) * (after[i] - before[i])
+    out[PRESENT_INPUT] = after[PRESENT_INPUT]  # present or not is no motion

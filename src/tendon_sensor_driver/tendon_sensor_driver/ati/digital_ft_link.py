@@ -1,0 +1,259 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The serial line of an ATI Digital F/T: questions and answers, then the stream."""
+
+from __future__ import annotations
+
+import os
+import termios
+import time
+
+import serial
+
+from tendon_sensor_driver.ati.digital_ft_protocol import (
+    ACCEPTED,
+    ADDRESS,
+    CALIBRATION_REGISTER,
+    CALIBRATION_REGISTERS,
+    CALIBRATION_STEP,
+    decode_calibration,
+    DigitalCalibration,
+    GAINS_REGISTER,
+    GAUGE_REGISTERS,
+    JAM,
+    LOCK_DATA,
+    LOCK_STORAGE,
+    START_DATA,
+    START_STREAM,
+    STATUS_REGISTER,
+    UNLOCK_DATA,
+)
+from tendon_sensor_driver.ati.modbus import (
+    decode_frame,
+    decode_read,
+    decode_write,
+    encode_frame,
+    encode_read,
+    encode_write,
+    ModbusError,
+    MOST_REGISTERS,
+)
+from tendon_sensor_driver.errors import LinkError
+
+READ_TIMEOUT_S = 0.25
+_ANSWER_TIMEOUT_S = 0.3
+_QUIET_S = 0.05
+_TRIES = 4
+_FAILURES = (OSError, termios.error, ValueError)
+
+
+class DigitalFtLink:
+    """A Digital F/T on a serial port, from construction to `close`.
+
+    8 data bits, even parity, 1 stop bit. While it streams it answers no questions; so
+    everything begins with stopping a stream that another run may have left.
+
+    Parameters
+    ----------
+    port : str
+        Name of the device.
+    baud : int
+        Its speed: 1250000, 115200 or 19200.
+
+    Raises
+    ------
+    LinkError
+        When the port cannot be opened.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self._name = port
+        # Linux pseudo-terminals know no parity and refuse it.
+        is_pty = os.path.realpath(port).startswith('/dev/pts/')
+        try:
+            self._port = serial.Serial(
+                port,
+                baud,
+                parity=serial.PARITY_NONE if is_pty else serial.PARITY_EVEN,
+                timeout=READ_TIMEOUT_S,
+                write_timeout=1.0,
+                exclusive=True,
+            )
+            if not is_pty:
+                _check_parity(self._port)
+        except _FAILURES as error:
+            raise LinkError(
+                f'cannot open serial port {port}: {error}; check the cable, the parameter '
+                '"port" and the permission'
+            ) from error
+
+    def read(self) -> bytes:
+        """Return what has arrived, or nothing after 0.25 s without any.
+
+        Raises
+        ------
+        LinkError
+            When the port has gone.
+        """
+        try:
+            data: bytes = self._port.read(1)
+            if data:
+                data += self._port.read(self._port.in_waiting)
+        except _FAILURES as error:
+            raise LinkError(f'lost serial port {self._name}: {error}') from error
+        return data
+
+    def close(self) -> None:
+        """Stop the stream and close the port."""
+        try:
+            self._port.write(JAM)
+            self._port.close()
+        except _FAILURES:
+            pass
+
+    def stop_stream(self) -> None:
+        """Make the device listen again, whatever it does.
+
+        Raises
+        ------
+        LinkError
+            When it goes on sending, or the port has gone.
+        """
+        for _ in range(_TRIES):
+            self._write(JAM)
+            if self._is_quiet():
+                return
+        raise LinkError(
+            f'what is at {self._name} does not stop sending; is it a Digital F/T, and alone?'
+        )
+
+    def read_status(self) -> int:
+        """Return the status word.
+
+        Raises
+        ------
+        LinkError
+            When the device does not answer.
+        """
+        return self._read_registers(STATUS_REGISTER, 1)[0]
+
+    def read_calibration(self, slot: int) -> DigitalCalibration:
+        """Return the calibration in a slot, 1 to 16.
+
+        Raises
+        ------
+        LinkError
+            When the device does not answer, or the slot is empty.
+        """
+        first = CALIBRATION_REGISTER + CALIBRATION_STEP * (slot - 1)
+        values: tuple[int, ...] = ()
+        while len(values) < CALIBRATION_REGISTERS:
+            count = min(MOST_REGISTERS, CALIBRATION_REGISTERS - len(values))
+            values += self._read_registers(first + len(values), count)
+        return decode_calibration(values)
+
+    def set_gauges(self, settings: tuple[int, ...]) -> None:
+        """Make the gains and offsets of a calibration the active ones, if they are not.
+
+        Raises
+        ------
+        LinkError
+            When the device does not take them.
+        """
+        if self._read_registers(GAINS_REGISTER, GAUGE_REGISTERS) == settings:
+            return
+        self._command(LOCK_STORAGE, UNLOCK_DATA)
+        frame = self._ask(encode_write(ADDRESS, GAINS_REGISTER, settings), 8)
+        try:
+            decode_write(frame, ADDRESS, GAINS_REGISTER, len(settings))
+        except ModbusError as error:
+            raise LinkError(str(error)) from error
+        finally:
+            self._command(LOCK_STORAGE, LOCK_DATA)
+
+    def start_stream(self) -> None:
+        """Start the stream.
+
+        Raises
+        ------
+        LinkError
+            When the device does not agree.
+        """
+        self._command(START_STREAM, START_DATA)
+
+    def _command(self, function: int, data: bytes) -> None:
+        frame = self._ask(encode_frame(ADDRESS, function, data), 5)
+        try:
+            answer = decode_frame(frame, ADDRESS, function)
+        except ModbusError as error:
+            raise LinkError(str(error)) from error
+        if answer != ACCEPTED:
+            raise LinkError(f'the Digital F/T refuses function {function} with {answer.hex()}')
+
+    def _read_registers(self, first: int, count: int) -> tuple[int, ...]:
+        reason: Exception | None = None
+        for _ in range(_TRIES):
+            frame = self._ask(encode_read(ADDRESS, first, count), 5 + 2 * count)
+            try:
+                return decode_read(frame, ADDRESS, count)
+            except ModbusError as error:
+                reason = error
+                self._is_quiet()
+        raise LinkError(
+            f'no answer from a Digital F/T at {self._name}: {reason}; check power, wiring and '
+            'the parameter "baud" (1250000 as delivered)'
+        ) from reason
+
+    def _ask(self, request: bytes, size: int) -> bytes:
+        self._write(request)
+        deadline_s = time.monotonic() + _ANSWER_TIMEOUT_S
+        answer = b''
+        try:
+            while len(answer) < size and time.monotonic() < deadline_s:
+                answer += self._port.read(min(size - len(answer), max(1, self._port.in_waiting)))
+        except _FAILURES as error:
+            raise LinkError(f'lost serial port {self._name}: {error}') from error
+        return answer
+
+    def _write(self, data: bytes) -> None:
+        try:
+            self._port.write(data)
+        except _FAILURES as error:
+            raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
+
+    def _is_quiet(self) -> bool:
+        """Drop what arrives until nothing does; whether that was soon."""
+        deadline_s = time.monotonic() + 10 * _QUIET_S
+        try:
+            self._port.timeout = _QUIET_S
+            while time.monotonic() < deadline_s:
+                if not self._port.read(max(1, self._port.in_waiting)):
+                    return True
+        except _FAILURES as error:
+            raise LinkError(f'lost serial port {self._name}: {error}') from error
+        finally:
+            self._port.timeout = READ_TIMEOUT_S
+        return False
+
+
+def _check_parity(port: serial.Serial) -> None:
+    """Make the kernel look at the parity bit: a byte that is wrong is read as 0.
+
+    pyserial sends the bit and turns the check off. It sees what the 7-bit check of a record
+    cannot, the highest bit of a byte.
+    """
+    settings = termios.tcgetattr(port.fileno())
+    settings[0] = (settings[0] | termios.INPCK) & ~termios.IGNPAR
+    termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)

@@ -1,0 +1,178 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ATI Net F/T as a client sees it: open it and take the blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tendon_sensor_driver.ati.counter import CounterRestartError, SampleCounter
+from tendon_sensor_driver.ati.net_ft_links import LinkCounts, NetFtLink, open_link
+from tendon_sensor_driver.ati.net_ft_protocol import compute_rate_hz, describe_status, MOST_RECORDS
+from tendon_sensor_driver.ati.net_ft_web import BoxConfiguration, BoxWeb
+from tendon_sensor_driver.ati.sample_stream import CountedStream
+from tendon_sensor_driver.client_base import LinkClient
+from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+
+
+class NetFtClient(LinkClient[NetFtLink]):
+    """Reads one Net F/T and hands out blocks of tension and wrench until it is closed.
+
+    Opening it reads the box's configuration from its web server, sets rate, filter and
+    buffer where they differ, reads back what the box made of them, and starts the stream;
+    after every loss of the link the same is done again.
+
+    One thread reads, decodes and calls ``on_block``; while that does not return, the kernel
+    keeps what arrives, and what does not fit there is counted as lost.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    on_block : callable
+        ``on_block(block)``; called on the client's thread.
+    now_ns : callable
+        The present ROS time [ns].
+    """
+
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        on_block: Callable[[Block], None],
+        now_ns: Callable[[], int],
+    ) -> None:
+        super().__init__(config, on_block, now_ns)
+        self._web = BoxWeb(config.host, config.http_port)
+        self._stream = CountedStream(config)
+        self._box: BoxConfiguration | None = None
+        self._before = LinkCounts()  # of the links before this one
+        self._seen_rejected = 0
+
+    @property
+    def identity(self) -> str:
+        """Serial number of the box's calibration, or its product name."""
+        box = self._box
+        return '' if box is None else box.serial or box.product
+
+    @property
+    def counter(self) -> SampleCounter:
+        """What was dropped, and what was put in order."""
+        return self._stream.counter
+
+    def health(self) -> Health:
+        """Return the state of the link now."""
+        stream, counter, link = self._stream, self._stream.counter, self._link
+        counts = self._before
+        device_status = ''
+        if link is not None:
+            counts = counts.plus(link.counts)
+            is_axia = self._box is not None and self._box.is_axia
+            device_status = ', '.join(describe_status(link.status_word, is_axia=is_axia))
+        return Health(
+            is_connected=self._is_connected,
+            heard_at_ns=self._heard_at_ns,
+            bytes=counts.bytes,
+            lines=counts.datagrams,
+            readings=stream.readings,
+            rejected_lines=counts.rejected,
+            lost_samples=stream.lost_samples,
+            duplicates=counter.duplicates + counts.duplicates,
+            late_samples=counter.late + counts.late,
+            outliers=stream.outliers,
+            reconnects=self._reconnects,
+            restarts=counter.restarts,
+            status=stream.status,
+            device_status=device_status,
+            rate_hz=stream.rate_hz,
+            last_error=self._last_error,
+        )
+
+    # -- the client's thread -----------------------------------------------------------
+
+    def _connect(self) -> NetFtLink:
+        config = self._config
+        box, rate_hz = self._set_up(self._web.read_configuration())
+        link = open_link(
+            *(config.host, config.rdt_port, box, rate_hz),
+            *(config.samples_per_block, self._arrivals.now_ns),
+        )
+        self._seen_rejected = 0
+        self._box = box
+        self._stream.begin_session(box.internal_rate_hz, round(box.internal_rate_hz / rate_hz))
+        return link
+
+    def _set_up(self, box: BoxConfiguration) -> tuple[BoxConfiguration, float]:
+        """Give the box the settings that it lacks; return what it then says, and its rate."""
+        config = self._config
+        if config.rate_hz > box.internal_rate_hz:
+            raise LinkError(
+                f'the Net F/T samples at {box.internal_rate_hz:g} Hz and cannot send '
+                f'{config.rate_hz:g} Hz; set a lower "rate_hz"'
+            )
+        wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
+        # They lie in its flash memory: what is right already is not written again.
+        if not self._is_set_up(box, wanted_hz):
+            self._web.write_settings(config.rate_hz, config.low_pass_hz, config.samples_per_block)
+            box = self._web.read_configuration()
+        if not box.is_rdt_enabled:
+            raise LinkError('the Net F/T keeps RDT disabled; enable it on its communications page')
+        if box.low_pass_hz not in (config.low_pass_hz, -1):
+            raise LinkError(
+                f'the Net F/T was asked for a low pass of {config.low_pass_hz} Hz and has '
+                f'{box.low_pass_hz} Hz; set another "low_pass_hz"'
+            )
+        rate_hz = compute_rate_hz(box.rdt_rate_hz or config.rate_hz, box.internal_rate_hz)
+        if abs(rate_hz - wanted_hz) > 0.05 * wanted_hz:
+            raise LinkError(
+                f'the Net F/T was asked for {config.rate_hz:g} Hz and sends {rate_hz:.2f} Hz; '
+                'set another "rate_hz"'
+            )
+        return box, rate_hz
+
+    def _is_set_up(self, box: BoxConfiguration, wanted_hz: float) -> bool:
+        return (
+            box.is_rdt_enabled
+            and box.rdt_rate_hz > 0
+            and compute_rate_hz(box.rdt_rate_hz, box.internal_rate_hz) == wanted_hz
+            and box.low_pass_hz == self._config.low_pass_hz
+            and box.records_per_datagram == min(self._config.samples_per_block, MOST_RECORDS)
+        )
+
+    def _flush(self) -> list[Block]:
+        return self._stream.flush()
+
+    def _note_loss(self, link: NetFtLink) -> None:
+        self._before = self._before.plus(link.counts)
+
+    def _wants_pause(self, error: LinkError) -> bool:
+        # A box that was restarted is there already.
+        return not isinstance(error, CounterRestartError)
+
+    def _read(self, link: NetFtLink) -> None:
+        batch = link.read()
+        rejected = link.counts.rejected
+        if rejected != self._seen_rejected:
+            self._seen_rejected = rejected
+            self._stream.note_dropped_bytes()
+        if batch is None:
+            self._deliver(self._stream.flush())
+            return
+        step_ns = self._arrivals.take_step_ns()
+        if step_ns:
+            self._stream.note_clock_step(step_ns)
+        readings = self._stream.readings
+        self._deliver(self._stream.add(batch))
+        if self._stream.readings != readings:
+            self._note_samples()

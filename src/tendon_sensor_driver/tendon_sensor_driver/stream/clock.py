@@ -1,0 +1,278 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Device time to ROS time, by the straight line that `.clock_skew` fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+import time
+from typing import NamedTuple
+
+from tendon_sensor_driver.stream.clock_skew import LowerLine, SECOND_NS, STEP_NS
+
+_SLEW_DIVISOR = 20
+_LATE_NS = SECOND_NS // 4
+_EARLY_NS = SECOND_NS
+_WRAP_TICKS = 1 << 32
+_LEAST_STEP_NS = SECOND_NS // 10
+_QUICK_NS = SECOND_NS // 1000
+_ATTEMPTS = 3
+
+
+class ArrivalClock:
+    """The host's time, whose steps are told by the monotonic clock.
+
+    The host's clock may be set back or forward at any moment, the monotonic clock never. When
+    the difference of the two changes by more than 0.1 s from one reading to the next, the
+    host's clock was stepped. A slow change is drift, as of a simulated time.
+
+    Its methods belong to one thread.
+
+    Parameters
+    ----------
+    now_ns : callable
+        The host's time [ns].
+    """
+
+    def __init__(self, now_ns: Callable[[], int]) -> None:
+        self._now_ns = now_ns
+        self._offset_ns: int | None = None  # host's time less monotonic time
+        self._slack_ns = 0
+        self._step_ns = 0
+
+    def now_ns(self) -> int:
+        """Return the host's time; note whether it was stepped since the last call [ns]."""
+        for _ in range(_ATTEMPTS):  # other threads may run between two looks at the clocks
+            before_ns = time.monotonic_ns()
+            now_ns = self._now_ns()
+            slack_ns = time.monotonic_ns() - before_ns
+            if slack_ns <= _QUICK_NS:
+                break
+        offset_ns = now_ns - before_ns
+        if self._offset_ns is not None:
+            change_ns = offset_ns - self._offset_ns
+            if abs(change_ns) > _LEAST_STEP_NS + slack_ns + self._slack_ns:
+                self._step_ns += change_ns
+        self._offset_ns, self._slack_ns = offset_ns, slack_ns
+        return now_ns
+
+    def take_step_ns(self) -> int:
+        """Return by how much the host's clock was stepped since the last call [ns]."""
+        step_ns, self._step_ns = self._step_ns, 0
+        return step_ns
+
+
+class Instant(NamedTuple):
+    """When one sample was taken.
+
+    Attributes
+    ----------
+    device_ns
+        Device time without wraps [ns]; None when the device has no clock.
+    stamp_ns
+        ROS time [ns]; strictly increasing.
+    stamp_error_s
+        Bound on the error of the stamp [s]; negative when not known.
+    is_restart
+        Whether the device's clock started anew: ``device_ns`` does not continue.
+    is_step
+        Whether the stamp leaps because the host's clock was set.
+    """
+
+    device_ns: int | None
+    stamp_ns: int
+    stamp_error_s: float
+    is_restart: bool = False
+    is_step: bool = False
+
+
+class HostClock:
+    """Stamps for a device without a clock: the time of arrival, made strictly increasing."""
+
+    duplicates = 0
+    late_samples = 0
+    outliers = 0
+    restarts = 0
+
+    def __init__(self) -> None:
+        self._stamp_ns: int | None = None
+
+    def note_reconnection(self) -> None:
+        """Do nothing: arrival times go on as before."""
+
+    def note_step(self, step_ns: int) -> None:
+        """Follow the host's clock, which was set by this [ns]."""
+        if self._stamp_ns is not None:
+            self._stamp_ns += step_ns
+
+    def place(self, ticks: int | None, received_at_ns: int) -> Instant:
+        """Return when a sample was taken, as far as its arrival tells."""
+        stamp_ns = received_at_ns
+        if self._stamp_ns is not None:
+            stamp_ns = max(stamp_ns, self._stamp_ns + 1)
+        self._stamp_ns = stamp_ns
+        return Instant(None, stamp_ns, -1.0)
+
+
+class DeviceClock:
+    """Maps the ticks of one device to ROS time.
+
+    stamp = device time + offset. The offset follows the line under "arrival minus device
+    time" (`LowerLine`), which knows the drift, by at most 1/20 of the device time that
+    passes: two stamps differ by what the device says, within 6 %, and never go backwards.
+    A step of the host's clock that `note_step` tells moves line and stamps at once. One that
+    nobody told moves the stamps only when the line has come more than 1 s above them.
+
+    The stated error is one tick, plus what the offset still lacks of the line, plus how far
+    the line may be off; in the first five seconds it is not known. It is relative to the shortest
+    delay: the constant part of the way from the sensor to the host cannot be seen from here.
+
+    A tick counter of 32 bits may wrap. A reading with the device time of the one before is
+    a duplicate, one up to 0.25 s before it is late; both have no place. One that is further
+    back, or more than 1 s ahead of the host, is an outlier and has none either, unless the
+    next one continues it: then the device has restarted. After a reconnection one such
+    reading is enough, or one that is more than 1 s behind: nothing old survives in the port.
+
+    Parameters
+    ----------
+    tick_s : float
+        Device time of one tick [s].
+
+    Attributes
+    ----------
+    duplicates, late_samples, outliers : int
+        Readings without a place.
+    restarts : int
+        Times that the device's clock began anew.
+    """
+
+    def __init__(self, tick_s: float) -> None:
+        self._tick_s = tick_s
+        # As a fraction (0.001 is 1/1000 again), so that days of ticks stay exact.
+        tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS
+        self._numerator, self._denominator = tick_ns.numerator, tick_ns.denominator
+        self.duplicates = 0
+        self.late_samples = 0
+        self.outliers = 0
+        self.restarts = 0
+        self._line = LowerLine()
+        self._last: Instant | None = None
+        self._last_ns = 0  # device time of the last reading
+        self._wrapped_ticks = 0
+        self._offset_ns = 0  # at the last reading
+        self._outlier: tuple[int, int] | None = None  # (ticks, arrival)
+        self._is_reconnected = False
+
+    def note_reconnection(self) -> None:
+        """Expect the next reading to be fresh, and perhaps the device to have restarted."""
+        self._is_reconnected = True
+
+    def note_step(self, step_ns: int) -> None:
+        """Follow the host's clock, which was set by this before the next reading [ns]."""
+        self._line.shift(step_ns)
+        self._offset_ns += step_ns
+        if self._outlier is not None:
+            self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
+        if self._last is not None:
+            self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
+
+    def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
+        """Return when a sample was taken, or None when its time fits nowhere.
+
+        Parameters
+        ----------
+        ticks : int
+            Device time of the sample.
+        received_at_ns : int
+            Host time of its arrival [ns].
+        """
+        if ticks is None:
+            raise ValueError('a device clock needs readings with device time')
+        if self._last is None:
+            return self._begin(ticks, received_at_ns, is_restart=False)
+        expected_ns = received_at_ns - self._line.at(self._last_ns)
+        device_ns = self._to_ns(ticks + self._wrapped_ticks)
+        if device_ns < self._last_ns:
+            after_wrap_ns = self._to_ns(ticks + self._wrapped_ticks + _WRAP_TICKS)
+            if self._last_ns < after_wrap_ns <= expected_ns + _EARLY_NS:
+                self._wrapped_ticks += _WRAP_TICKS
+                device_ns = after_wrap_ns
+        fits = self._last_ns < device_ns <= expected_ns + _EARLY_NS
+        if self._is_reconnected and not (fits and expected_ns - device_ns <= STEP_NS):
+            return self._begin(ticks, received_at_ns, is_restart=True)
+        if fits:
+            return self._continue(device_ns, received_at_ns)
+        if self._last_ns - _LATE_NS < device_ns <= self._last_ns:
+            if device_ns == self._last_ns:
+                self.duplicates += 1
+            else:
+                self.late_samples += 1
+            return None
+        if self._continues_outlier(ticks, received_at_ns):
+            return self._begin(ticks, received_at_ns, is_restart=True)
+        self._outlier = (ticks, received_at_ns)
+        self.outliers += 1
+        return None
+
+    def _to_ns(self, ticks: int) -> int:
+        return ticks * self._numerator // self._denominator
+
+    def _continues_outlier(self, ticks: int, received_at_ns: int) -> bool:
+        if self._outlier is None:
+            return False
+        outlier_ticks, outlier_at_ns = self._outlier
+        elapsed_ns = self._to_ns(ticks - outlier_ticks)
+        return 0 < elapsed_ns <= received_at_ns - outlier_at_ns + _EARLY_NS
+
+    def _begin(self, ticks: int, received_at_ns: int, *, is_restart: bool) -> Instant:
+        device_ns = self._to_ns(ticks)
+        self._wrapped_ticks = 0
+        self.restarts += is_restart
+        self._line.restart(device_ns, received_at_ns - device_ns)
+        self._offset_ns = received_at_ns - device_ns
+        if self._last is not None:
+            self._offset_ns = max(self._offset_ns, self._last.stamp_ns + 1 - device_ns)
+        return self._stamp(device_ns, is_restart=is_restart)
+
+    def _continue(self, device_ns: int, received_at_ns: int) -> Instant:
+        self._line.add(device_ns, received_at_ns - device_ns)
+        away_ns = self._get_away(self._line.at(self._last_ns))
+        left_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
+        offset_ns = self._line.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
+        is_step = offset_ns - self._offset_ns > STEP_NS
+        self._offset_ns = offset_ns
+        return self._stamp(device_ns, is_restart=False, is_step=is_step)
+
+    def _get_away(self, line_ns: int) -> int:
+        """Return how far the offset is above the line [ns]; nothing when it is to step."""
+        away_ns = self._offset_ns - line_ns
+        return away_ns if away_ns >= -STEP_NS else 0
+
+    def _stamp(self, device_ns: int, *, is_restart: bool, is_step: bool = False) -> Instant:
+        stamp_ns = device_ns + self._offset_ns
+        if self._last is not None:
+            stamp_ns = max(stamp_ns, self._last.stamp_ns + 1)  # ticks of single nanoseconds
+        self._last_ns = device_ns
+        self._outlier = None
+        self._is_reconnected = False
+        self._last = Instant(device_ns, stamp_ns, self._compute_error(), is_restart, is_step)
+        return self._last
+
+    def _compute_error(self) -> float:
+        if self._line.scatter_ns < 0:
+            return -1.0
+        lack_ns = abs(self._offset_ns - self._line.at(self._last_ns))
+        return self._tick_s + (self._line.scatter_ns + lack_ns) / 1e9

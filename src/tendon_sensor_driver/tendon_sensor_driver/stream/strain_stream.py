@@ -1,0 +1,171 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Samples in, blocks out: clock, status and numbering of one sensor, without IO."""
+
+from __future__ import annotations
+
+import math
+
+from tendon_sensor_driver.records import Block, Reading, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.stream.calibration import Calibration
+from tendon_sensor_driver.stream.clock import DeviceClock, HostClock
+from tendon_sensor_driver.stream.sequencer import Sequencer
+
+_FEWEST_EQUAL = 10
+
+
+class SampleStream:
+    """Turns the samples of one sensor, in newtons, into blocks.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    clock : DeviceClock or HostClock
+        What gives the samples their time.
+    period_ns : int
+        Time between two samples, as the device truly takes them [ns].
+    status : StrainStatus
+        What holds for every sample, such as HOST_TIME.
+    """
+
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        clock: DeviceClock | HostClock,
+        period_ns: int,
+        status: StrainStatus = StrainStatus.OK,
+    ) -> None:
+        self._clock = clock
+        self._sequencer = Sequencer(period_ns, config.samples_per_block)
+        self._always = status
+        self._saturation_n = config.saturation_n or math.inf
+        self._most_equal = (
+            max(_FEWEST_EQUAL, math.ceil(config.stuck_s * 1e9 / period_ns))
+            if config.stuck_s
+            else math.inf
+        )
+        self._equal = 0  # samples, the newest one too
+        self._last_n = math.nan
+        self._event = StrainStatus.OK
+        self.status = status
+
+    @property
+    def lost_samples(self) -> int:
+        return self._sequencer.lost_samples
+
+    @property
+    def duplicates(self) -> int:
+        return self._clock.duplicates
+
+    @property
+    def late_samples(self) -> int:
+        return self._clock.late_samples
+
+    @property
+    def outliers(self) -> int:
+        return self._clock.outliers
+
+    @property
+    def restarts(self) -> int:
+        return self._clock.restarts
+
+    def add_sample(
+        self,
+        device_ticks: int | None,
+        received_at_ns: int,
+        tension_n: float,
+        status: StrainStatus = StrainStatus.OK,
+        wrench: list[float] | None = None,
+    ) -> list[Block]:
+        """Take one sample; return the blocks that it completes.
+
+        Parameters
+        ----------
+        device_ticks : int or None
+            Device time of the sample; None for a `HostClock`.
+        received_at_ns : int
+            Host time of its arrival [ns].
+        tension_n : float
+            Tension [N].
+        status : StrainStatus
+            What the device says about it.
+        wrench : list of 6 floats, optional
+            Of a six-axis sensor [N, N m].
+        """
+        outliers = self._clock.outliers
+        instant = self._clock.place(device_ticks, received_at_ns)
+        if instant is None:
+            if self._clock.outliers > outliers:  # a sample was dropped after all
+                self._event |= StrainStatus.RESYNCHRONISED
+            return []
+        status |= self._always
+        if abs(tension_n) >= self._saturation_n:
+            status |= StrainStatus.SATURATED
+        self._equal = self._equal + 1 if tension_n == self._last_n else 1
+        self._last_n = tension_n
+        if self._equal > self._most_equal:
+            status |= StrainStatus.STUCK
+        event = self._take_event()
+        if instant.is_restart:
+            event |= StrainStatus.RECONNECTED | StrainStatus.RESTARTED
+        if instant.is_step:
+            event |= StrainStatus.CLOCK_STEP
+        self.status = status
+        return self._sequencer.add(instant, tension_n, status, event, wrench)
+
+    def note_dropped_bytes(self) -> None:
+        """Say that part of the stream is missing, or was no sample, before the next one."""
+        self._event |= StrainStatus.RESYNCHRONISED
+
+    def note_reconnection(self) -> None:
+        """Say that the link was lost and came back before the next sample."""
+        self._clock.note_reconnection()
+        self._event |= StrainStatus.RECONNECTED
+
+    def note_clock_step(self, step_ns: int) -> None:
+        """Say that the host's clock was set by this before the next sample [ns]."""
+        self._clock.note_step(step_ns)
+        self._event |= StrainStatus.CLOCK_STEP
+
+    def flush(self) -> list[Block]:
+        """Return the unfinished block, if there is one."""
+        return self._sequencer.flush()
+
+    def _take_event(self) -> StrainStatus:
+        event, self._event = self._event, StrainStatus.OK
+        return event
+
+
+class StrainStream(SampleStream):
+    """Turns the readings of a load-cell line into blocks of tension.
+
+    Parameters
+    ----------
+    config : TendonSensorConfig
+    """
+
+    def __init__(self, config: TendonSensorConfig) -> None:
+        self._calibration = Calibration(config.unit, config.scale)
+        if config.time_column < 0:
+            super().__init__(config, HostClock(), config.period_ns, StrainStatus.HOST_TIME)
+        else:
+            super().__init__(config, DeviceClock(config.tick_s), config.period_ns)
+
+    def add(self, reading: Reading) -> list[Block]:
+        """Take one reading; return the blocks that it completes."""
+        if reading.resynchronised:
+            self.note_dropped_bytes()
+        tension_n = self._calibration.to_newtons(reading.value)
+        return self.add_sample(reading.device_ticks, reading.received_at_ns, tension_n)
