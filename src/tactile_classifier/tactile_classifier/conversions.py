@@ -52,6 +52,7 @@ def classification_to_msg(result: ClassificationResult) -> Any:
         running=result.running,
         decided=result.decided,
         error_rate=result.error_rate,
+        recalibration_trials=result.recalibration_trials,
         window_start=to_time(result.window_start_ns),
         window_end=to_time(result.window_end_ns),
     )
@@ -96,6 +97,7 @@ def classification_from_msg(message: Any) -> ClassificationResult:
         running=bool(message.running),
         decided=bool(message.decided),
         error_rate=float(message.error_rate),
+        recalibration_trials=int(message.recalibration_trials),
     )
 
 

@@ -81,6 +81,8 @@ class ClassificationResult:
         An answer on the first part of a window, and whether the stopping rule holds.
     error_rate : float
         Share of wrong answers that the stopping rule allows [1]; negative: no rule.
+    recalibration_trials : int
+        Known trials of the session that the model was recalibrated with [1]; 0: none.
     window_start_ns, window_end_ns : int
         Times of the window's first and last sample (ROS time) [ns].
     """
@@ -105,6 +107,7 @@ class ClassificationResult:
     running: bool = False
     decided: bool = True
     error_rate: float = -1.0
+    recalibration_trials: int = 0
 
 
 def _parameter(default: Any, description: str, **metadata: Any) -> Any:
@@ -135,6 +138,13 @@ class ClassifierConfig:
         '',
         'classify windows of this contact only; empty: of any',
         choices=('', *CONTACTS),
+    )
+    recalibration_trials: int = _parameter(
+        0,
+        'recalibrate the model with the first so many trials of each session whose object_label '
+        'is stated and known to it; 0: do not, otherwise 5 or more',
+        unit='1',
+        range=(0, 1000),
     )
     vision_messages: bool = _parameter(
         False,

@@ -22,7 +22,8 @@ from typing import Any
 from tactile_classifier.conversions import classification_to_msg
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.records import ClassifierConfig
+from tactile_classifier.model_file.live_recalibration import LiveRecalibration
+from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_classifier.vision import vision_class, vision_from_msg
 from tactile_features.conversions import feature_window_from_msg, feature_window_from_record
 from tactile_features.records import FeatureWindow
@@ -45,7 +46,9 @@ class TactileClassifierNode(DataNode):
 
     With the parameter ``vision_messages`` answers go to ``~/vision_classification``, too.
 
-    Configuring loads the model; one that does not fit the parameters is refused.
+    Configuring loads the model; one that does not fit the parameters is refused. With the
+    parameter ``recalibration_trials`` the first known trials of each session correct its
+    answers, not its file.
 
     Attributes
     ----------
@@ -73,6 +76,7 @@ class TactileClassifierNode(DataNode):
         self.refused_count = 0
         self.running_count = 0
         self._mismatch = ''
+        self._recalibrated_with = 0
         self._publisher: Any = None
         self._running_publisher: Any = None
         self._vision_publisher: Any = None
@@ -82,6 +86,7 @@ class TactileClassifierNode(DataNode):
 
     def set_up(self, config: ClassifierConfig) -> None:
         model = self.model = load_fitting_model(config)
+        recalibration = LiveRecalibration(model, config.recalibration_trials)
         self._publisher = self._add_publisher('~/classification')
         if config.vision_messages:
             self._vision_publisher = self.publish_records(
@@ -90,10 +95,10 @@ class TactileClassifierNode(DataNode):
                 lambda result: vision_from_msg(classification_to_msg(result)),
                 RESULTS,
             )
-        self._subscribe('tactile_features/features', self._on_features, model)
+        self._subscribe('tactile_features/features', self._on_features, recalibration)
         if model.running_samples:
             self._running_publisher = self._add_publisher('~/running')
-            self._subscribe('tactile_features/running_features', self._on_running, model)
+            self._subscribe('tactile_features/running_features', self._on_running, recalibration)
             counts = ', '.join(map(str, model.running_samples))
             self.get_logger().info(
                 f'{model.model_id} answers running windows: the parameter running_samples of the '
@@ -114,14 +119,14 @@ class TactileClassifierNode(DataNode):
     def _subscribe(
         self,
         topic: str,
-        callback: Callable[[TactileModel, FeatureWindow], None],
-        model: TactileModel,
+        callback: Callable[[LiveRecalibration, FeatureWindow], None],
+        recalibration: LiveRecalibration,
     ) -> None:
         self._inputs.append(
             self.subscribe_records(
                 TactileFeatures,
                 topic,
-                lambda window: callback(model, window),
+                lambda window: callback(recalibration, window),
                 from_message=feature_window_from_msg,
                 from_record=feature_window_from_record,
                 profile=RESULTS,
@@ -139,7 +144,8 @@ class TactileClassifierNode(DataNode):
                 publisher.close()
         self._publisher = self._running_publisher = self._vision_publisher = None
 
-    def _on_features(self, model: TactileModel, window: FeatureWindow) -> None:
+    def _on_features(self, recalibration: LiveRecalibration, window: FeatureWindow) -> None:
+        model = recalibration.model
         if not self.is_active:
             return
         self.seen_count += 1
@@ -147,19 +153,21 @@ class TactileClassifierNode(DataNode):
             self.ignored_count += 1
             return
         self._note_mismatch(model.describe_mismatch(window))
-        result = model.classify(window)
+        result = recalibration.classify(window)
+        self._note_recalibration(result, window)
         self._publisher.publish(result)
         if self._vision_publisher is not None:
             self._vision_publisher.publish(result)
         self.published_count += 1
 
-    def _on_running(self, model: TactileModel, window: FeatureWindow) -> None:
+    def _on_running(self, recalibration: LiveRecalibration, window: FeatureWindow) -> None:
+        model = recalibration.model
         if not self.is_active:
             return
         if not model.accepts(window) or not self.config.takes_contact(window.contact):
             return
         self._note_mismatch(model.describe_mismatch(window))
-        result = model.classify(window)
+        result = recalibration.classify(window)
         self._running_publisher.publish(result)
         self.running_count += 1
         trial = (result.trial_id, result.window_start_ns)
@@ -170,6 +178,16 @@ class TactileClassifierNode(DataNode):
                 f'{result.label} after {seconds:.2f} s of the window, '
                 f'probability {max(result.scores):.3f} (trial {result.trial_id})'
             )
+
+    def _note_recalibration(self, result: ClassificationResult, window: FeatureWindow) -> None:
+        if result.recalibration_trials != self._recalibrated_with:
+            self._recalibrated_with = result.recalibration_trials
+            what = (
+                f'recalibrated with {result.recalibration_trials} known trials'
+                if result.recalibration_trials
+                else 'as trained, until there are known trials'
+            )
+            self.get_logger().info(f'session "{window.session_id}": {result.model_id} {what}')
 
     def _note_mismatch(self, reason: str) -> None:
         """Count a window of another specification; tell it at once and then now and then."""
@@ -188,6 +206,7 @@ class TactileClassifierNode(DataNode):
                 'windows for others': self.ignored_count,
                 'windows of another specification': self.refused_count,
                 'running answers': self.running_count,
+                'recalibrated with trials': self._recalibrated_with,
                 'active': self.is_active,
             },
         )

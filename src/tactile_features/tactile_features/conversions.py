@@ -164,6 +164,8 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
         ),
         specification_digest=str(msg.specification_digest),
         stamp_error_s=float(msg.stamp_error_s),
+        session_id=str(msg.session_id),
+        object_label=str(msg.object_label),
     )
 
 
@@ -209,6 +211,8 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
         ],
         specification_digest=window.specification_digest,
         stamp_error_s=window.stamp_error_s,
+        session_id=window.session_id,
+        object_label=window.object_label,
     )
 
 

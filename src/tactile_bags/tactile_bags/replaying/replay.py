@@ -24,12 +24,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from tactile_bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.live_recalibration import LiveRecalibration
 from tactile_classifier.names import parse_classifier_name
 from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_features.config import FeatureConfig
@@ -156,6 +158,7 @@ def replay_through_core(
     models: Mapping[str, TactileModel],
     config: FeatureConfig,
     namespace: str = '',
+    recalibration_trials: Mapping[str, int] = MappingProxyType({}),
 ) -> TactileResults:
     """Return features and classifications of a recording, without any node.
 
@@ -167,9 +170,15 @@ def replay_through_core(
     config : FeatureConfig
     namespace : str
         Namespace of the finger.
+    recalibration_trials : mapping of str to int
+        Parameter of that name by classifier node, see `recorded_recalibration`; 0 where not given.
     """
     for model in models.values():
         model.expect(spec_for(model.task, config))
+    recalibrations = {
+        name: LiveRecalibration(model, recalibration_trials.get(name, 0))
+        for name, model in models.items()
+    }
     replayed = replay_phases(bag, config, namespace)
     results = TactileResults(replayed.windows)
     for window, at_ns in zip(replayed.windows, replayed.completed_at_ns, strict=True):
@@ -178,10 +187,22 @@ def replay_through_core(
             task, contact = parse_classifier_name(name)
             takes_contact = ClassifierConfig(task=task, contact=contact).takes_contact
             if model.accepts(window) and takes_contact(window.contact):
-                answer = model.classify(window)
+                answer = recalibrations[name].classify(window)
                 results.classifications.append(answer)
                 results.made_at_ns[id(answer)] = at_ns
     return results.sort()
+
+
+def recorded_recalibration(
+    recorded: TactileResults, models: Mapping[str, TactileModel]
+) -> dict[str, int]:
+    """Return the known trials that each classifier node waited for, by its answers; 0: none."""
+    found = dict.fromkeys(models, 0)
+    for answer in recorded.classifications:
+        for name, model in models.items():
+            if answer.model_id == model.model_id:
+                found[name] = max(found[name], answer.recalibration_trials)
+    return found
 
 
 def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:

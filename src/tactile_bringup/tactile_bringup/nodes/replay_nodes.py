@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 import time
+from types import MappingProxyType
 from typing import Any
 
 from rclpy.context import Context
@@ -61,6 +62,7 @@ def replay_through_nodes(
     *,
     expected: TactileResults,
     namespace: str = '',
+    recalibration_trials: Mapping[str, int] = MappingProxyType({}),
 ) -> TactileResults:
     """Send a recording's strain and events to fresh nodes and collect what they publish.
 
@@ -79,6 +81,8 @@ def replay_through_nodes(
         How many windows and classifications to wait for.
     namespace : str
         Namespace of the finger in the recording.
+    recalibration_trials : mapping of str to int
+        Parameter of that name by classifier node; 0 where not given.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def replay_through_nodes(
     player = Node('bag_player', context=context, namespace=namespace)
     try:
         executor.add_node(player)
-        for description in _replay_graph(models, config):
+        for description in _replay_graph(models, config, recalibration_trials):
             node = create_node(description, context, namespace, quiet=True)
             nodes.append(node)
             if not node.bring_up():
@@ -156,9 +160,14 @@ def replay_through_nodes(
     return results.sort()
 
 
-def _replay_graph(models: Mapping[str, str], config: FeatureConfig) -> list[NodeDescription]:
+def _replay_graph(
+    models: Mapping[str, str], config: FeatureConfig, recalibration_trials: Mapping[str, int]
+) -> list[NodeDescription]:
     """Return the sensing graph without the sensor: the bag takes its place."""
-    graph = sensing_graph('', models, {'tactile_features': asdict(config)})
+    parameters: dict[str, dict[str, Any]] = {'tactile_features': asdict(config)}
+    for name, trials in recalibration_trials.items():
+        parameters[name] = {'recalibration_trials': trials}
+    graph = sensing_graph('', models, parameters)
     return [node for node in graph if node.name != 'tendon_sensor']
 
 

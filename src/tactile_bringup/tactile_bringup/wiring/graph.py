@@ -32,6 +32,7 @@ from tactile_classifier.names import parse_classifier_name
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.slip import SlipConfig
+from tactile_ros.errors import TactileError
 
 FEATURES_NODE = 'tactile_features'
 """Name of the node that computes features."""
@@ -136,6 +137,23 @@ def sensing_graph(
             )
         )
     return [_placed(node, parameters, namespace) for node in nodes]
+
+
+def recalibration_parameters(
+    trials: str | int, models: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters of classifiers that so many known trials of a session correct.
+
+    Raises
+    ------
+    TactileError
+        When ``trials`` is no number.
+    """
+    try:
+        count = int(trials)
+    except ValueError:
+        raise TactileError(f'recalibrate is "{trials}"; it must be a number of trials') from None
+    return {name: {'recalibration_trials': count} for name in models} if count else {}
 
 
 def slip_node(

@@ -78,6 +78,12 @@ MODEL = LaunchArgument(
     'model file, or folder of them as "tactile train" writes it, which also says which features '
     'are computed; empty: no classifier',
 )
+RECALIBRATE = LaunchArgument(
+    'recalibrate',
+    'known trials (trial events with session_id and object_label) at the start of each session '
+    'that correct the models for it; 0: none, otherwise 5 or more',
+    '0',
+)
 PHASES = LaunchArgument(
     'phases',
     'who says when a glide or a hold begins and ends: stated by trial events on '
@@ -131,13 +137,13 @@ def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...
         'object', f'the {beneath} under the finger of the simulated rig', example
     )
     ports = (GUIDE_PORT, TENDON_PORT, SENSOR_PORT)
-    return (RIG, *ports, CONTACT, MODEL, simulated_object, *_SHARED)
+    return (RIG, *ports, CONTACT, MODEL, RECALIBRATE, simulated_object, *_SHARED)
 
 
 LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
     'texture': _protocol_arguments('plate', 'R1'),
     'stiffness': _protocol_arguments('object', 'rubber_shell'),
-    'sense': (RIG, SENSOR_PORT, MODEL, PHASES, DETECTED_CONTACT, SLIP, *_SHARED),
+    'sense': (RIG, SENSOR_PORT, MODEL, RECALIBRATE, PHASES, DETECTED_CONTACT, SLIP, *_SHARED),
     'hand': (
         RIG,
         LaunchArgument(
@@ -152,6 +158,7 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
             'arguments say',
         ),
         dataclasses.replace(MODEL, description=f'{MODEL.description}. hand_file wins'),
+        RECALIBRATE,
         dataclasses.replace(PHASES, description=f'{PHASES.description}. hand_file wins'),
         DETECTED_CONTACT,
         dataclasses.replace(SLIP, description=f'{SLIP.description}. hand_file wins'),

@@ -37,6 +37,7 @@ from tactile_bringup.wiring.graph import (
     NodeDescription,
     PLAYER,
     Ports,
+    recalibration_parameters,
     recorder_node,
     rig_graph,
     RIG_NODES,
@@ -167,7 +168,10 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
     model = _path(values['model'])
     models = choose_models(model, protocol, values['contact']) if model else {}
     namespace = values['namespace']
-    parameters = _read(values, (*RIG_NODES, *models), namespace)
+    parameters = _merged(
+        recalibration_parameters(values['recalibrate'], models),
+        _read(values, (*RIG_NODES, *models), namespace),
+    )
     nodes = rig_graph(
         ports, models, parameters, simulated=simulated, watched=True, namespace=namespace
     )
@@ -240,6 +244,7 @@ def _finger_nodes(
     # What only this finger's description says wins over the file for all of them.
     parameters = _merged(
         {FEATURES_NODE: _found_phases(phases, values['contact'], simulated)},
+        recalibration_parameters(values['recalibrate'], models),
         _read(values, names, namespace),
         finger.parameters,
     )

@@ -18,11 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 import hashlib
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +29,7 @@ import numpy.typing as npt
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.manifest import Manifest, WHOLE
 from tactile_classifier.model_file.onnx_container import check_seal, open_container
+from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.model_file.specification import describe_mismatch
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_features.records import FeatureWindow
@@ -40,10 +40,6 @@ __all__ = ['ClassificationResult', 'TactileModel', 'read_manifest']
 
 MAX_MODEL_BYTES = 64 * 2**20
 """Larger files are not read [byte]."""
-
-MAX_INFERENCE_BYTES = 256 * 2**20
-"""Most that the models of a process take together while they answer [byte]: a graph of a
-few bytes can ask for any amount."""
 
 ROWS_AT_ONCE = 64
 BYTES_AT_ONCE = 16 * 2**20
@@ -70,6 +66,24 @@ class Answers(NamedTuple):
     answer: npt.NDArray[np.int64]
     scores: npt.NDArray[np.float64]
     novelty: npt.NDArray[np.float64]
+
+
+class Correction(NamedTuple):
+    """What known trials of a session say of its features.
+
+    Attributes
+    ----------
+    offset : ndarray of shape (k,)
+        Taken off the features, in their units.
+    novelty_threshold : float
+        In place of the model's.
+    trials : int
+        Known trials behind it.
+    """
+
+    offset: npt.NDArray[np.float64]
+    novelty_threshold: float
+    trials: int
 
 
 def read_manifest(path: str | Path) -> Manifest:
@@ -120,7 +134,7 @@ class TactileModel:
         self._parts = {part.sample_count: part for part in self.manifest.parts}
         self._offsets = _read_offsets(self.manifest)
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
-        self._session = _open_session(data)
+        self._session = open_session(data)
         self._check_graph()
 
     @classmethod
@@ -213,29 +227,42 @@ class TactileModel:
             return False
         return window.feature_set == self.spec.feature_set and len(contacts) < 2
 
-    def classify(self, window: FeatureWindow) -> ClassificationResult:
+    def classify(
+        self, window: FeatureWindow, correction: Correction | None = None
+    ) -> ClassificationResult:
         """Return what the model says of one window, or why it says nothing.
 
         A window whose novelty is above the model's threshold is unknown. A running window is
         decided when it is known and its answer's probability reaches the stopping rule's.
+
+        Parameters
+        ----------
+        window : FeatureWindow
+        correction : Correction, optional
+            Of the window's session; without it, the model is used as its file is.
         """
         part = self._parts[window.sample_count if window.running else 0]
         outcome, label, reason = Outcome.NO_FEATURES, '', self._why_not(window)
         scores: tuple[float, ...] = ()
         novelty = -1.0
         decided = False
+        values, novelty_threshold = window.values, part.novelty_threshold
+        if correction is not None:
+            novelty_threshold = correction.novelty_threshold
         if not reason:
-            found = self.compute(window.values[np.newaxis], part.sample_count)
+            if correction is not None:
+                values = values - correction.offset
+            found = self.compute(values[np.newaxis], part.sample_count)
             scores = tuple(found.scores[0].tolist())
             novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
             if not all(map(math.isfinite, (*scores, novelty))):
                 scores, novelty = (), -1.0
                 reason = 'the model gives no finite scores for these features'
-            elif novelty > part.novelty_threshold >= 0.0:
+            elif novelty > novelty_threshold >= 0.0:
                 outcome = Outcome.UNKNOWN
                 reason = (
                     f'unlike all that the model was trained on: novelty {novelty:.3g}, '
-                    f'the threshold is {part.novelty_threshold:.3g}'
+                    f'the threshold is {novelty_threshold:.3g}'
                 )
             else:
                 outcome, label = Outcome.LABEL, self.labels[int(found.answer[0])]
@@ -253,7 +280,7 @@ class TactileModel:
             scores=scores,
             score_kind=self.manifest.score_kind,
             novelty=novelty,
-            novelty_threshold=part.novelty_threshold,
+            novelty_threshold=novelty_threshold,
             window_start_ns=window.window_start_ns,
             window_end_ns=window.window_end_ns,
             frame_id=window.frame_id,
@@ -261,6 +288,7 @@ class TactileModel:
             running=window.running,
             decided=decided if window.running else True,
             error_rate=self.manifest.stop_error_rate if window.running else -1.0,
+            recalibration_trials=0 if correction is None else correction.trials,
         )
 
     def _why_not(self, window: FeatureWindow) -> str:
@@ -349,36 +377,3 @@ def _refusals_of(path: str | Path) -> Iterator[None]:
         raise ModelFileError(f'cannot read model {path}: {error.strerror}') from error
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is refused: {error}') from error
-
-
-@lru_cache(maxsize=1)
-def _limit_memory() -> None:
-    """Give all models of this process one arena of `MAX_INFERENCE_BYTES`."""
-    import onnxruntime
-
-    kind = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
-    memory = onnxruntime.OrtMemoryInfo('Cpu', kind, 0, onnxruntime.OrtMemType.DEFAULT)
-    default = -1  # of onnxruntime: how it grows, and in which steps
-    limits = onnxruntime.OrtArenaCfg(MAX_INFERENCE_BYTES, default, default, default)
-    onnxruntime.create_and_register_allocator(memory, limits)
-
-
-def _open_session(data: bytes) -> Any:
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1  # one row: a thread pool costs more than it brings
-    options.inter_op_num_threads = 1
-    options.log_severity_level = 4  # what goes wrong comes as an exception
-    _limit_memory()
-    options.add_session_config_entry('session.use_env_allocators', '1')
-    try:
-        return onnxruntime.InferenceSession(
-            data,
-            options,
-            providers=['CPUExecutionProvider'],
-            # It computes what is constant while loading, in memory that nobody limits.
-            disabled_optimizers=['ConstantFolding'],
-        )
-    except Exception as error:
-        raise ModelFileError(f'onnxruntime cannot load its graph: {error}') from error

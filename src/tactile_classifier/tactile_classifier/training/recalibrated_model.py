@@ -18,22 +18,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import dataclasses
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from tactile_classifier.confidence.recalibration import SessionStatistics
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.live_recalibration import (
+    correct,
+    read_statistics,
+    RECALIBRATED,
+)
 from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.model_file.onnx_container import replace_manifest
 from tactile_classifier.training.model_writer import replace_file
-
-STATISTICS, RECALIBRATED = 'session_statistics', 'recalibrated'
 
 
 def write_recalibrated(
@@ -70,33 +70,21 @@ def write_recalibrated(
 def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Manifest:
     """Return the manifest of the recalibrated model. See `write_recalibrated`."""
     manifest = model.manifest
-    if RECALIBRATED in manifest.calibration:
-        raise ModelFileError(
-            f'model {model.model_id} is recalibrated: take the model that it came from, '
-            f'{manifest.calibration[RECALIBRATED].get("model_id")}'
-        )
-    if STATISTICS not in manifest.calibration:
-        raise ModelFileError(
-            f'model {model.model_id} states nothing of sessions: train it on two sessions or more'
-        )
-    entries = manifest.calibration[STATISTICS]
-    if not isinstance(entries, list) or len(entries) != len(manifest.parts):
-        raise ModelFileError('its statistics of sessions are not one entry a part')
+    statistics = read_statistics(model)
     table = tables[0]
     unknown = np.setdiff1d(table.labels, model.labels)
     if len(unknown):
         raise ModelFileError(f'model {model.model_id} does not know the label "{unknown[0]}"')
     offsets, parts = [], []
-    for part, entry in zip(manifest.parts, entries, strict=True):
+    for part in manifest.parts:
         known = tables[part.sample_count]
         model.check_fits(known.spec)
-        statistics = SessionStatistics.from_dict(
-            entry, len(model.labels), len(manifest.spec.names)
-        )
-        offset, threshold = statistics.recalibrate(
+        offset, threshold = correct(
+            model,
+            statistics[part.sample_count],
+            part.sample_count,
             known.values,
             np.searchsorted(model.labels, known.labels),
-            partial(_compute_novelty, model, part.sample_count),
         )
         offsets.append(offset.tolist())
         parts.append(dataclasses.replace(part, novelty_threshold=threshold))
@@ -110,9 +98,3 @@ def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Mani
     }
     calibration = {**manifest.calibration, RECALIBRATED: stated}
     return dataclasses.replace(manifest, parts=tuple(parts), calibration=calibration)
-
-
-def _compute_novelty(
-    model: TactileModel, sample_count: int, values: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    return model.compute(values, sample_count).novelty

@@ -35,7 +35,7 @@ from tactile_classifier.confidence.calibration import (
     deal,
 )
 from tactile_classifier.confidence.novelty import NoveltyMeasure
-from tactile_classifier.confidence.recalibration import SessionStatistics
+from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.stopping import fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
@@ -220,7 +220,7 @@ def _calibrate(
         'session_share': dealt.session_share,
     }
     statistics = [
-        SessionStatistics.fit(table, dealt, part.novelty.metric, false_alarm_rate)
+        fit_session_statistics(table, dealt, part.novelty.metric, false_alarm_rate)
         for table, part in zip(tables, parts, strict=True)
     ]
     if all(statistics):

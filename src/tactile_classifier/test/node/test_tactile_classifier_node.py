@@ -24,6 +24,7 @@ from rclpy.parameter import Parameter
 from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.live_recalibration import LiveRecalibration
 from tactile_classifier.records import ClassifierConfig, Outcome
 from tactile_classifier.tactile_classifier_node import load_fitting_model, TactileClassifierNode
 from tactile_classifier.training.model_writer import write_model
@@ -212,3 +213,28 @@ def test_wrong_model_refuses_to_configure_and_says_why(make_graph, model_path, c
 def test_model_that_does_not_fit_the_parameters(model_path, changes, sentence):
     with pytest.raises(ModelFileError, match=sentence):
         load_fitting_model(ClassifierConfig(**{'model': str(model_path), **changes}))
+
+
+def test_known_trials_recalibrate_the_answers_of_a_session(make_graph, model_path, make_window):
+    graph = make_graph(model=str(model_path), contact='flexion', recalibration_trials=5)
+    assert graph.node.bring_up()
+    graph.connect()
+    live = LiveRecalibration(TactileModel.load(model_path), 5)
+    labels = 12 * ['plate 0'] + 12 * ['plate 1'] + 12 * ['plate 2']
+    windows = [
+        make_window(trial, session_id=session, object_label=labels[trial])
+        for session in ('monday', 'tuesday')
+        for trial in (0, 12, 24, 3, 15, 27, 6)
+    ]
+    for window in windows:
+        graph.features.publish(feature_window_to_msg(window))
+    graph.spin_until(lambda: len(graph.answers) == len(windows), 'the answers')
+    answers = [classification_from_msg(message) for message in graph.answers]
+    assert answers == [live.classify(window) for window in windows]
+    assert [answer.recalibration_trials for answer in answers] == 2 * [0, 0, 0, 0, 0, 5, 5]
+
+
+def test_a_node_refuses_too_few_known_trials_and_says_so(make_graph, model_path, capfd):
+    graph = make_graph(model=str(model_path), recalibration_trials=3)
+    assert not graph.node.bring_up()
+    assert 'recalibration_trials is 3; it must be 0 or at least 5' in capfd.readouterr().err

@@ -22,8 +22,9 @@ import onnx
 from onnx import helper, TensorProto
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.inference import MAX_INFERENCE_BYTES, SCORES, TactileModel
+from tactile_classifier.model_file.inference import SCORES, TactileModel
 from tactile_classifier.model_file.onnx_container import open_container, seal
+from tactile_classifier.model_file.onnx_session import MAX_INFERENCE_BYTES
 
 
 def with_ballast(path, doubles):

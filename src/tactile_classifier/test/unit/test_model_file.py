@@ -170,7 +170,7 @@ def test_truncated_file_is_refused_at_any_length(model_path):
 
 def test_flipped_bits_never_reach_the_runtime(model_path, monkeypatch):
     data = model_path.read_bytes()
-    monkeypatch.setattr(inference, '_open_session', lambda data: pytest.fail('reached'))
+    monkeypatch.setattr(inference, 'open_session', lambda data: pytest.fail('reached'))
     rng = np.random.default_rng(0)
     for at in rng.integers(0, len(data), 100):
         damaged = bytearray(data)
@@ -212,7 +212,7 @@ def test_large_file_is_refused_unread(tmp_path, read):
 
 def test_the_manifest_alone_is_read_without_a_runtime(model_path, monkeypatch, tmp_path):
     whole = TactileModel.load(model_path)
-    monkeypatch.setattr(inference, '_open_session', lambda data: pytest.fail('a session'))
+    monkeypatch.setattr(inference, 'open_session', lambda data: pytest.fail('a session'))
     assert read_manifest(model_path) == whole.manifest
     changed = tmp_path / 'm.onnx'
     changed.write_bytes(model_path.read_bytes().replace(b'plate 0', b'plate 9'))

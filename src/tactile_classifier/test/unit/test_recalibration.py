@@ -19,7 +19,8 @@ import pytest
 
 from tactile_classifier.confidence.calibration import deal
 from tactile_classifier.confidence.novelty import NoveltyMeasure
-from tactile_classifier.confidence.recalibration import SessionStatistics, TRIALS
+from tactile_classifier.confidence.recalibration import fit_session_statistics
+from tactile_classifier.confidence.session_statistics import SessionStatistics, TRIALS
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError, TooFewTrialsError
 from tactile_classifier.model_file.inference import TactileModel
@@ -44,7 +45,7 @@ def draw_sessions(count, seed, each=10, shift=3.0):
 
 def fit(table, rate=0.1):
     dealt = deal(table)
-    return SessionStatistics.fit(table, dealt, 'whitened', rate), NoveltyMeasure.fit(
+    return fit_session_statistics(table, dealt, 'whitened', rate), NoveltyMeasure.fit(
         table.values, table.labels, dealt.fold, 'whitened'
     )
 
@@ -105,7 +106,7 @@ def test_constant_features_and_large_offsets_give_finite_numbers():
 
 def test_no_sessions_no_statistics_and_too_few_trials_are_told():
     table = draw_sessions(1, 5)
-    assert SessionStatistics.fit(table, deal(table), 'whitened', 0.1) is None
+    assert fit_session_statistics(table, deal(table), 'whitened', 0.1) is None
     statistics, measure = fit(draw_sessions(3, 6))
     with pytest.raises(TooFewTrialsError, match='4 known trials cannot recalibrate'):
         statistics.recalibrate(table.values[:4], np.zeros(4, dtype=int), measure.compute)

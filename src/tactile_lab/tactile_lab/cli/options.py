@@ -146,6 +146,18 @@ DetectedContactOption = Annotated[
 ]
 
 
+RecalibrateOption = Annotated[
+    int,
+    typer.Option(
+        '--recalibrate',
+        metavar='TRIALS',
+        min=0,
+        max=1000,
+        help='Correct the models by the first so many trials of each session that name their '
+        'object; 0: do not, otherwise 5 or more.',
+    ),
+]
+
 SlipOption = Annotated[
     bool,
     typer.Option(

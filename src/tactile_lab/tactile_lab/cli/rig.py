@@ -36,6 +36,7 @@ from tactile_lab.cli.options import (
     Phases,
     PhasesOption,
     Protocol,
+    RecalibrateOption,
     RecordOption,
     refusals,
     SeedOption,
@@ -134,6 +135,7 @@ def trials(
 
 def rig(
     models: ModelsOption = None,
+    recalibrate: RecalibrateOption = 0,
     guide: GuideOption = '',
     tendon: TendonOption = '',
     sensor: SensorOption = '',
@@ -159,6 +161,7 @@ def rig(
                 params=params,
                 namespace=namespace,
                 record=record,
+                recalibrate=recalibrate,
             )
         )
 
@@ -166,6 +169,7 @@ def rig(
 def sense(
     sensor: SensorOption = '',
     model: ModelOption = None,
+    recalibrate: RecalibrateOption = 0,
     phases: PhasesOption = Phases.stated,
     contact: DetectedContactOption = DetectedContact.unknown,
     slip: SlipOption = False,
@@ -188,7 +192,7 @@ def sense(
             {
                 'sensor_port': sensor,
                 **_sensing_values(
-                    model, phases, contact, slip, simulated, params, namespace, record
+                    model, recalibrate, phases, contact, slip, simulated, params, namespace, record
                 ),
             },
         )
@@ -205,6 +209,7 @@ def hand(
         ),
     ] = None,
     model: ModelOption = None,
+    recalibrate: RecalibrateOption = 0,
     phases: PhasesOption = Phases.stated,
     contact: DetectedContactOption = DetectedContact.unknown,
     slip: SlipOption = False,
@@ -228,7 +233,7 @@ def hand(
                 'fingers': fingers,
                 'hand_file': str(hand_file or ''),
                 **_sensing_values(
-                    model, phases, contact, slip, simulated, params, namespace, record
+                    model, recalibrate, phases, contact, slip, simulated, params, namespace, record
                 ),
             },
         )
@@ -236,6 +241,7 @@ def hand(
 
 def _sensing_values(
     model: Path | None,
+    recalibrate: int,
     phases: Phases,
     contact: DetectedContact,
     slip: bool,
@@ -246,6 +252,7 @@ def _sensing_values(
 ) -> dict[str, str]:
     return {
         'model': str(model or ''),
+        'recalibrate': str(recalibrate),
         'phases': phases.value,
         'contact': contact.value,
         'slip': 'true' if slip else 'false',

@@ -29,6 +29,7 @@ from tactile_bags.replaying.comparison import compare, compare_with_recorded, Co
 from tactile_bags.replaying.replay import (
     load_models,
     recorded_config,
+    recorded_recalibration,
     recorded_results,
     replay_through_core,
     TactileResults,
@@ -133,16 +134,17 @@ def replay_and_compare(
         for namespace in bag.namespaces:
             recorded = recorded_results(bag, namespace)
             _check_has_features(bag, recorded)
+            known = recorded_recalibration(recorded, models)
             comparisons: dict[str, Comparison] = {}
             count = 0
             while count < times and all(c.is_equal for c in comparisons.values()):
                 count += 1
-                core = replay_through_core(bag, models, config, namespace)
+                core = replay_through_core(bag, models, config, namespace, known)
                 comparisons['recorded and plain core'] = compare_with_recorded(
                     recorded, core, bag.end_ns
                 )
                 if through_nodes:
-                    nodes = _replay_in_own_domain(bag, paths, config, core, namespace)
+                    nodes = _replay_in_own_domain(bag, paths, config, core, namespace, known)
                     names = ('the core', 'the nodes')
                     comparisons['plain core and nodes'] = compare(core, nodes, names)
             of_finger = tuple(audit for audit in audits if audit.finger == namespace)
@@ -156,10 +158,17 @@ def _replay_in_own_domain(
     config: FeatureConfig,
     core: TactileResults,
     namespace: str,
+    known: Mapping[str, int],
 ) -> TactileResults:
     with domain_id() as domain, ros_context(int(domain)) as context:
         return replay_through_nodes(
-            bag, paths, config, context, expected=core, namespace=namespace
+            bag,
+            paths,
+            config,
+            context,
+            expected=core,
+            namespace=namespace,
+            recalibration_trials=known,
         )
 
 

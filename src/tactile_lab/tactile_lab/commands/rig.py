@@ -28,6 +28,7 @@ from tactile_bringup.wiring.graph import (
     feature_parameters_of,
     NodeDescription,
     Ports,
+    recalibration_parameters,
     recorder_node,
     rig_graph,
     RIG_NODES,
@@ -60,6 +61,7 @@ class RigRequest:
     params: Path | None
     namespace: str
     record: Path | None
+    recalibrate: int = 0
 
 
 def run_rig(request: RigRequest) -> None:
@@ -74,6 +76,8 @@ def run_rig(request: RigRequest) -> None:
         return
     models = find_models(request.models) if request.models else {}
     parameters = read_rig_parameters(request.params, request.models, request.namespace)
+    for name, known in recalibration_parameters(request.recalibrate, models).items():
+        parameters[name] = {**known, **parameters.get(name, {})}
     simulated = request.ports.simulated
     with ExitStack() as stack:
         ports, _ = open_ports(request.ports, stack)

@@ -27,13 +27,10 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import FOLDS
 from tactile_classifier.estimators.classifiers import default_scaling, RANDOM_STATE
 from tactile_classifier.evaluation.cross_validation import Evaluation
+from tactile_classifier.model_file.live_recalibration import RECALIBRATED, STATISTICS
 from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.training.model_writer import TactileModel, write_model
-from tactile_classifier.training.recalibrated_model import (
-    RECALIBRATED,
-    STATISTICS,
-    write_recalibrated,
-)
+from tactile_classifier.training.recalibrated_model import write_recalibrated
 from tactile_classifier.training.trainer import train
 from tactile_features.feature_sets import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE

@@ -354,3 +354,27 @@ def test_what_does_not_fit_is_refused_with_a_sentence(name, values, sentence, tm
 def test_a_finger_that_is_not_in_the_recording_is_refused(stiffness_bag, tmp_path):
     with pytest.raises(TactileError, match='no finger thumb, only the root'):
         plan_launch('replay', {'bag': str(stiffness_bag), 'namespace': 'thumb'}, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ('name', 'values'),
+    [
+        ('stiffness', {'rig': 'simulated'}),
+        ('sense', {'sensor_port': 'p'}),
+        ('hand', {'fingers': 'index'}),
+    ],
+)
+def test_known_trials_recalibrate_every_classifier(
+    name, values, trained, parameter_file, tmp_path
+):
+    def plan(**more):
+        nodes = plan_launch(name, {'model': str(trained), **values, **more}, tmp_path).nodes
+        (node,) = (node for node in nodes if node.name == 'stiffness_flexion_classifier')
+        return node.parameters
+
+    assert 'recalibration_trials' not in plan()
+    assert plan(recalibrate='5')['recalibration_trials'] == 5
+    own = parameter_file('/**: {ros__parameters: {recalibration_trials: 9}}')
+    assert plan(recalibrate='5', params_file=own)['recalibration_trials'] == 9
+    with pytest.raises(TactileError, match='recalibrate is "some"; it must be a number of trials'):
+        plan(recalibrate='some')

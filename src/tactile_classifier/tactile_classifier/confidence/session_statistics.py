@@ -1,0 +1,122 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a few known trials of a session say of it: offset of its features, threshold of novelty.
+
+Free of scikit-learn: the classifier node takes it, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.errors import ModelFileError, TooFewTrialsError
+
+TRIALS = 5
+"""Known trials of a new session that are needed, and that training draws for a trial run."""
+
+TINY = 1e-12
+"""So that a trial of novelty 0, a copy of a training trial, has a logarithm."""
+
+Matrix = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SessionStatistics:
+    """What sessions do to features and novelty, and how far known trials mend it.
+
+    Attributes
+    ----------
+    means : ndarray of shape (labels, k)
+        Mean features of each label over the training, in the order of the labels.
+    share : ndarray of shape (k,)
+        Part of the mean deviation of `TRIALS` known trials from their labels' means that is taken
+        for the session's: its variance over that plus the variance of the mean (empirical
+        Bayes, one factor a feature) [1].
+    weight : float
+        Of the known trials' mean log novelty in the threshold, by least squares [1].
+    centre : float
+        Mean of that in training sessions.
+    log_threshold : float
+        Logarithm of the threshold where the known trials lie at ``centre``.
+    """
+
+    means: Matrix
+    share: Matrix
+    weight: float
+    centre: float
+    log_threshold: float
+
+    def recalibrate(
+        self, values: Matrix, label: Indices, compute_novelty: Callable[[Matrix], Matrix]
+    ) -> tuple[Matrix, float]:
+        """Return the session's offset of the features, and its novelty threshold.
+
+        Parameters
+        ----------
+        values : ndarray of shape (trials, k)
+            Of known trials of the session.
+        label : ndarray of int, shape (trials,)
+            Position of each label among the model's.
+        compute_novelty : callable
+            The model's novelty of features.
+
+        Raises
+        ------
+        TooFewTrialsError
+            When there are fewer than `TRIALS`.
+        """
+        if len(values) < TRIALS:
+            raise TooFewTrialsError(
+                f'{len(values)} known trials cannot recalibrate a model; {TRIALS} are needed'
+            )
+        offset = self.share * (values - self.means[label]).mean(axis=0)
+        known = float(np.log(compute_novelty(values - offset) + TINY).mean())
+        return offset, math.exp(self.log_threshold + self.weight * (known - self.centre))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the statistics as what JSON can hold, without loss."""
+        return {
+            'means': self.means.tolist(),
+            'share': self.share.tolist(),
+            'weight': self.weight,
+            'centre': self.centre,
+            'log_threshold': self.log_threshold,
+        }
+
+    @classmethod
+    def from_dict(cls, entry: Mapping[str, Any], labels: int, features: int) -> SessionStatistics:
+        """Return what `to_dict` gave.
+
+        Raises
+        ------
+        ModelFileError
+            When a number is missing or not finite, or a shape does not fit.
+        """
+        try:
+            means, share = (np.array(entry[name], dtype=np.float64) for name in ('means', 'share'))
+            rest = [float(entry[name]) for name in ('weight', 'centre', 'log_threshold')]
+        except (KeyError, TypeError, ValueError) as error:
+            raise ModelFileError(f'its statistics of sessions are damaged: {error}') from error
+        fits = means.shape == (labels, features) and share.shape == (features,)
+        if not fits or not all(np.isfinite(item).all() for item in (means, share, rest)):
+            raise ModelFileError('its statistics of sessions do not fit its labels and features')
+        return cls(means, share, *rest)

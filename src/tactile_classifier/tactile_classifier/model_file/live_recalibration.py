@@ -1,0 +1,169 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A model that the first known trials of each session correct, while they come."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.confidence.session_statistics import SessionStatistics, TRIALS
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.inference import Correction, TactileModel
+from tactile_classifier.records import ClassificationResult
+from tactile_features.records import FeatureWindow
+from tactile_features.records import Outcome as FeatureOutcome
+
+STATISTICS, RECALIBRATED = 'session_statistics', 'recalibrated'
+"""Entries of a manifest's ``calibration``."""
+
+Matrix = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass
+class _Session:
+    """Known trials of one session so far, and what they led to."""
+
+    session_id: str
+    values: list[Matrix] = dataclasses.field(default_factory=list)
+    labels: list[int] = dataclasses.field(default_factory=list)
+    correction: Correction | None = None
+
+
+class LiveRecalibration:
+    """Answers with a model, recalibrated by the first known trials of each session.
+
+    A trial is known when its window states an ``object_label`` that the model knows. It is
+    answered first, and counts for the windows after it. Once there are enough, the correction
+    stays until a window states another ``session_id``. The answers are those of the file that
+    `recalibrate` would write for the same trials, to the last bit.
+
+    Whole windows and each length of running windows count by themselves, because they arrive
+    on topics of their own. So the answers depend on the order of each topic alone, and a replay
+    repeats them. The model and its file stay as they are.
+
+    Parameters
+    ----------
+    model : TactileModel
+    trials : int
+        Known trials to wait for, `TRIALS` or more; 0: answer with the model as it is.
+
+    Raises
+    ------
+    ModelFileError
+        When the model cannot be recalibrated, or ``trials`` are too few.
+    """
+
+    def __init__(self, model: TactileModel, trials: int) -> None:
+        if 0 < trials < TRIALS:
+            raise ModelFileError(
+                f'recalibration_trials is {trials}; it must be 0 or at least {TRIALS}'
+            )
+        self.model = model
+        self._trials = trials
+        self._statistics = read_statistics(model) if trials else {}
+        self._sessions: dict[int, _Session] = {}
+
+    def classify(self, window: FeatureWindow) -> ClassificationResult:
+        """Return the answer on a window that the model accepts, and learn from it."""
+        if not self._trials:
+            return self.model.classify(window)
+        part = window.sample_count if window.running else 0
+        session = self._sessions.get(part)
+        if session is None or session.session_id != window.session_id:
+            session = self._sessions[part] = _Session(window.session_id)
+        answer = self.model.classify(window, session.correction)
+        if session.correction is None and self._is_known(window):
+            session.values.append(window.values)
+            session.labels.append(self.model.labels.index(window.object_label))
+            if len(session.values) == self._trials:
+                session.correction = self._correct(part, session)
+        return answer
+
+    def _is_known(self, window: FeatureWindow) -> bool:
+        return (
+            window.object_label in self.model.labels
+            and window.outcome == FeatureOutcome.OK
+            and not self.model.describe_mismatch(window)
+            and bool(np.isfinite(window.values).all())
+        )
+
+    def _correct(self, part: int, session: _Session) -> Correction:
+        offset, threshold = correct(
+            self.model, self._statistics[part], part, np.array(session.values), session.labels
+        )
+        return Correction(offset, threshold, len(session.values))
+
+
+def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
+    """Return what a model's file states of sessions, by samples of its parts.
+
+    Raises
+    ------
+    ModelFileError
+        When it was recalibrated already, states nothing, or is damaged.
+    """
+    manifest = model.manifest
+    if RECALIBRATED in manifest.calibration:
+        raise ModelFileError(
+            f'model {model.model_id} is recalibrated: take the model that it came from, '
+            f'{manifest.calibration[RECALIBRATED].get("model_id")}'
+        )
+    if STATISTICS not in manifest.calibration:
+        raise ModelFileError(
+            f'model {model.model_id} states nothing of sessions: train it on two sessions or more'
+        )
+    entries = manifest.calibration[STATISTICS]
+    if not isinstance(entries, list) or len(entries) != len(manifest.parts):
+        raise ModelFileError('its statistics of sessions are not one entry a part')
+    return {
+        part.sample_count: SessionStatistics.from_dict(
+            entry, len(model.labels), len(manifest.spec.names)
+        )
+        for part, entry in zip(manifest.parts, entries, strict=True)
+    }
+
+
+def correct(
+    model: TactileModel,
+    statistics: SessionStatistics,
+    sample_count: int,
+    values: Matrix,
+    label: npt.ArrayLike,
+) -> tuple[Matrix, float]:
+    """Return `SessionStatistics.recalibrate` of known trials by the novelty of the model.
+
+    Parameters
+    ----------
+    model : TactileModel
+    statistics : SessionStatistics
+        Of the part with ``sample_count`` samples; 0: whole windows.
+    sample_count : int
+    values : ndarray of shape (trials, k)
+    label : array_like of int, shape (trials,)
+        Position of each trial's label among the model's.
+    """
+    return statistics.recalibrate(
+        values,
+        np.asarray(label, dtype=np.intp),
+        partial(_compute_novelty, model, sample_count),
+    )
+
+
+def _compute_novelty(model: TactileModel, sample_count: int, values: Matrix) -> Matrix:
+    return model.compute(values, sample_count).novelty

@@ -1,0 +1,107 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Models that known trials correct while they run: recorded and replayed, bit for bit."""
+
+from collections import Counter
+
+import pytest
+from rclpy.serialization import serialize_message
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bags import (
+    classification_topic,
+    FEATURES_TOPIC,
+    TactileBag,
+)
+from tactile_bags.bag_writer import BagWriter
+from tactile_bags.recorded_topics import RecordedTopic
+from tactile_bags.replaying.replay import load_models, recorded_config, replay_through_core
+from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.wiring.model_folder import find_models, model_path
+from tactile_classifier.conversions import classification_to_msg
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+from tactile_features.conversions import feature_window_to_msg
+from tactile_lab.commands.replay import replay_and_compare
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+
+NODE = 'stiffness_flexion_classifier'
+TRIALS = 6
+
+
+def simulate(folder, **plan):
+    plan = SimulationPlan('stiffness', 'flexion', **plan)
+    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+
+@pytest.fixture(scope='module')
+def models(tmp_path_factory):
+    bag = simulate(tmp_path_factory.mktemp('training'), trials_per_label=4, seed=3, sessions=4)
+    folder = tmp_path_factory.mktemp('models')
+    for key, table in read_tables([bag]).tables.items():
+        write_model(model_path(folder, *key), train(table, 'knn'))
+    return folder
+
+
+def record_answers(source, path, results):
+    """Write a copy of a bag with what nodes made of it, as a recorder beside them does."""
+    with TactileBag(source) as bag, BagWriter(path, bag.facts) as writer:
+        for name, (type_name, _) in bag.topics.items():
+            writer.add_topic(RecordedTopic(name.strip('/'), type_name))
+        for message in bag.messages():
+            writer.write_raw(message.topic, message.received_at_ns, message.data)
+        features, answers = map(writer.add_topic, (FEATURES_TOPIC, classification_topic(NODE)))
+        for window in results.windows:
+            data = serialize_message(feature_window_to_msg(window))
+            writer.write_raw(features, window.window_end_ns, data)
+        for answer in results.classifications:
+            data = serialize_message(classification_to_msg(answer))
+            writer.write_raw(answers, answer.window_end_ns, data)
+    return path
+
+
+def test_known_trials_correct_the_nodes_and_the_replay_alike(models, tmp_path, context):
+    paths = find_models(models)
+    before = (models / 'stiffness_flexion.onnx').read_bytes()
+    source = simulate(tmp_path, trials_per_label=2, seed=11, sessions=2)
+    with TactileBag(source) as bag:
+        config = recorded_config(bag)
+        core = replay_through_core(
+            bag, load_models(paths), config, recalibration_trials={NODE: TRIALS}
+        )
+        nodes = replay_through_nodes(
+            bag, paths, config, context, expected=core, recalibration_trials={NODE: TRIALS}
+        )
+    # Each of the two sessions begins with the model as trained.
+    counts = [answer.recalibration_trials for answer in nodes.classifications]
+    assert counts == 2 * (TRIALS * [0] + 4 * [TRIALS])
+    thresholds = Counter(answer.novelty_threshold for answer in nodes.classifications)
+    assert sorted(thresholds.values()) == [4, 4, 2 * TRIALS]
+    (report,) = replay_and_compare(
+        record_answers(source, tmp_path / 'live', nodes), models, through_nodes=True
+    )
+    assert report.is_equal, report.comparisons
+    assert all(c.classification_count == 20 for c in report.comparisons.values())
+    assert (models / 'stiffness_flexion.onnx').read_bytes() == before
+    with TactileBag(source) as bag:  # else there was nothing to repeat
+        untouched = replay_through_core(bag, load_models(paths), config)
+    pairs = zip(untouched.classifications, nodes.classifications, strict=True)
+    changed = [one.novelty != other.novelty for one, other in pairs]
+    assert changed == 2 * (TRIALS * [False] + 4 * [True])
