@@ -14,8 +14,46 @@
 
 """Any fingers of a hand that moves itself: ``ros2 launch tactile_bringup hand.launch.py``."""
 
-from tactile_bringup.wiring.launching import launch_description
+from launch import LaunchDescription
+from launch.actions import OpaqueFunction
+from launch_ros.actions import Node
+
+from tactile_bringup.wiring.launching import declare_arguments, Planned
+
+
+def start(context):
+    # The plan says how often each node is started, and with which name, namespace, parameters.
+    plan = Planned('hand', context)
+    return plan.start(
+        [
+            # tension from the load cell: strain
+            *[
+                Node(package='tendon_sensor_driver', executable='tendon_sensor_node', **options)
+                for options in plan.options('tendon_sensor_node')
+            ],
+            # windows to feature vectors
+            *[
+                Node(package='tactile_features', executable='tactile_features_node', **options)
+                for options in plan.options('tactile_features_node')
+            ],
+            # a classifier for each model
+            *[
+                Node(package='tactile_classifier', executable='tactile_classifier_node', **options)
+                for options in plan.options('tactile_classifier_node')
+            ],
+            # with slip:=true
+            *[
+                Node(package='tactile_features', executable='slip_detector_node', **options)
+                for options in plan.options('slip_detector_node')
+            ],
+            # with record:=FOLDER
+            *[
+                Node(package='tactile_bags', executable='bag_recorder_node', **options)
+                for options in plan.options('bag_recorder_node')
+            ],
+        ]
+    )
 
 
 def generate_launch_description():
-    return launch_description('hand')
+    return LaunchDescription([*declare_arguments('hand'), OpaqueFunction(function=start)])

@@ -12,25 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A launch plan as launch actions; the launch files are thin wrappers of this.
+"""A launch plan as launch actions: names and parameters for the nodes of the launch files.
 
 Imports ``launch``, which comes with an ordinary ROS 2 and not from PyPI.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 import shutil
 import tempfile
 from typing import Any
 
-from launch import LaunchContext, LaunchDescription
+from launch import LaunchContext
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
     ExecuteProcess,
-    OpaqueFunction,
     RegisterEventHandler,
     TimerAction,
 )
@@ -66,15 +65,15 @@ AFTER_END_S = 2.0
 """For what is still being computed when the node has ended that ends all."""
 
 
-def launch_description(name: str) -> LaunchDescription:
-    """Return what a launch file starts.
+def declare_arguments(name: str) -> list[DeclareLaunchArgument]:
+    """Return the arguments of a launch file, from `launch_arguments`.
 
     Parameters
     ----------
     name : str
         Name of the launch file, without ``.launch.py``.
     """
-    arguments = [
+    return [
         DeclareLaunchArgument(
             argument.name,
             default_value=argument.default,
@@ -83,36 +82,64 @@ def launch_description(name: str) -> LaunchDescription:
         )
         for argument in LAUNCH_FILES[name]
     ]
-    return LaunchDescription([*arguments, OpaqueFunction(function=_start, args=[name])])
 
 
-def _start(context: LaunchContext, name: str) -> list[Any]:
-    values = {
-        argument.name: str(LaunchConfiguration(argument.name).perform(context))
-        for argument in LAUNCH_FILES[name]
-    }
-    scratch = Path(tempfile.mkdtemp(prefix='tactile_launch_'))
-    try:
-        plan = plan_launch(name, values, scratch)
-    except Exception:
-        scratch.rmdir()
-        raise
-    nodes = {node.path: _node(node, values) for node in plan.nodes}
-    ending = []
-    if plan.ends_with:
+class Planned:
+    """What a launch file starts with the values of its arguments.
+
+    Parameters
+    ----------
+    name : str
+        Name of the launch file, without ``.launch.py``.
+
+    Raises
+    ------
+    TactileError
+        When an argument does not fit, or a file that one names is not there.
+    """
+
+    def __init__(self, name: str, context: LaunchContext) -> None:
+        self._values = {
+            argument.name: str(LaunchConfiguration(argument.name).perform(context))
+            for argument in LAUNCH_FILES[name]
+        }
+        self._scratch = Path(tempfile.mkdtemp(prefix='tactile_launch_'))
+        try:
+            self._plan = plan_launch(name, self._values, self._scratch)
+        except Exception:
+            self._scratch.rmdir()
+            raise
+
+    def options(self, executable: str) -> list[dict[str, Any]]:
+        """Return the arguments of ``Node`` for each node of an executable that is wanted."""
+        return [
+            _options(node, self._values)
+            for node in self._plan.nodes
+            if node.executable == executable
+        ]
+
+    def start(self, nodes: Sequence[Node]) -> list[Any]:
+        """Return the launch actions: simulated rigs first, then the nodes, then the end of all."""
+        return [
+            RegisterEventHandler(
+                OnShutdown(on_shutdown=lambda *_: shutil.rmtree(self._scratch, ignore_errors=True))
+            ),
+            *self._endings(nodes),
+            *_after_rigs(self._plan, list(nodes)),
+        ]
+
+    def _endings(self, nodes: Sequence[Node]) -> list[Any]:
+        if not self._plan.ends_with:
+            return []
         ends = TimerAction(
             period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the end was reached'))]
         )
-        ending = [
-            RegisterEventHandler(OnProcessExit(target_action=nodes[plan.ends_with], on_exit=ends))
+        described = [node for node in self._plan.nodes if node.path == self._plan.ends_with]
+        return [
+            RegisterEventHandler(OnProcessExit(target_action=node, on_exit=ends))
+            for node in nodes
+            if node.node_executable == described[0].executable
         ]
-    return [
-        RegisterEventHandler(
-            OnShutdown(on_shutdown=lambda *_: shutil.rmtree(scratch, ignore_errors=True))
-        ),
-        *ending,
-        *_after_rigs(plan, list(nodes.values())),
-    ]
 
 
 def _after_rigs(plan: LaunchPlan, nodes: list[Node]) -> list[Any]:
@@ -152,13 +179,11 @@ def _rig(rig: RigDescription) -> ExecuteProcess:
     )
 
 
-def _node(description: NodeDescription, values: Mapping[str, str]) -> Node:
-    return Node(
-        package=description.package,
-        executable=description.executable,
-        name=description.name,
-        namespace=description.namespace,
-        parameters=[
+def _options(description: NodeDescription, values: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        'name': description.name,
+        'namespace': description.namespace,
+        'parameters': [
             # With its type: launch would read {...} or on in a text as YAML.
             {
                 key: ParameterValue(value, value_type=_type_of(value))
@@ -166,14 +191,14 @@ def _node(description: NodeDescription, values: Mapping[str, str]) -> Node:
                 if not isinstance(value, (tuple, list)) or len(value)
             }
         ],
-        arguments=['--ros-args', '--log-level', values['log_level']],
-        output='screen',
-        sigterm_timeout=ENDS_WITHIN_S,
-        respawn=values['respawn'] == 'true' and description.name not in NOT_RESPAWNED,
-        respawn_delay=(
+        'arguments': ['--ros-args', '--log-level', values['log_level']],
+        'output': 'screen',
+        'sigterm_timeout': ENDS_WITHIN_S,
+        'respawn': values['respawn'] == 'true' and description.name not in NOT_RESPAWNED,
+        'respawn_delay': (
             TENDON_RESPAWN_DELAY_S if description.name == 'tendon_actuator' else RESPAWN_DELAY_S
         ),
-    )
+    }
 
 
 def _type_of(value: Any) -> Any:

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+import ast
 import dataclasses
 import json
 from pathlib import Path
@@ -51,13 +52,41 @@ def parameter_file(tmp_path):
 # -- the table of arguments --------------------------------------------------------------
 
 
-def test_each_launch_file_has_its_arguments_and_no_logic():
-    files = {path.name.removesuffix('.launch.py'): path for path in LAUNCH_FOLDER.glob('*.py')}
-    assert set(files) == set(LAUNCH_FILES)
-    for name, path in files.items():
-        code = [line for line in path.read_text().splitlines() if line and line[0] != '#']
-        assert f"return launch_description('{name}')" in code[-1]
-        assert len(code) == 4, f'{path} does more than name its plan'
+def launched(path):
+    """Return package and executable of each ``Node(...)`` in a launch file."""
+    calls = [
+        {word.arg: word.value.value for word in call.keywords if word.arg}
+        for call in ast.walk(ast.parse(path.read_text()))
+        if isinstance(call, ast.Call) and getattr(call.func, 'id', '') == 'Node'
+    ]
+    return {(call['package'], call['executable']) for call in calls}
+
+
+def test_each_launch_file_has_its_arguments():
+    assert {p.name.removesuffix('.launch.py') for p in LAUNCH_FOLDER.glob('*.py')} == set(
+        LAUNCH_FILES
+    )
+
+
+@pytest.mark.parametrize('name', LAUNCH_FILES)
+def test_a_launch_file_shows_every_node_that_its_plan_starts(
+    name, trained, stiffness_bag, tmp_path
+):
+    given = {'model': str(trained), 'record': str(tmp_path / 'recording')}
+    if name == 'replay':
+        given['bag'] = str(stiffness_bag)
+    else:
+        given['rig'] = 'simulated'
+        given |= {'hand': {'fingers': 'a,b', 'slip': 'true'}, 'sense': {'slip': 'true'}}.get(
+            name, {}
+        )
+    if name == 'texture':
+        del given['model']  # the small models are for stiffness
+    planned = {(n.package, n.executable) for n in plan_launch(name, given, tmp_path).nodes}
+    if name == 'texture':
+        planned.add(('tactile_classifier', 'tactile_classifier_node'))
+    shown = launched(LAUNCH_FOLDER / f'{name}.launch.py')
+    assert shown == planned
 
 
 @pytest.mark.parametrize('name', LAUNCH_FILES)
