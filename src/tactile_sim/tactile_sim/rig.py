@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
@@ -30,6 +31,8 @@ from tactile_sim.physics.variation import draw_variation, make_generator, Variat
 STEP_S = 1e-3
 _SLACK_M = 1e-3  # homing shifts the zero by some 0.6 mm
 _SESSION = -1  # its own: set up anew since the sessions that `simulate_trials` makes
+
+_MOST_TRIALS = 10**6  # of a mounting
 
 
 class PalpationRig:
@@ -89,8 +92,20 @@ class PalpationRig:
     def _record(self, time_s: float) -> None:
         self.sensor.record(time_s, self._plant.tension_n, self._plant.contact_force_n)
 
-    def mount(self, protocol: str, object_label: str, contact: str) -> dict[str, Any]:
+    def mount(
+        self,
+        protocol: str,
+        object_label: str,
+        contact: str,
+        numbers: Sequence[int] | None = None,
+    ) -> dict[str, Any]:
         """Put a plate or object under the finger, or turn the finger to the other contact.
+
+        Parameters
+        ----------
+        numbers
+            Session, mounting and trial, each from 0: trials of the same session and mounting
+            share their deviations. None: a session of all such calls, and a mounting each.
 
         Raises
         ------
@@ -109,15 +124,21 @@ class PalpationRig:
             )
         variation = self._variation
         if variation is None:
+            session, first, per_mounting = _SESSION, self._trials, 1
+            if numbers is not None:
+                session = _SESSION - 1 - numbers[0]
+                first = numbers[1] * _MOST_TRIALS + numbers[2]
+                per_mounting = _MOST_TRIALS
             variation, _ = draw_variation(
                 self._catalogue,
                 contact,
                 protocol,
                 object_label,
                 self._seed,
-                _SESSION,
+                session,
                 count=1,
-                first=self._trials,
+                first=first,
+                trials_per_mounting=per_mounting,
             )
         guide_m = self.guide.position_m(self.now_s)
         self._plant.exchange(scene, variation, guide_m, self.tendon.displacement_m)

@@ -29,6 +29,7 @@ import time
 from types import TracebackType
 from typing import Any, NamedTuple
 
+from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.errors import RigError
 
 _START_S = 120.0
@@ -89,6 +90,8 @@ class SimulatedRig:
             start_new_session=True,
         )
         self._pending = b''
+        self._description = Path(description) if description is not None else None
+        self._catalogue: Catalogue | None = None
         self._own_folder: Path | None = None
         try:
             self.ports = RigPorts(**self._read_answer(_START_S))
@@ -109,15 +112,44 @@ class SimulatedRig:
     ) -> None:
         self.close()
 
-    def mount(self, protocol: str, object_label: str, contact: str) -> dict[str, Any]:
+    def check_mount(self, protocol: str, object_label: str, contact: str) -> None:
+        """Check that `mount` would take these names; the rig is not asked.
+
+        Raises
+        ------
+        DescriptionError
+            No such protocol, object or contact.
+        """
+        self._catalogue = self._catalogue or Catalogue(self._description)
+        self._catalogue.check_mount(protocol, object_label, contact)
+
+    def mount(
+        self,
+        protocol: str,
+        object_label: str,
+        contact: str,
+        numbers: tuple[int, int, int] | None = None,
+    ) -> dict[str, Any]:
         """Put a plate (texture) or object (stiffness) under the finger.
+
+        Parameters
+        ----------
+        numbers
+            Session, mounting and trial, each from 0. Trials of the same session and mounting
+            share their deviations. None: a mounting of its own.
 
         Raises
         ------
         RigError
             The rig refuses, with its reason, or is dead.
         """
-        wanted = {'protocol': protocol, 'object': object_label, 'contact': contact}
+        wanted: dict[str, Any] = {
+            'protocol': protocol,
+            'object': object_label,
+            'contact': contact,
+        }
+        if numbers is not None:
+            wanted['numbers'] = list(numbers)
         return self._request({'mount': wanted})
 
     def truth(self) -> dict[str, Any]:

@@ -36,7 +36,8 @@ from tactile_sim.rig import PalpationRig
 
 _POLL_S = 0.1
 _USAGE = (
-    'send {"mount": {"protocol": ..., "object": ..., "contact": ...}}, {"state": true} '
+    'send {"mount": {"protocol": ..., "object": ..., "contact": ...}}, in it if you like '
+    '"numbers": [session, mounting, trial], {"state": true} '
     'or {"fault": {"device": ..., "kind": ...}}'
 )
 
@@ -167,12 +168,26 @@ def _answer(server: PtyServer, line: bytes) -> dict[str, Any]:
             server.fault(FaultRequest.from_json(request['fault']))
             return {'ok': True}
         wanted = request.get('mount')
-        if not isinstance(wanted, dict) or set(wanted) != {'protocol', 'object', 'contact'}:
+        if not isinstance(wanted, dict):
             return {'error': _USAGE}
-        names = [str(wanted[key]) for key in ('protocol', 'object', 'contact')]
-        return server.call(lambda rig: rig.mount(*names))
+        numbers = wanted.pop('numbers', None)
+        if set(wanted) != {'protocol', 'object', 'contact'} or not _are_numbers(numbers):
+            return {'error': _USAGE}
+        protocol, label, contact = (str(wanted[key]) for key in ('protocol', 'object', 'contact'))
+        return server.call(lambda rig: rig.mount(protocol, label, contact, numbers))
     except TactileSimError as error:
         return {'error': str(error)}
+
+
+def _are_numbers(numbers: Any) -> bool:
+    """Return whether these number a session, a mounting and a trial, or are left out."""
+    if numbers is None:
+        return True
+    return (
+        isinstance(numbers, list)
+        and len(numbers) == 3
+        and all(type(number) is int and 0 <= number < 10**6 for number in numbers)
+    )
 
 
 if __name__ == '__main__':

@@ -189,6 +189,20 @@ class BagRecorderNode(TactileNode):
             writer.add_facts({'audit': self._summary.to_dict()})
         writer.close()
 
+    def save(self) -> None:
+        """Return once all that came is on the disk.
+
+        Raises
+        ------
+        BagError
+            When it cannot be written, or nothing is being recorded.
+        """
+        writer = self._writer
+        if writer is None:
+            raise BagError(self.failure or 'nothing is being recorded')
+        writer.save()
+        writer.sync()
+
     # -- failure -------------------------------------------------------------------------
 
     def _fail(self, error: BagError) -> None:

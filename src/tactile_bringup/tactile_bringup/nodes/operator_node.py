@@ -36,6 +36,7 @@ from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification
 from tactile_ros.errors import TactileError
 from tactile_ros.message_guard import MessageGuard
+from tactile_ros.programs.signals import INTERRUPT_TIMEOUT_S
 from tactile_ros.qos import RESULTS
 from tactile_ros.requests import send
 
@@ -148,16 +149,23 @@ class OperatorNode(Node):  # type: ignore[misc]
             raise TactileError(
                 f'{what}: no end within {timeout_s:.0f} s; {self._wait_for_rest(result)}'
             ) from None
+        except KeyboardInterrupt:
+            # The rig comes to rest, and the recording tells how the trial ended.
+            send(self, handle.cancel_goal_async)
+            self._wait_for_rest(result, INTERRUPT_TIMEOUT_S)
+            raise
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
             raise TactileError(f'{what}: {reply.result.message}')
         return reply.result
 
-    def _wait_for_rest(self, result: concurrent.futures.Future[Any]) -> str:
+    def _wait_for_rest(
+        self, result: concurrent.futures.Future[Any], timeout_s: float = END_TIMEOUT_S
+    ) -> str:
         """Wait for the end of a cancelled goal; return a sentence about it."""
         try:
-            return f'cancelled: {result.result(END_TIMEOUT_S).result.message}'
+            return f'cancelled: {result.result(timeout_s).result.message}'
         except concurrent.futures.TimeoutError:
             return (
-                f'cancelled, and not at rest {END_TIMEOUT_S:g} s later; bring the rig to rest '
+                f'cancelled, and not at rest {timeout_s:g} s later; bring the rig to rest '
                 'by hand, then start its nodes again'
             )

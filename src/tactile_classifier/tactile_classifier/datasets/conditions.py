@@ -100,7 +100,8 @@ def find_tied_labels(table: FeatureTable, columns: Sequence[str] = ()) -> list[s
 
     A label is tied when all its trials are of one group that has no other label. What is
     learnt then may be the group: random folds flatter, and with that group held out nobody
-    knows the label.
+    knows the label. A label of one session or mounting that other labels share, while there
+    are several, has the second fault alone, and is told, too.
 
     Parameters
     ----------
@@ -117,12 +118,26 @@ def find_tied_labels(table: FeatureTable, columns: Sequence[str] = ()) -> list[s
         together = np.zeros((len(labels), group.max() + 1), dtype=bool)
         together[label, group] = True
         alone = together[:, together.sum(axis=0) == 1].sum(axis=1)
-        tied = labels[(together.sum(axis=1) == 1) & (alone == 1)]
-        if len(tied):
-            names = ', '.join(tied[:6]) + (' and more' if len(tied) > 6 else '')
+        once = together.sum(axis=1) == 1
+        tied = once & (alone == 1)
+        what = name.removesuffix('_id')
+        if tied.any():
             warnings.append(
-                f'{name} and label coincide for {len(tied)} of {len(labels)} labels ({names}): a '
-                f'model may learn the {name.removesuffix("_id")} instead of the label, and random '
+                f'{name} and label coincide for {_count(labels, tied)}: a '
+                f'model may learn the {what} instead of the label, and random '
                 f'folds cannot show it; record each label in several'
             )
+        shared = once & ~tied
+        if shared.any() and together.shape[1] > 1 and name != 'bag':
+            warnings.append(
+                f'one {name} holds all trials of {_count(labels, shared)}: how they do in another '
+                f'{what} cannot be tested; record each label in several'
+            )
     return warnings
+
+
+def _count(labels: npt.NDArray[np.str_], chosen: npt.NDArray[np.bool_]) -> str:
+    """Return how many labels are chosen, and the names of the first."""
+    names = labels[chosen]
+    more = ' and more' if len(names) > 6 else ''
+    return f'{len(names)} of {len(labels)} labels ({", ".join(map(str, names[:6]))}{more})'

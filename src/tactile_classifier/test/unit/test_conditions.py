@@ -64,6 +64,17 @@ def test_labels_that_share_no_group_are_told():
     assert '1 of 3 labels (c)' in warning
 
 
+def test_labels_of_one_session_among_several_are_told():
+    labels = np.repeat(['a', 'b', 'c'], 4)
+    session = np.array(['s1'] * 8 + ['s1', 's2', 's1', 's2'])
+    (warning,) = find_tied_labels(make_table(labels, session_id=session))
+    assert 'one session_id holds all trials of 2 of 3 labels (a, b)' in warning
+    both = np.array(['s1'] * 6 + ['s2', 's2'] + ['s3'] * 4)
+    warnings = find_tied_labels(make_table(labels, session_id=both))
+    assert ['coincide for 1 of 3 labels (c)' in each for each in warnings] == [True, False]
+    assert 'holds all trials of 1 of 3 labels (a)' in warnings[1]
+
+
 def test_labels_with_several_groups_or_a_common_one_are_not_told():
     labels = np.repeat(['a', 'b', 'c'], 4)
     assert not find_tied_labels(make_table(labels, session_id=np.full(12, 's')))

@@ -19,7 +19,7 @@ that are strings: so ``Optional[X]``, and no ``from __future__ import annotation
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -29,7 +29,7 @@ from tactile_lab.cli.options import JsonOption, refusals
 def replay(
     bag: Annotated[Path, typer.Argument(help='The recording.')],
     models: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(help='Folder with the model files. Default: where the recording found them.'),
     ] = None,
     nodes: Annotated[

@@ -19,7 +19,7 @@ that are strings: so ``Optional[X]``, and no ``from __future__ import annotation
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -41,7 +41,7 @@ def simulate(
     protocol: Annotated[SimulatedProtocol, typer.Argument(help='Which kind of trial.')],
     output: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')],
     contact: Annotated[
-        list[Contact] | None,
+        Optional[list[Contact]],
         typer.Option(help='How the finger touches; give it twice for both. Default: both.'),
     ] = None,
     trials: Annotated[
@@ -65,7 +65,7 @@ def simulate(
         ),
     ] = Design.crossed,
     speed: Annotated[
-        list[float] | None,
+        Optional[list[float]],
         typer.Option(
             min=1,
             max=200,
@@ -75,7 +75,7 @@ def simulate(
     ] = None,
     seed: SeedOption = 1,
     description: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             help='Folder with your own finger, rig, plates or objects: YAML files laid over '
             'those of the package.'
@@ -85,7 +85,7 @@ def simulate(
         int, typer.Option(help='How many processes simulate; -1: one for each core.')
     ] = -1,
     plot: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(help='Draw one of the trials into this PNG file.'),
     ] = None,
     json_output: JsonOption = False,
@@ -132,7 +132,7 @@ def train(
         Classifier, typer.Option(help='Which one goes into the model file.')
     ] = Classifier.knn,
     scaling: Annotated[
-        Scaling | None,
+        Optional[Scaling],
         typer.Option(
             help='Scaling in the model file. Default: none for texture, whose features share '
             'one unit; standard for stiffness, whose features do not.'
@@ -148,7 +148,7 @@ def train(
         ),
     ] = 0.05,
     running: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Texture: answer also after so many seconds of the window, as in '
             '--running 0.5,1,1.5,2,2.5.'
@@ -163,7 +163,7 @@ def train(
         ),
     ] = 0.05,
     over: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Texture: features over this stretch of surface instead of over time, for any '
             'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
@@ -171,7 +171,7 @@ def train(
     ] = None,
     detrend: DetrendOption = None,
     recalibrate: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             metavar='MODEL',
             help='Train nothing: write this model for the session of the bags, which hold five '
@@ -179,7 +179,7 @@ def train(
         ),
     ] = None,
     features: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Sets of features instead of the recorded ones, as in --features '
             'glide_waveform,hold_waveform; the classifier rocket needs these. With auto, set and '
@@ -238,7 +238,7 @@ def robustness(
     ],
     contact: Annotated[Contact, typer.Option(help='How the finger touches.')] = Contact.flexion,
     description: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             help='Folder with your own finger, rig, plates or objects: YAML files laid over '
             'those of the package.'
@@ -275,32 +275,32 @@ def evaluate(
         typer.Argument(help='One labelled-trials archive (.npz), or bags with labelled trials.'),
     ],
     task: Annotated[
-        Protocol | None,
+        Optional[Protocol],
         typer.Option(help='Which features to compute. Needed for an archive.'),
     ] = None,
     channel: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(help='Channel of the archive, "mean" of all, or "all"; default: 0.'),
     ] = None,
     where: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Only trials of which a column of the archive is true, as in --where balanced, '
             'or has a value, as in --where direction=1.'
         ),
     ] = None,
     train_where: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Train on these trials and test on those of --test-where, beside random folds '
             'over both. A column that is true, or COLUMN=VALUE, as for --where; bags too.'
         ),
     ] = None,
     test_where: Annotated[
-        str | None, typer.Option(help='Trials to test on; see --train-where.')
+        Optional[str], typer.Option(help='Trials to test on; see --train-where.')
     ] = None,
     crop: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             '--crop',
             '--static-phase',
@@ -309,7 +309,7 @@ def evaluate(
         ),
     ] = None,
     resample_hz: Annotated[
-        float | None,
+        Optional[float],
         typer.Option(
             help='Resample the archive to this rate first, with a low-pass against aliasing.'
         ),
@@ -323,7 +323,7 @@ def evaluate(
         ),
     ] = False,
     over: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Texture: features over this stretch of surface instead of over time, for any '
             'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
@@ -331,14 +331,14 @@ def evaluate(
     ] = None,
     detrend: DetrendOption = None,
     speed_column: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Column of the archive with the sliding speeds, for --over; its name ends in '
             'the unit, _mm_s or _m_s. A bag states them itself.'
         ),
     ] = None,
     group: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(
             help='Beside random folds, hold out each group of trials that agree in this column, '
             'in turn; several columns with commas between them: that agree in all. May be given '
@@ -349,14 +349,14 @@ def evaluate(
     folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
     repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
     features: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(
             help='Only these features, separated by commas, as in --features slope,correlation; '
             'or a set of features, as in --features glide_waveform.'
         ),
     ] = None,
     report: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             help='Write a report with figures: a folder, or an HTML file, which needs no other.'
         ),

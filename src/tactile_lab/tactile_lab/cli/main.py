@@ -24,7 +24,9 @@ import sys
 from typing import Any
 
 import typer
+from typer.core import TyperCommand, TyperOption
 
+from tactile_lab.cli import experiment
 from tactile_lab.cli.bags import repair, replay
 from tactile_lab.cli.data import evaluate, robustness, simulate, train
 from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
@@ -44,6 +46,21 @@ app = typer.Typer(
 
 UNTIL_A_SIGNAL = (rig, sense, hand)
 """These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
+
+
+class StrictCommand(TyperCommand):
+    """Refuses an option that is given twice where only the last one would count."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        _, _, order = self.make_parser(ctx).parse_args(args=list(args))
+        for param in order:
+            is_value = isinstance(param, TyperOption) and not param.is_flag
+            if is_value and not param.multiple and order.count(param) > 1:
+                several = '; `tactile experiment` takes several' * (param.name == 'label')
+                raise typer.BadParameter(
+                    f'{param.opts[0]} is given {order.count(param)} times; give it once{several}'
+                )
+        return super().parse_args(ctx, args)
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
@@ -77,7 +94,10 @@ for command in (
     devices,
     check,
 ):
-    app.command()(command if command in UNTIL_A_SIGNAL else _interruptible(command))
+    app.command(cls=StrictCommand)(
+        command if command in UNTIL_A_SIGNAL else _interruptible(command)
+    )
+app.add_typer(experiment.make_app(_interruptible, StrictCommand), name='experiment')
 
 
 def main() -> int:

@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -42,14 +42,14 @@ SimulatedOption = Annotated[
     bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
 ]
 ModelsOption = Annotated[
-    Path | None,
+    Optional[Path],
     typer.Option(
         help='Folder with model files, as `tactile train` writes them, or one file. Features are '
         'computed as they want them, unless `--params` says otherwise.'
     ),
 ]
 ModelOption = Annotated[
-    Path | None,
+    Optional[Path],
     typer.Option(
         help='Model file, or folder of them, as `tactile train` writes them. Features are '
         'computed as they want them, unless `--params` says otherwise.'
@@ -57,10 +57,10 @@ ModelOption = Annotated[
 ]
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
 RecordOption = Annotated[
-    Path | None, typer.Option(help='Record into this bag; must not exist yet.')
+    Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
 ]
 ParamsOption = Annotated[
-    Path | None, typer.Option(help='YAML file with ROS parameters for the nodes.')
+    Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
 ]
 
 
@@ -73,7 +73,7 @@ class Detrend(str, Enum):
 
 
 DetrendOption = Annotated[
-    Detrend | None,
+    Optional[Detrend],
     typer.Option(
         help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
         'the paper, or the least-squares line. Default: as recorded; for an archive as the '

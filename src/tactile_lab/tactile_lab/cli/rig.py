@@ -19,7 +19,7 @@ that are strings: so ``Optional[X]``, and no ``from __future__ import annotation
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -49,7 +49,7 @@ from tactile_lab.cli.options import (
 
 def demo(
     output: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             '--output', '-o', help='Folder for the results; must not exist. Default: a new one.'
         ),
@@ -87,7 +87,11 @@ def trials(
     contact: Annotated[Contact, typer.Option(help='How the finger touches.')] = Contact.flexion,
     count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1,
     session: Annotated[
-        str, typer.Option(help="Name of the session, part of the trials' ids. Default: the time.")
+        str,
+        typer.Option(
+            help='Name of the session, such as one that is to go on; part of the names of the '
+            'trials. Default: the time.'
+        ),
     ] = '',
     mounting: Annotated[
         str,
@@ -111,6 +115,9 @@ def trials(
     classified as well. The bags of several such sessions are what `tactile train` takes.
     On the simulated rig the named plate or object is put under the finger; on a real one
     that is your part, before you press Enter on this command.
+
+    For several objects use `tactile experiment`: with one object a session, a model may learn
+    the session instead of the object.
     """
     with refusals():
         from tactile_lab.commands.rig import PortArguments
@@ -203,7 +210,7 @@ def hand(
         str, typer.Option(help='Namespaces of the fingers, such as index,middle.')
     ] = '',
     hand_file: Annotated[
-        Path | None,
+        Optional[Path],
         typer.Option(
             help="YAML file with each finger's port, model, phases, slip and parameters."
         ),
@@ -240,15 +247,15 @@ def hand(
 
 
 def _sensing_values(
-    model: Path | None,
+    model: Optional[Path],
     recalibrate: int,
     phases: Phases,
     contact: DetectedContact,
     slip: bool,
     simulated: bool,
-    params: Path | None,
+    params: Optional[Path],
     namespace: str,
-    record: Path | None,
+    record: Optional[Path],
 ) -> dict[str, str]:
     return {
         'model': str(model or ''),
@@ -265,14 +272,14 @@ def _sensing_values(
 
 def devices(
     port: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(
             help='Ask this serial port only; may be given several times. Needed for ports that '
             'the computer does not list, such as those of `tactile_sim_rig --links`.'
         ),
     ] = None,
     net_ft: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(
             '--net-ft',
             metavar='HOST',

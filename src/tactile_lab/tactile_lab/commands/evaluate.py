@@ -49,6 +49,7 @@ from tactile_lab.datasets.tables import (
     describe_features,
     tell_warnings,
 )
+from tactile_lab.experiment.folder import list_recordings
 from tactile_lab.report.analysis import analyse, SetResult
 from tactile_lab.report.build import report_path, write_report
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
@@ -101,6 +102,9 @@ class EvaluateRequest:
 
 def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
     """Evaluate each set of the recordings, print what came out, write the report."""
+    if (recordings := list_recordings(request.recordings)) != list(request.recordings):
+        groups = request.groups or ('session_id', 'mounting_id')
+        request = replace(request, recordings=tuple(recordings), groups=groups)
     output = Output(as_json)
     file = None if request.report is None else report_path(request.report)
     with output.progress() as progress:

@@ -16,11 +16,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 import time
 from typing import Any
+
+from rclpy.context import Context
+from rclpy.node import Node
 
 from tactile_bags.auditing.audit import Audit
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
@@ -38,6 +42,9 @@ from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
+
+AUDIT_TIMEOUT_S = 2.0
+"""How long the first sample after a trial may take to come; only with it the trial is audited."""
 
 
 @dataclass(frozen=True)
@@ -99,12 +106,102 @@ class LiveSetup:
     domain_id: int | None = None
 
 
+@dataclass(frozen=True)
+class LiveRig:
+    """A rig whose nodes run in this process, homed, and recorded.
+
+    Attributes
+    ----------
+    operator : OperatorNode
+    recorder : BagRecorderNode
+    models : mapping of str to str
+        Model file by classifier name.
+    others : tuple of Node
+        The further nodes.
+    """
+
+    operator: OperatorNode
+    recorder: Any
+    models: Mapping[str, str]
+    others: tuple[Node, ...] = ()
+
+    def run(self, request: TrialRequest) -> LiveTrial:
+        """Run a trial to its end, its audit and its answer.
+
+        Raises
+        ------
+        TactileError
+            When the trial or the recording fails.
+        """
+        check_recording(self.recorder)
+        try:
+            self.operator.run_trial(request)
+        finally:
+            audit = self.wait_for_audit(request.trial_id)
+        check_recording(self.recorder)
+        listens = models_for(self.models, request.protocol, request.contact)
+        answer = self.operator.wait_for_answer(request.trial_id) if listens else None
+        return LiveTrial(request, answer, audit)
+
+    def wait_for_audit(self, trial_id: str) -> Audit | None:
+        """Wait until a trial's last samples are recorded; return its audit, if it comes."""
+        deadline = time.monotonic() + AUDIT_TIMEOUT_S
+        while True:
+            audits: list[Audit] = list(self.recorder.audits)
+            found = next((audit for audit in audits if audit.trial_id == trial_id), None)
+            if found is not None:
+                return found
+            if time.monotonic() > deadline or self.recorder.has_failed:
+                return None
+            time.sleep(0.02)
+
+
+@contextmanager
+def live_rig(
+    setup: LiveSetup, others: Sequence[Callable[[Context], Node]] = ()
+) -> Iterator[LiveRig]:
+    """Start the rig's nodes and its recorder, home the guide, and end them after the block.
+
+    Parameters
+    ----------
+    setup : LiveSetup
+    others : sequence of callable
+        Each makes a further node for the context that it is given.
+
+    Raises
+    ------
+    TactileError
+        When a node cannot be started or a topic has no publisher.
+    """
+    models = find_models(setup.models) if setup.models else {}
+    graph = rig_graph(setup.ports, models, setup.parameters, simulated=setup.simulated)
+    graph.append(
+        recorder_node(
+            setup.bag,
+            setup.models,
+            tuple(models),
+            feature_parameters_of(graph),
+            simulated=setup.simulated,
+        )
+    )
+    with ros_context(setup.domain_id) as context:
+        operator = OperatorNode(tuple(models), context)
+        made = [make(context) for make in others]
+        with running_graph(graph, context, others=[operator, *made], quiet=True) as nodes:
+            recorder = nodes['bag_recorder']
+            operator.trial_config = nodes['trial_runner'].config
+            wait_until_matched(recorder)
+            operator.home_guide()
+            yield LiveRig(operator, recorder, models, tuple(made))
+
+
 def run_live_trials(
     setup: LiveSetup,
     requests: Sequence[TrialRequest],
     output: Output,
     *,
     hand: SimulatedRig | None,
+    live: list[LiveTrial] | None = None,
 ) -> list[LiveTrial]:
     """Home the guide, run the trials, record them; print a line for each.
 
@@ -119,6 +216,8 @@ def run_live_trials(
     hand : SimulatedRig or None
         Puts what each request names under the simulated finger; on a real rig that is
         the experimenter's part.
+    live : list of LiveTrial, optional
+        Gets each trial as soon as it is recorded, for who must know them if this raises.
 
     Raises
     ------
@@ -126,51 +225,32 @@ def run_live_trials(
         When a node cannot be started, a topic has no publisher, a trial fails twice, or the
         recording has failed: no trial is run that would not be recorded.
     """
-    models = find_models(setup.models) if setup.models else {}
-    graph = rig_graph(setup.ports, models, setup.parameters, simulated=setup.simulated)
-    graph.append(
-        recorder_node(
-            setup.bag,
-            setup.models,
-            tuple(models),
-            feature_parameters_of(graph),
-            simulated=setup.simulated,
-        )
-    )
-    live: list[LiveTrial] = []
-    with ros_context(setup.domain_id) as context:
-        operator = OperatorNode(tuple(models), context)
-        with running_graph(graph, context, others=[operator], quiet=True) as nodes:
-            recorder = nodes['bag_recorder']
-            operator.trial_config = nodes['trial_runner'].config
-            wait_until_matched(recorder)
-            operator.home_guide()
+    live = [] if live is None else live
+    if hand is not None:
+        for request in requests:
+            hand.check_mount(request.protocol, request.object_label, request.contact)
+    rig = None
+    try:
+        with live_rig(setup) as rig:
             for request in requests:
                 if hand is not None:
                     hand.mount(request.protocol, request.object_label, request.contact)
-                check_recording(recorder)
-                done = run_with_second_try(operator, request, output)
-                check_recording(recorder)
-                listens = models_for(models, request.protocol, request.contact)
-                answer = operator.wait_for_answer(done.trial_id) if listens else None
-                live.append(LiveTrial(done, answer))
+                live.append(run_with_second_try(rig, request, output))
                 output.say(describe_trial(live[-1]))
-    print_audits(recorder.audits, output)
-    audits = {audit.trial_id: audit for audit in recorder.audits}
-    return [replace(trial, audit=audits.get(trial.request.trial_id)) for trial in live]
+    finally:
+        if rig is not None:
+            print_audits(rig.recorder.audits, output)
+    return live
 
 
-def run_with_second_try(
-    operator: OperatorNode, request: TrialRequest, output: Output
-) -> TrialRequest:
-    """Run a trial, once more if it fails; return the request that succeeded."""
+def run_with_second_try(rig: LiveRig, request: TrialRequest, output: Output) -> LiveTrial:
+    """Run a trial, once more if it fails."""
     try:
-        operator.run_trial(request)
+        return rig.run(request)
     except TactileError as error:
+        check_recording(rig.recorder)
         output.say(f'   {error}; once more')
-        request = replace(request, trial_id=f'{request.trial_id}-again')
-        operator.run_trial(request)
-    return request
+        return rig.run(replace(request, trial_id=f'{request.trial_id}-again'))
 
 
 def wait_until_matched(recorder: Any) -> None:

@@ -52,6 +52,7 @@ from tactile_lab.datasets.tables import (
     SCALING_TITLES,
     tell_warnings,
 )
+from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
 
 
@@ -125,6 +126,7 @@ class TrainRequest:
 
 def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
     """Train on bags and print what came out."""
+    bags = list_recordings(bags)
     output = Output(as_json)
     automatic = request.features == AUTO
     named = None if automatic else request.features

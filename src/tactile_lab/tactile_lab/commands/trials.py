@@ -44,42 +44,60 @@ class TrialsRequest:
 
 
 def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
-    """Run the trials and print what came out."""
+    """Run the trials and print what was recorded, however they end."""
     output = Output(as_json)
-    session = request.session or time.strftime('%Y%m%d-%H%M%S')
+    started = time.strftime('%Y%m%d-%H%M%S')
+    session = request.session or started
+    # A session that is joined again goes on under names that it does not have yet.
+    joined = f'-{started[9:]}' if request.session else ''
+    name = f'{session}-{request.protocol}-{request.contact}-{request.object_label}{joined}'
     trials = [
         TrialRequest(
             request.protocol,
             request.contact,
             request.object_label,
-            f'{session}-{request.protocol}-{request.contact}-{request.object_label}-{i + 1:04d}',
+            f'{name}-{i + 1:04d}',
             session,
             mounting_id=request.mounting,
         )
         for i in range(request.count)
     ]
-    with ExitStack() as stack:
-        ports, hand = open_ports(request.ports, stack)
-        setup = LiveSetup(
-            ports=ports,
-            bag=request.bag,
-            models=request.models,
-            simulated=request.ports.simulated,
-            parameters=read_rig_parameters(request.params, request.models, ''),
-        )
-        if setup.simulated:
-            output.say('SIMULATED rig: no number is a measurement.')
-        live = run_live_trials(setup, trials, output, hand=hand)
+    live: list[LiveTrial] = []
+    try:
+        with ExitStack() as stack:
+            ports, hand = open_ports(request.ports, stack)
+            setup = LiveSetup(
+                ports=ports,
+                bag=request.bag,
+                models=request.models,
+                simulated=request.ports.simulated,
+                parameters=read_rig_parameters(request.params, request.models, ''),
+            )
+            if setup.simulated:
+                output.say('SIMULATED rig: no number is a measurement.')
+            run_live_trials(setup, trials, output, hand=hand, live=live)
+    except BaseException as error:
+        _summarise(live, request, output, str(error) or 'interrupted')
+        raise
     _summarise(live, request, output)
 
 
-def _summarise(live: list[LiveTrial], request: TrialsRequest, output: Output) -> None:
-    simulated = ', SIMULATED' if request.ports.simulated else ''
-    output.say(f'{request.bag}: {len(live)} trial{"s" if len(live) != 1 else ""}{simulated}')
+def _summarise(
+    live: list[LiveTrial], request: TrialsRequest, output: Output, ended_early: str = ''
+) -> None:
+    is_there = request.bag.exists()
+    parts = [
+        f'{len(live)} of {request.count} trials on {request.object_label}, {request.contact}',
+        *(['SIMULATED'] if request.ports.simulated else []),
+        *(['ended early'] if ended_early else []),
+    ]
+    output.say(f'{request.bag if is_there else "no bag"}: {"; ".join(parts)}')
     output.result(
         {
             'simulated': request.ports.simulated,
-            'bag': str(request.bag),
+            'bag': str(request.bag) if is_there else '',
+            'asked': request.count,
+            'ended_early': ended_early,
             'trials': [trial.to_dict() for trial in live],
         }
     )

@@ -42,6 +42,7 @@ from tactile_features.records import (
     TrialEvent,
 )
 from tactile_features.spec import spec_for
+from tactile_lab.experiment.folder import find_dropped
 
 BLOCKS = 6
 """Into how many parts the trials of a session are cut in the order of time, as many as folds."""
@@ -139,6 +140,7 @@ def _collect(
     # A table has features of whole windows alone: measures would be made in vain.
     config = replace(config, measures=False, running_samples=())
     replayed = replay_phases(bag, config, namespace, finish=True)
+    dropped = find_dropped(bag.path)
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
     for event in replayed.events:
         events[event.trial_id].append(event)
@@ -150,7 +152,9 @@ def _collect(
     for window in replayed.windows:
         event = _event_before(window, events[window.trial_id])
         end = _end_after(window, events[window.trial_id])
-        if window.outcome != Outcome.OK:
+        if window.trial_id in dropped:
+            left_out.append(f'{window.trial_id}: {dropped[window.trial_id]}')
+        elif window.outcome != Outcome.OK:
             left_out.append(f'{window.trial_id}: {window.reason}')
         elif end is not None and end.phase == PHASE_ABORTED:
             reason = end.message or 'no reason given'

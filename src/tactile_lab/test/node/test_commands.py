@@ -18,10 +18,12 @@ import ast
 import inspect
 import json
 from pathlib import Path
+import re
 import shutil
 import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ import pytest
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_lab.cli import data as cli_data
+from tactile_lab.cli import experiment as cli_experiment
 from tactile_lab.cli import options as cli_options
 from tactile_lab.cli import rig as cli_rig
 
@@ -67,6 +70,10 @@ def archive(tmp_path):
         'evaluate',
         'robustness',
         'trials',
+        'experiment',
+        'experiment new',
+        'experiment run',
+        'experiment status',
         'replay',
         'rig',
         'sense',
@@ -76,12 +83,12 @@ def archive(tmp_path):
     ],
 )
 def test_help_reads_like_a_manual(command):
-    done = tactile(*([command] if command else []), '--help')
+    done = tactile(*command.split(), '--help')
     assert done.returncode == 0
     assert len(done.stdout.splitlines()) > 10
 
 
-@pytest.mark.parametrize('module', [cli_options, cli_data, cli_rig])
+@pytest.mark.parametrize('module', [cli_options, cli_data, cli_rig, cli_experiment])
 def test_options_are_declared_as_typer_0_9_reads_them(module):
     """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
     tree = ast.parse(Path(module.__file__).read_text())
@@ -180,7 +187,7 @@ def test_trials_are_run_recorded_and_replayed(rewrite, trained, tmp_path):
     document = json.loads(done.stdout)
     assert document['simulated'] is True
     (trial,) = document['trials']
-    assert trial['trial_id'] == 's-stiffness-flexion-none-0001'
+    assert re.fullmatch(r's-stiffness-flexion-none-\d{6}-0001', trial['trial_id'])
     assert trial['answer'] == 'none'
     with TactileBag(bag) as recorded:
         events = [event for _, event in read_records(recorded.messages(EVENT))]
@@ -204,7 +211,60 @@ def test_trials_on_what_is_not_there_are_refused(tmp_path):
     done = tactile('trials', 'texture', '--object', 'X9', *options)
     assert done.returncode == 2
     assert 'X9' in done.stderr
+    assert 'no bag: 0 of 1 trials on X9' in done.stdout
     assert 'Traceback' not in done.stderr
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_an_option_that_is_given_twice_is_refused(tmp_path):
+    options = ('--simulated', '-o', tmp_path / 'bag')
+    done = tactile('trials', 'texture', '--object', 'R1', '--object', 'C1', *options)
+    assert done.returncode == 2
+    assert '--object is given 2 times' in done.stderr
+    assert 'tactile experiment' in done.stderr
+    assert not (tmp_path / 'bag').exists()
+    # An option that may come again, and a flag.
+    done = tactile('evaluate', 'nowhere', '--group', 'a', '--group', 'b', '--json', '--json')
+    assert 'times' not in done.stderr
+
+
+def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(tmp_path):
+    bag = tmp_path / 'bag'
+    command = ['trials', 'stiffness', '--object', 'pla', '--count', '5', '--simulated', '-o', bag]
+    process = subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, *map(str, command)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        while 'recorded' not in process.stdout.readline():
+            assert process.poll() is None
+        wait_for_phase(bag, '-0002', 'hold')
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130, errors
+    assert '1 of 5 trials on pla' in out
+    with TactileBag(bag) as recorded:
+        last = [event for _, event in read_records(recorded.messages(EVENT))][-1]
+    assert (last.phase, last.trial_id[-5:]) == ('aborted', '-0002')
+    done = tactile('replay', bag)
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count('equal, bit for bit (2 feature windows') == 2
+
+
+def wait_for_phase(bag, trial, phase):
+    """Wait until a recording that is under way has a phase of a trial."""
+    deadline = time.monotonic() + 60
+    while True:
+        with TactileBag(bag) as recorded:
+            events = [event for _, event in read_records(recorded.messages(EVENT))]
+        if any(event.trial_id.endswith(trial) and event.phase == phase for event in events):
+            return
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -129,6 +129,21 @@ class Catalogue:
     def held_object(self, label: str) -> HeldObject:
         """The slip object of this label; DescriptionError if there is none."""
         return _find(self._held_objects, label, 'slip object')
+
+    def check_mount(self, protocol: str, label: str, contact: str) -> None:
+        """Check that there are such a protocol, label and contact.
+
+        Raises
+        ------
+        DescriptionError
+            One of them is not there.
+        """
+        self.labels(protocol)
+        find: dict[str, Callable[[str], object]] = dict(
+            zip(PROTOCOLS, (self.plate, self.body, self.held_object), strict=True)
+        )
+        find[protocol](label)
+        self.finger(contact)
 
     def labels(self, protocol: str) -> tuple[str, ...]:
         """Labels that a protocol knows, the packaged ones first, in the paper's order.

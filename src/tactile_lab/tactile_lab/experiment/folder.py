@@ -1,0 +1,197 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The folder of an experiment: plan, order, journal and bags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+from tactile_bags.plain_yaml import read_text
+from tactile_lab.experiment.journal import Journal, read_journal, write_atomically
+from tactile_lab.experiment.plan import (
+    ExperimentError,
+    ExperimentPlan,
+    format_order,
+    format_plan,
+    list_order,
+    MAX_BYTES,
+    parse_order,
+    PlannedTrial,
+    read_plan,
+)
+from tactile_lab.experiment.progress import Progress
+from tactile_ros.errors import TactileError
+
+PLAN, ORDER, JOURNAL, BAGS = 'plan.yaml', 'order.csv', 'journal.jsonl', 'bags'
+
+_OWN = {name for each in (PLAN, ORDER, BAGS) for name in (each, f'.{each}.new')}
+
+MAY_GROW = 'sessions'
+"""The one entry of a plan that may change, upwards, once the experiment has begun."""
+
+
+@dataclass(frozen=True)
+class ExperimentFolder:
+    """Where an experiment lies.
+
+    ``order.csv`` holds the order once it is drawn, and is not drawn again.
+    """
+
+    path: Path
+
+    @property
+    def journal(self) -> Path:
+        return self.path / JOURNAL
+
+    @property
+    def bags(self) -> Path:
+        return self.path / BAGS
+
+    def set_up(self, plan: ExperimentPlan) -> None:
+        """Make the folder for a plan, or check that it is one for it; draw what lacks.
+
+        Raises
+        ------
+        ExperimentError
+            When it cannot be made, holds something else, or its experiment has another plan.
+        """
+        try:
+            if not (self.path / PLAN).exists():
+                if self.path.exists() and not {each.name for each in self.path.iterdir()} <= _OWN:
+                    raise ExperimentError(f'{self.path} exists and is no experiment; name another')
+                self.bags.mkdir(parents=True, exist_ok=True)
+                write_atomically(self.path / ORDER, '')
+                # Last: with the plan it is an experiment's folder.
+                write_atomically(self.path / PLAN, format_plan(plan))
+            self._adopt(plan)
+        except OSError as error:
+            raise ExperimentError(
+                f'cannot make the folder {self.path}: {error.strerror}'
+            ) from error
+
+    def _adopt(self, plan: ExperimentPlan) -> None:
+        old = read_plan(self.path / PLAN)
+        changed = [
+            f'{item.name} (was {getattr(old, item.name)})'
+            for item in fields(plan)
+            if getattr(plan, item.name) != getattr(old, item.name) and item.name != MAY_GROW
+        ]
+        if plan.sessions < old.sessions:
+            changed.append(f'{MAY_GROW} (was {old.sessions})')
+        if changed:
+            raise ExperimentError(
+                f'{self.path} was begun with another plan: {", ".join(changed)}; take the change '
+                f'back, or name another folder with --output. Only {MAY_GROW} may grow'
+            )
+        order = self.read_order()
+        drawn = {trial.session_id for trial in order}
+        for session_id in plan.session_ids:
+            if session_id not in drawn:
+                order += list_order(plan, session_id)
+        write_atomically(self.path / ORDER, format_order(order))
+        if plan != old:
+            write_atomically(self.path / PLAN, format_plan(plan))
+
+    def append(self, session_id: str) -> int:
+        """Append a block to a session, each object once in each contact; return its trials.
+
+        Raises
+        ------
+        ExperimentError
+            When there is no such session.
+        """
+        plan, order = self.read_plan(), self.read_order()
+        numbers = [trial.mounting for trial in order if trial.session_id == session_id]
+        if not numbers:
+            raise ExperimentError(
+                f'no session "{session_id}"; there are '
+                f'{", ".join(dict.fromkeys(trial.session_id for trial in order))}'
+            )
+        added = list_order(replace(plan, mountings=1), session_id, max(numbers) + 1)
+        write_atomically(self.path / ORDER, format_order([*order, *added]))
+        return len(added)
+
+    def read_plan(self) -> ExperimentPlan:
+        return read_plan(self.path / PLAN)
+
+    def read_order(self) -> list[PlannedTrial]:
+        path = self.path / ORDER
+        try:
+            text = read_text(path, MAX_BYTES * 4)
+            return parse_order(text) if text else []
+        except TactileError as error:
+            raise ExperimentError(f'the order {path}: {error}') from error
+
+    def read_progress(self) -> Progress:
+        """Return how far the experiment is; another program may be running it."""
+        entries = read_journal(self.journal) if self.journal.exists() else []
+        return Progress(self.read_order(), entries)
+
+    def open_journal(self) -> Journal:
+        return Journal(self.journal)
+
+    def bag_path(self, session_id: str, run: int) -> Path:
+        """Return where a run of a session is recorded; nothing lies there yet."""
+        path = self.bags / f'{session_id}-{run:02d}'
+        while path.exists():  # of a run that was killed before the journal knew of it
+            run += 1
+            path = self.bags / f'{session_id}-{run:02d}'
+        return path
+
+    def list_bags(self) -> list[Path]:
+        """Return the bags, by name."""
+        return sorted(path for path in self.bags.iterdir() if path.is_dir())
+
+
+def is_experiment(path: Path) -> bool:
+    """Return whether a path is the folder of an experiment."""
+    return (path / PLAN).is_file() and (path / ORDER).is_file()
+
+
+def list_recordings(paths: Sequence[Path]) -> list[Path]:
+    """Return the paths, with the bags of each experiment in place of its folder.
+
+    Raises
+    ------
+    ExperimentError
+        When an experiment has no bags yet.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if not is_experiment(path):
+            found.append(path)
+            continue
+        bags = ExperimentFolder(path).list_bags()
+        if not bags:
+            raise ExperimentError(f'{path} has no bags yet; run it with `tactile experiment`')
+        found += bags
+    return found
+
+
+def find_dropped(bag: Path) -> dict[str, str]:
+    """Return the trials of a bag that do not count for its experiment: reason by trial id.
+
+    Empty for a bag that belongs to none.
+    """
+    folder = ExperimentFolder(bag.resolve().parent.parent)
+    if bag.resolve().parent.name != BAGS or not folder.journal.is_file():
+        return {}
+    return {
+        attempt.trial_id: f'another attempt counts ({attempt.verdict or "interrupted"})'
+        for attempt in folder.read_progress().attempts.values()
+        if not attempt.is_kept
+    }

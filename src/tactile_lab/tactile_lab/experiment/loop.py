@@ -1,0 +1,266 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An experiment, trial by trial: prompts, journal, quality, and what is offered again.
+
+Plain Python: the rig is a `Bench`, the person an `Operator`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+import time
+from typing import Any, Protocol
+
+from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.journal import Journal
+from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan, PlannedTrial
+from tactile_lab.experiment.progress import (
+    ABORTED,
+    BEGAN,
+    ENDED,
+    FAILED,
+    GOOD,
+    KEPT,
+    MOUNTED,
+    OUTLIER,
+    Progress,
+    RUN,
+)
+from tactile_lab.experiment.quality import find_outlier
+from tactile_ros.errors import TactileError
+
+AGAIN, KEEP, STOP = 'again', 'keep', 'stop'
+"""What an operator can want after a trial."""
+
+
+@dataclass(frozen=True)
+class TrialOrder:
+    """What a bench is to do: a planned trial under the names that it has this time."""
+
+    planned: PlannedTrial
+    trial_id: str
+    mounting_id: str
+    mounting_number: int
+    number_in_mounting: int
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """What a bench says of a trial that ended as planned.
+
+    Attributes
+    ----------
+    problem : str
+        Why the recording cannot be used; empty when it can.
+    sentence : str
+        What is in the recording.
+    statistics : dict of str to float
+        For the check for outliers.
+    """
+
+    problem: str = ''
+    sentence: str = ''
+    statistics: dict[str, float] = field(default_factory=dict)
+
+
+class RunningBench(Protocol):
+    """A rig that is ready for trials, and records."""
+
+    def run(self, order: TrialOrder) -> TrialResult:
+        """Run a trial; return once what it recorded is on the disk.
+
+        Raises
+        ------
+        TactileError
+            When it does not end as planned.
+        ExperimentError
+            When no further trial makes sense, as when the disk is full.
+        """
+
+
+class Bench(Protocol):
+    """A rig."""
+
+    @property
+    def trial_s(self) -> float:
+        """How long a trial takes, roughly [s]."""
+
+    def session(self, bag: Path) -> AbstractContextManager[RunningBench]:
+        """Start the rig, recording into ``bag``; end it after the block."""
+
+
+class Operator(Protocol):
+    """Who puts plates under the finger and decides."""
+
+    mounting_s: float
+    """How long that takes, roughly [s]."""
+
+    def begin_session(self, session_id: str, trials: int) -> bool:
+        """Return once finger and rig are set up for a session; False: not today."""
+
+    def mount(self, trial: PlannedTrial, turns_finger: bool) -> None:
+        """Return once the object is under the finger."""
+
+    def choose(self, verdict: str) -> str:
+        """Return what to do about a trial that failed or is an outlier."""
+
+    def say(self, text: str) -> None:
+        """Tell something."""
+
+
+def run_experiment(
+    folder: ExperimentFolder,
+    plan: ExperimentPlan,
+    bench: Bench,
+    operator: Operator,
+    journal: Journal,
+    now_s: Callable[[], float] = time.monotonic,
+) -> Progress:
+    """Run all trials that are left, unless the operator stops.
+
+    Before anything happens, and after, it stands in the journal. A trial counts once its entry
+    is on the disk, which it is after the recording. So no trial is lost, and none counts twice.
+
+    Raises
+    ------
+    TactileError
+        When the rig cannot be started, or the recording fails.
+    """
+    progress = Progress(folder.read_order(), journal.entries)
+    run = _Run(plan, progress, bench, operator, journal, now_s)
+    for session_id in progress.sessions_left():
+        if not operator.begin_session(session_id, len(progress.left(session_id))):
+            break
+        bag = folder.bag_path(session_id, progress.runs.get(session_id, 0) + 1)
+        run.note(RUN, session_id=session_id, bag=bag.name)
+        with bench.session(bag) as running:
+            if not run.run_session(session_id, running):
+                break
+    return progress
+
+
+@dataclass
+class _Run:
+    plan: ExperimentPlan
+    progress: Progress
+    bench: Bench
+    operator: Operator
+    journal: Journal
+    now_s: Callable[[], float]
+    contact: str = ''
+
+    def note(self, kind: str, **values: Any) -> None:
+        entry = self.journal.append(kind, at_s=round(time.time(), 3), **values)
+        self.progress.take(entry)
+
+    def run_session(self, session_id: str, running: RunningBench) -> bool:
+        """Run what is left of a session; return whether to go on with the next one."""
+        mounted, mounting_id, count = 0, '', 0
+        while left := self.progress.left(session_id):
+            trial = left[0]
+            if trial.mounting != mounted:
+                mounting_id = self._mount(trial)
+                mounted, count = trial.mounting, 0
+            count += 1
+            order = TrialOrder(
+                trial,
+                self.progress.next_trial_id(trial.key),
+                mounting_id,
+                len(self.progress.mounting_ids),
+                count,
+            )
+            if not self._run_trial(order, running):
+                return False
+        return True
+
+    def _mount(self, trial: PlannedTrial) -> str:
+        started_s = self.now_s()
+        self.operator.mount(trial, self.contact != trial.contact)
+        self.contact = trial.contact
+        mounting_id = self.progress.next_mounting_id(trial)
+        self.note(
+            MOUNTED,
+            mounting_id=mounting_id,
+            object_label=trial.object_label,
+            contact=trial.contact,
+            seconds=self.now_s() - started_s,
+        )
+        return mounting_id
+
+    def _run_trial(self, order: TrialOrder, running: RunningBench) -> bool:
+        """Run one attempt at a trial; return whether to go on."""
+        trial = order.planned
+        names = {'key': trial.key, 'trial_id': order.trial_id, 'mounting_id': order.mounting_id}
+        self.note(BEGAN, **names)
+        started_s = self.now_s()
+
+        def end(verdict: str, sentence: str, statistics: dict[str, float]) -> None:
+            self.note(
+                ENDED,
+                trial_id=order.trial_id,
+                verdict=verdict,
+                sentence=sentence,
+                statistics=statistics,
+                seconds=self.now_s() - started_s,
+            )
+
+        try:
+            result = running.run(order)
+        except ExperimentError as error:
+            end(ABORTED, str(error), {})
+            raise
+        except TactileError as error:
+            result = TrialResult(problem=str(error))
+        except BaseException:
+            end(ABORTED, 'interrupted', {})
+            raise
+        unlike = ''
+        verdict = FAILED if result.problem else GOOD
+        if verdict == GOOD:
+            unlike = find_outlier(
+                result.statistics, order.mounting_id, self.progress.earlier(trial)
+            )
+            verdict = OUTLIER if unlike else GOOD
+        sentence = '; '.join(part for part in (result.problem, unlike, result.sentence) if part)
+        end(verdict, sentence, result.statistics)
+        self._say(trial, verdict, sentence)
+        return verdict == GOOD or self._offer(order, verdict)
+
+    def _say(self, trial: PlannedTrial, verdict: str, sentence: str) -> None:
+        progress = self.progress
+        left_s = progress.estimate_left_s(self.bench.trial_s, self.operator.mounting_s)
+        self.operator.say(
+            f'trial {progress.done_count + (verdict != GOOD)} of {len(progress.order)}: '
+            f'{trial.object_label}, {trial.contact}: {verdict}: {sentence}; '
+            f'{describe_seconds(left_s)} left'
+        )
+
+    def _offer(self, order: TrialOrder, verdict: str) -> bool:
+        """Ask what to do about a trial; return whether to go on."""
+        choice = self.operator.choose(verdict)
+        if choice == KEEP and verdict == OUTLIER:
+            self.note(KEPT, trial_id=order.trial_id)
+        return choice != STOP
+
+
+def describe_seconds(seconds: float) -> str:
+    """Return a duration for people."""
+    if seconds < 90:
+        return f'{seconds:.0f} s'
+    minutes = round(seconds / 60)
+    return f'{minutes} min' if minutes < 90 else f'{minutes // 60} h {minutes % 60:02d} min'

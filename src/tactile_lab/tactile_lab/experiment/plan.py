@@ -1,0 +1,320 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The plan of an experiment: which objects, how often, in which order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+import csv
+from dataclasses import dataclass, fields
+import io
+from pathlib import Path
+import random
+import re
+from typing import Any
+
+from tactile_bags.plain_yaml import parse_plain_yaml, read_text
+from tactile_bringup.records import PROTOCOLS
+from tactile_classifier.records import CONTACTS
+from tactile_ros.errors import TactileError
+
+MAX_BYTES = 2**20
+"""Longest file of a plan or an order that is read [byte]; some 10,000 trials."""
+
+MAX_TRIALS = 10_000
+"""Most trials of an experiment."""
+
+_LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}')
+_COUNTS = {'sessions': 'sessions', 'mountings': 'mountings', 'trials': 'trials'}
+
+
+class ExperimentError(TactileError):
+    """A plan or an experiment's folder cannot be used; the message says why."""
+
+
+@dataclass(frozen=True)
+class ExperimentPlan:
+    """What an experiment consists of.
+
+    Attributes
+    ----------
+    name : str
+        Beginning of the sessions' names.
+    protocol : str
+    objects : tuple of str
+        Labels of the plates or objects.
+    contacts : tuple of str
+    sessions : int
+        How often finger and rig are set up anew.
+    mountings : int
+        How often each object is put under the finger in each session and contact.
+    trials : int
+        Trials each time.
+    seed : int
+        Of the order.
+    glide_speed_m_s, hold_s : float
+        0: as the trial runner is set.
+
+    Raises
+    ------
+    ExperimentError
+        When a value is not usable.
+    """
+
+    name: str
+    protocol: str
+    objects: tuple[str, ...]
+    contacts: tuple[str, ...] = ('flexion',)
+    sessions: int = 3
+    mountings: int = 2
+    trials: int = 5
+    seed: int = 1
+    glide_speed_m_s: float = 0.0
+    hold_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.protocol not in PROTOCOLS:
+            raise ExperimentError(
+                f'protocol is {_show(self.protocol)}; it must be {" or ".join(PROTOCOLS)}'
+            )
+        for item, value in (('name', (self.name,)), ('objects', self.objects)):
+            for label in value:
+                if not isinstance(label, str) or not _LABEL.fullmatch(label):
+                    raise ExperimentError(
+                        f'{item}: {_show(label)} is no name; write letters, digits, "_", ".", '
+                        '"+" or "-", and quotes around numbers and words such as "no"'
+                    )
+        for contact in self.contacts:
+            if contact not in CONTACTS:
+                raise ExperimentError(
+                    f'contacts: {_show(contact)} must be {" or ".join(CONTACTS)}'
+                )
+        for item, names in (('objects', self.objects), ('contacts', self.contacts)):
+            if not names:
+                raise ExperimentError(f'{item} is empty; name at least one')
+            if len(set(names)) < len(names):
+                raise ExperimentError(f'{item}: {", ".join(names)} names one twice')
+        for item in _COUNTS:
+            _check_count(item, getattr(self, item), 1, MAX_TRIALS)
+        _check_count('seed', self.seed, 0, 2**32 - 1)
+        for item in ('glide_speed_m_s', 'hold_s'):
+            value = getattr(self, item)
+            if not _is_number(value) or not 0.0 <= value < 3600.0:
+                raise ExperimentError(f'{item} is {_show(value)}; it must be 0 or more')
+        if self.trial_count > MAX_TRIALS:
+            raise ExperimentError(
+                f'the plan has {self.trial_count} trials; make it {MAX_TRIALS} at most'
+            )
+
+    @property
+    def trial_count(self) -> int:
+        """Number of all trials."""
+        return (
+            self.sessions * len(self.contacts) * self.mountings * len(self.objects) * self.trials
+        )
+
+    @property
+    def session_ids(self) -> tuple[str, ...]:
+        """Names of the sessions."""
+        return tuple(f'{self.name}-s{number:02d}' for number in range(1, self.sessions + 1))
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """One trial of the order.
+
+    Attributes
+    ----------
+    key : str
+        Its name in the journal, such as ``grooves-s01-m03-t02``.
+    session_id : str
+    mounting : int
+        Number within the session: the object is put under the finger when it changes.
+    trial : int
+        Number within the mounting, from 1.
+    contact, object_label : str
+    """
+
+    key: str
+    session_id: str
+    mounting: int
+    trial: int
+    contact: str
+    object_label: str
+
+
+def list_order(plan: ExperimentPlan, session_id: str, first: int = 1) -> list[PlannedTrial]:
+    """Return the order of a session; it depends on plan, session and ``first`` alone.
+
+    A block has each object once, in a random order; so a slow drift of the rig meets all
+    objects alike. All blocks of a contact follow each other, since the finger has to be
+    turned for the other one; which contact comes first is random, too.
+
+    Parameters
+    ----------
+    plan : ExperimentPlan
+    session_id : str
+    first : int
+        Number of the first mounting, for blocks that are appended to a session.
+    """
+    # Python's own generator: its shuffle of a seeded text is the same in all releases.
+    generator = random.Random(f'{plan.seed}/{session_id}/{first}')
+    contacts = list(plan.contacts)
+    generator.shuffle(contacts)
+    order = []
+    mounting = first
+    for contact in contacts:
+        for _ in range(plan.mountings):
+            block = list(plan.objects)
+            generator.shuffle(block)
+            for label in block:
+                order += [
+                    PlannedTrial(
+                        f'{session_id}-m{mounting:02d}-t{trial:02d}',
+                        session_id,
+                        mounting,
+                        trial,
+                        contact,
+                        label,
+                    )
+                    for trial in range(1, plan.trials + 1)
+                ]
+                mounting += 1
+    return order
+
+
+def read_plan(path: Path) -> ExperimentPlan:
+    """Read a plan, as YAML.
+
+    Raises
+    ------
+    ExperimentError
+        When it cannot be read, or a value is not usable.
+    """
+    try:
+        return parse_plan(parse_plain_yaml(read_text(path, MAX_BYTES)), path.stem)
+    except TactileError as error:
+        raise ExperimentError(f'the plan {path}: {error}') from error
+
+
+def parse_plan(document: Any, name: str) -> ExperimentPlan:
+    """Return the plan that a YAML document describes; ``name`` if it has none itself.
+
+    Raises
+    ------
+    ExperimentError
+        When an entry is missing, not known or not usable.
+    """
+    if not isinstance(document, dict):
+        raise ExperimentError('it is no mapping; `tactile experiment new` writes one')
+    known = [item.name for item in fields(ExperimentPlan)]
+    if unknown := [str(key) for key in document if key not in known]:
+        raise ExperimentError(f'no entry {_show(unknown[0])}; there are {", ".join(known)}')
+    if missing := [key for key in ('protocol', 'objects') if key not in document]:
+        raise ExperimentError(f'{" and ".join(missing)} missing')
+    values: dict[str, Any] = {'name': name, **document}
+    for key in ('objects', 'contacts'):
+        if key in values:
+            if not isinstance(values[key], list):
+                raise ExperimentError(f'{key} is no list; write {key}: [R1, C1]')
+            values[key] = tuple(values[key])
+    return ExperimentPlan(**values)
+
+
+def format_plan(plan: ExperimentPlan) -> str:
+    """Return the plan as YAML, with a comment to each entry."""
+    comments: Mapping[str, str] = {
+        'name': 'beginning of the names of sessions and trials',
+        'protocol': ' or '.join(PROTOCOLS),
+        'objects': 'labels of the plates or objects',
+        'contacts': ' and '.join(CONTACTS),
+        'sessions': 'how often finger and rig are set up anew; on several days is best',
+        'mountings': 'how often each object is put under the finger, in each session and contact',
+        'trials': 'trials each time',
+        'seed': 'of the order',
+        'glide_speed_m_s': 'over the plate [m/s]; 0: as the trial runner is set',
+        'hold_s': 'time to hold the finger on the object [s]; 0: as the trial runner is set',
+    }
+    lines = ['# Plan of an experiment; run it with: tactile experiment FILE']
+    for item, comment in comments.items():
+        value = getattr(plan, item)
+        text = f'[{", ".join(map(_quote, value))}]' if isinstance(value, tuple) else _quote(value)
+        lines.append(f'{item}: {text}'.ljust(40) + f'  # {comment}')
+    return '\n'.join(lines) + '\n'
+
+
+_COLUMNS = tuple(item.name for item in fields(PlannedTrial))
+
+
+def format_order(order: list[PlannedTrial]) -> str:
+    """Return the order as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(_COLUMNS)
+    writer.writerows([[getattr(trial, name) for name in _COLUMNS] for trial in order])
+    return text.getvalue()
+
+
+def parse_order(text: str) -> list[PlannedTrial]:
+    """Return the order that `format_order` has written.
+
+    Raises
+    ------
+    ExperimentError
+        When it is not of that form, or names a trial twice.
+    """
+    order = list(_parse_rows(text))
+    if len({trial.key for trial in order}) < len(order):
+        raise ExperimentError('it names a trial twice; take the change back')
+    return order
+
+
+def _parse_rows(text: str) -> Iterator[PlannedTrial]:
+    rows = csv.reader(io.StringIO(text), strict=True)
+    try:
+        for number, row in enumerate(rows):
+            if number == 0:
+                if tuple(row) != _COLUMNS:
+                    raise ExperimentError(f'its first line must be {",".join(_COLUMNS)}')
+                continue
+            key, session_id, mounting, trial, contact, label = row
+            if contact not in CONTACTS:
+                raise ExperimentError(f'line {number + 1}: no contact {_show(contact)}')
+            yield PlannedTrial(key, session_id, int(mounting), int(trial), contact, label)
+    except (ValueError, csv.Error) as error:
+        raise ExperimentError(f'line {rows.line_num}: {error}') from error
+
+
+def _check_count(name: str, value: Any, low: int, high: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+        raise ExperimentError(
+            f'{name} is {_show(value)}; it must be a whole number from {low} to {high}'
+        )
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _quote(value: Any) -> str:
+    """Return a plain value so that YAML reads the same."""
+    if isinstance(value, str) and parse_plain_yaml(value) != value:
+        return f'"{value}"'
+    return str(value)
+
+
+def _show(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + '...'

@@ -1,0 +1,138 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An experiment on the simulated rig: interrupted, killed, gone on with, trained on."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tactile_bags import EVENT, TactileBag
+from tactile_bags.message_records import read_records
+from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.journal import read_journal
+
+PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
+DEADLINE_S = 90.0
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def tactile(*arguments):
+    process = start(*arguments)
+    out, errors = process.communicate(timeout=180)
+    return process.returncode, out, errors
+
+
+def run_until_done(folder, count, signal_number):
+    """Run until so many trials are done and another is in its hold, then send a signal.
+
+    On a busy machine a trial may fail, and is then run again.
+    """
+    process = start('experiment', folder.path, '--simulated', '--yes')
+    try:
+        wait_until(lambda: is_in_hold(folder, count), process)
+        process.send_signal(signal_number)
+        out, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.communicate()
+    return out, errors, process.returncode
+
+
+def is_in_hold(folder, count):
+    if not folder.journal.exists() or folder.read_progress().done_count < count:
+        return False
+    last = read_journal(folder.journal)[-1]
+    return last['kind'] == 'began' and 'hold' in phases(folder, last['trial_id'])
+
+
+def wait_until(condition, process):
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def phases(folder, trial_id):
+    """Return the phases of a trial that the last bag has so far."""
+    with TactileBag(folder.list_bags()[-1]) as bag:
+        events = [event for _, event in read_records(bag.messages(EVENT))]
+    return [event.phase for event in events if event.trial_id == trial_id]
+
+
+def test_an_experiment_survives_ctrl_c_and_kill_and_is_trained_on(tmp_path):
+    plan = tmp_path / 'soft.yaml'
+    options = ['--protocol', 'stiffness', '--objects', 'pla,sponge', '--sessions', '2']
+    code, _, errors = tactile(
+        'experiment', 'new', plan, *options, '--mountings', '1', '--trials', '2'
+    )
+    assert code == 0, errors
+    folder = ExperimentFolder(tmp_path / 'soft')
+    code, _, errors = tactile('experiment', plan, '--yes')
+    assert (code, '--yes is for --simulated' in errors) == (2, True)
+    assert not folder.list_bags()
+
+    out, errors, code = run_until_done(folder, 1, signal.SIGINT)
+    assert code == 130, errors
+    assert 'trial 1 of 8: ' in out
+    assert '1 of 8 trials recorded; ' in out
+    assert '1 were interrupted' in out
+    out, _, code = run_until_done(folder, 2, signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    assert 'trial 2 of 8: ' in out
+    code, out, errors = tactile('experiment', folder.path, '--simulated', '--yes', '--json')
+    assert code == 0, errors
+    found = json.loads(out)
+    assert (found['done'], found['interrupted']) == (8, 2)
+    assert found['attempts'] == 10 + found['failed']
+    assert found['sessions_left'] == []
+    assert len(found['bags']) == 4
+    code, out, _ = tactile('experiment', folder.path, '--simulated', '--yes')
+    assert (code, 'complete; train on it' in out) == (0, True)
+
+    # What is in the bags: the order of the plan, each trial once, mountings never shared.
+    events = []
+    for path in folder.list_bags():
+        with TactileBag(path) as bag:
+            events += [event for _, event in read_records(bag.messages(EVENT))]
+    kept = [trial['trial_id'] for trial in found['trials'] if trial['is_kept']]
+    done = [event for event in events if event.phase == 'done' and event.trial_id in kept]
+    assert [(e.session_id, e.object_label) for e in done] == [
+        (trial.session_id, trial.object_label) for trial in folder.read_order()
+    ]
+    mounted = {(event.mounting_id, event.object_label) for event in events}
+    assert len(mounted) == len({mounting for mounting, _ in mounted}) == 6
+    code, out, errors = tactile('replay', folder.list_bags()[0], '--no-nodes')
+    assert (code, errors) == (0, ''), out
+
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    code, out, errors = tactile(
+        *('train', folder.path, '-o', tmp_path / 'models', '--folds', '2', '--json')
+    )
+    assert code == 0, errors
+    (model,) = json.loads(out)['models']
+    assert model['evaluation']['trials'] == 8

@@ -1,0 +1,251 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Experiments with any interruptions: no trial is lost, and none counts twice."""
+
+from contextlib import contextmanager, suppress
+import os
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+
+from tactile_lab.experiment import journal as journal_module
+from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.loop import describe_seconds, run_experiment, TrialResult
+from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan
+from tactile_lab.experiment.progress import Progress
+from tactile_ros.errors import TactileError
+
+PLAN = ExperimentPlan('x', 'stiffness', ('pla', 'sponge'), sessions=2, mountings=2, trials=2)
+
+
+class PowerCut(BaseException):
+    """The program ends here."""
+
+
+class World:
+    """What outlives the programs: the rig's recordings, and what will befall them."""
+
+    def __init__(self, cuts=(), outcomes=()):
+        self.cuts, self.outcomes = iter(cuts), iter(outcomes)
+        self.recorded = []
+        self.mounted = None
+
+    def may_cut(self):
+        if next(self.cuts, False):
+            raise PowerCut
+
+
+class Bench:
+    trial_s = 10.0
+
+    def __init__(self, world):
+        self.world = world
+
+    @contextmanager
+    def session(self, bag):
+        bag.mkdir(parents=True)
+        self.world.may_cut()
+        yield self
+
+    def run(self, order):
+        assert self.world.mounted == order.planned.object_label
+        self.world.may_cut()
+        outcome = next(self.world.outcomes, 'good')
+        if outcome == 'failed':
+            raise TactileError('the cable came off')
+        self.world.recorded.append(order.trial_id)
+        self.world.may_cut()
+        if outcome == 'unusable':
+            return TrialResult('3 samples lost')
+        value = 100.0 if outcome == 'outlier' else 5.0 + 0.01 * len(self.world.recorded)
+        return TrialResult('', '240 samples', {'mean_n': value})
+
+
+class Person:
+    mounting_s = 30.0
+
+    def __init__(self, world, choices=()):
+        self.world = world
+        self.choices = iter(choices)
+        self.said, self.asked = [], []
+
+    def begin_session(self, session_id, trials):
+        return True
+
+    def mount(self, trial, turns_finger):
+        self.world.may_cut()
+        self.world.mounted = trial.object_label
+
+    def choose(self, verdict):
+        self.world.may_cut()
+        self.asked.append(verdict)
+        return next(self.choices, 'again')
+
+    def say(self, text):
+        self.said.append(text)
+
+
+def run(folder, world, person=None, plan=PLAN):
+    folder.set_up(plan)
+    with folder.open_journal() as journal:
+        return run_experiment(folder, plan, Bench(world), person or Person(world), journal)
+
+
+def check_complete(folder, world):
+    progress = folder.read_progress()
+    assert not progress.left()
+    kept = [progress.kept(trial.key).trial_id for trial in progress.order]
+    assert len(set(kept)) == len(kept) == PLAN.trial_count
+    # What counts was recorded to its end, once; what was recorded has a name of its own.
+    assert set(kept) <= set(world.recorded)
+    assert len(set(world.recorded)) == len(world.recorded)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    cuts=st.lists(st.sampled_from([False] * 6 + [True]), max_size=150),
+    torn=st.lists(st.integers(0, 300), max_size=6),
+    outcomes=st.lists(
+        st.sampled_from(['good', 'good', 'failed', 'unusable', 'outlier']), max_size=30
+    ),
+    choices=st.lists(st.sampled_from(['again', 'keep']), max_size=20),
+)
+def test_no_trial_is_lost_or_counts_twice_whatever_interrupts(
+    tmp_path_factory, cuts, torn, outcomes, choices
+):
+    folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
+    world = World(cuts, outcomes)
+    torn = iter(torn)
+    for _ in range(len(cuts) + 1):
+        try:
+            run(folder, world, Person(world, choices))
+            break
+        except PowerCut:
+            # What followed the last confirmed entry may be there in part, or be zeros.
+            with folder.journal.open('ab') as file:
+                file.write(b'{"kind": "ended", "trial_id": "x-s01-m01-t01"}'[: next(torn, 0) % 47])
+    check_complete(folder, world)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.integers(1, 25), max_size=12), st.booleans())
+def test_a_program_killed_between_any_two_writes_goes_on(tmp_path_factory, kills, after):
+    """The cut comes before or after the disk has confirmed an entry."""
+    folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
+    world = World()
+    confirm = os.fsync
+    countdown = None
+
+    def cut(handle):
+        nonlocal countdown
+        if after:
+            confirm(handle)
+        if countdown is not None:
+            countdown -= 1
+            if countdown <= 0:
+                raise PowerCut
+        confirm(handle)
+
+    journal_module.os.fsync = cut
+    try:
+        for countdown in [*kills, None]:  # noqa: B007 - read by cut
+            with suppress(PowerCut):
+                run(folder, world)
+    finally:
+        journal_module.os.fsync = confirm
+    check_complete(folder, world)
+
+
+def test_failed_and_outlying_trials_are_offered_again_at_once(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'experiment')
+    plan = ExperimentPlan('x', 'stiffness', ('pla',), sessions=1, mountings=1, trials=5)
+    world = World(outcomes=['good', 'failed', 'unusable', 'good', 'good', 'outlier', 'outlier'])
+    person = Person(world, ['again', 'again', 'again', 'keep'])
+    progress = run(folder, world, person, plan)
+    assert person.asked == ['failed', 'failed', 'outlier', 'outlier']
+    assert list(progress.attempts) == [
+        *('x-s01-m01-t01', 'x-s01-m01-t02', 'x-s01-m01-t02-again1', 'x-s01-m01-t02-again2'),
+        *('x-s01-m01-t03', 'x-s01-m01-t04', 'x-s01-m01-t04-again1', 'x-s01-m01-t05'),
+    ]
+    assert progress.outlier_count == 1
+    assert progress.kept('x-s01-m01-t04').trial_id == 'x-s01-m01-t04-again1'
+    assert 'mean tension 100 N, usually 5' in progress.attempts['x-s01-m01-t04'].sentence
+    assert person.said[0].startswith('trial 1 of 5: pla, flexion: good: 240 samples; ')
+    assert person.said[1].startswith('trial 2 of 5: pla, flexion: failed: the cable came off')
+    assert person.said[-1].startswith('trial 5 of 5: ')
+    assert person.said[-1].endswith('; 0 s left')
+    found = progress.to_dict()
+    assert (found['done'], found['failed'], found['attempts']) == (5, 2, 8)
+
+
+def test_an_operator_may_stop_and_go_on(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'experiment')
+    world = World(outcomes=['good', 'failed'])
+    progress = run(folder, world, Person(world, ['stop']))
+    assert progress.done_count == 1
+    run(folder, world)
+    check_complete(folder, world)
+
+
+def test_an_object_put_there_again_has_a_mounting_of_its_own(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'experiment')
+    world = World(outcomes=['good', 'failed'])
+    run(folder, world, Person(world, ['stop']))
+    progress = run(folder, world)
+    first, *_, second = (progress.kept(f'x-s01-m01-t{i:02d}').mounting_id for i in (1, 2))
+    assert (first, second) == ('x-s01-m01', 'x-s01-m01-2')
+    mountings = [attempt.mounting_id for attempt in progress.attempts.values()]
+    assert len(set(mountings)) == len(progress.mounting_ids) == 9
+
+
+def test_a_recording_that_cannot_go_on_ends_the_experiment(tmp_path, monkeypatch):
+    def fail(self, order):
+        raise ExperimentError('the disk is full')
+
+    folder = ExperimentFolder(tmp_path / 'experiment')
+    world = World()
+    with monkeypatch.context() as patch:
+        patch.setattr(Bench, 'run', fail)
+        with pytest.raises(ExperimentError, match='disk is full'):
+            run(folder, world)
+    assert folder.read_progress().to_dict()['interrupted'] == 1
+    run(folder, world)
+    check_complete(folder, world)
+
+
+def test_the_time_that_is_left_is_measured_once_trials_have_run():
+    order = [each for name in PLAN.session_ids for each in list_of(name)]
+    progress = Progress(order, [])
+    assert progress.estimate_left_s(10.0, 30.0) == 16 * 10.0 + 8 * 30.0
+    progress.take({'kind': 'mounted', 'mounting_id': 'm', 'seconds': 50.0})
+    first = order[0].key
+    progress.take({'kind': 'began', 'key': first, 'trial_id': 'a', 'mounting_id': 'm'})
+    ended = {'verdict': 'good', 'sentence': '', 'statistics': {}, 'seconds': 12.0}
+    progress.take({'kind': 'ended', 'trial_id': 'a', **ended})
+    assert progress.estimate_left_s(10.0, 30.0) == 15 * 12.0 + 8 * 50.0
+
+
+def list_of(session_id):
+    from tactile_lab.experiment.plan import list_order
+
+    return list_order(PLAN, session_id)
+
+
+@pytest.mark.parametrize(
+    ('seconds', 'text'), [(0, '0 s'), (89, '89 s'), (90, '2 min'), (5399, '1 h 30 min')]
+)
+def test_durations_are_for_people(seconds, text):
+    assert describe_seconds(seconds) == text

@@ -1,0 +1,248 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Plan, order and journal of an experiment."""
+
+from collections import Counter
+from contextlib import suppress
+import dataclasses
+from itertools import pairwise
+import json
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+
+from tactile_bags.plain_yaml import parse_plain_yaml
+from tactile_lab.experiment.folder import (
+    ExperimentFolder,
+    find_dropped,
+    is_experiment,
+    list_recordings,
+)
+from tactile_lab.experiment.journal import Journal, parse_journal, read_journal
+from tactile_lab.experiment.plan import (
+    ExperimentError,
+    ExperimentPlan,
+    format_order,
+    format_plan,
+    list_order,
+    parse_order,
+    parse_plan,
+    read_plan,
+)
+from tactile_lab.experiment.progress import Progress
+
+LABELS = st.text('abcRTF0123456789_-.+no', min_size=1, max_size=6).filter(lambda t: t[0].isalnum())
+PLANS = st.builds(
+    ExperimentPlan,
+    name=LABELS,
+    protocol=st.sampled_from(['texture', 'stiffness']),
+    objects=st.lists(LABELS, min_size=1, max_size=5, unique=True).map(tuple),
+    contacts=st.sampled_from([('flexion',), ('abduction',), ('flexion', 'abduction')]),
+    sessions=st.integers(1, 3),
+    mountings=st.integers(1, 3),
+    trials=st.integers(1, 4),
+    seed=st.integers(0, 2**32 - 1),
+    hold_s=st.sampled_from([0.0, 1.5]),
+)
+
+
+@given(PLANS)
+def test_a_plan_is_read_as_it_was_written(plan):
+    assert parse_plan(parse_plain_yaml(format_plan(plan)), 'other') == plan
+
+
+@given(PLANS)
+def test_the_order_has_each_block_once_and_is_read_as_it_was_written(plan):
+    order = [trial for name in plan.session_ids for trial in list_order(plan, name)]
+    assert len(order) == plan.trial_count
+    assert parse_order(format_order(order)) == order
+    assert order == [trial for name in plan.session_ids for trial in list_order(plan, name)]
+    per_block = len(plan.objects) * plan.trials
+    for start in range(0, len(order), per_block):
+        block = order[start : start + per_block]
+        assert Counter(t.object_label for t in block) == dict.fromkeys(plan.objects, plan.trials)
+        assert len({t.contact for t in block}) == 1
+        assert len({(t.session_id, t.mounting) for t in block}) == len(plan.objects)
+    for session in plan.session_ids:
+        contacts = [trial.contact for trial in order if trial.session_id == session]
+        turns = sum(a != b for a, b in pairwise(contacts))
+        assert turns == len(plan.contacts) - 1
+
+
+def test_blocks_are_in_different_orders_and_another_seed_changes_them():
+    plan = ExperimentPlan('x', 'texture', tuple('ABCDEF'), mountings=4, sessions=2)
+
+    def orders(plan):
+        order = [t for name in plan.session_ids for t in list_order(plan, name) if t.trial == 1]
+        labels = [trial.object_label for trial in order]
+        return [tuple(labels[i : i + 6]) for i in range(0, len(labels), 6)]
+
+    assert len(set(orders(plan))) == 8
+    other = ExperimentPlan('x', 'texture', tuple('ABCDEF'), mountings=4, sessions=2, seed=2)
+    assert not set(orders(plan)) & set(orders(other))
+
+
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('- 1', 'no mapping'),
+        ('protocol: texture', 'objects missing'),
+        ('{protocol: slip, objects: [R1]}', 'texture or stiffness'),
+        ('{protocol: texture, objects: R1}', 'no list'),
+        ('{protocol: texture, objects: []}', 'objects is empty'),
+        ('{protocol: texture, objects: [no]}', 'quotes'),
+        ('{protocol: texture, objects: [a/b]}', 'is no name'),
+        ('{protocol: texture, objects: [R1, R1]}', 'twice'),
+        ('{protocol: texture, objects: [R1], contacts: [side]}', 'flexion or abduction'),
+        ('{protocol: texture, objects: [R1], trials: 0}', 'from 1'),
+        ('{protocol: texture, objects: [R1], trials: 2.5}', 'whole number'),
+        ('{protocol: texture, objects: [R1], trials: true}', 'whole number'),
+        ('{protocol: texture, objects: [R1], trials: 9999, sessions: 9}', 'make it 10000'),
+        ('{protocol: texture, objects: [R1], hold_s: .nan}', 'hold_s'),
+        ('{protocol: texture, objects: [R1], colour: red}', "no entry 'colour'"),
+    ],
+)
+def test_a_plan_that_cannot_be_used_is_refused(tmp_path, text, sentence):
+    path = tmp_path / 'plan.yaml'
+    path.write_text(text)
+    with pytest.raises(ExperimentError, match=sentence) as refusal:
+        read_plan(path)
+    assert 'plan.yaml' in str(refusal.value)
+
+
+@given(st.recursive(st.none() | st.booleans() | st.integers() | st.text(), st.lists, max_leaves=4))
+def test_any_value_in_a_plan_is_taken_or_refused_with_a_sentence(value):
+    for key in ('name', 'protocol', 'objects', 'contacts', 'trials', 'seed', 'hold_s'):
+        document = {'protocol': 'texture', 'objects': ['R1'], key: value}
+        with suppress(ExperimentError):
+            assert parse_plan(document, 'x').trial_count
+
+
+ENTRIES = st.lists(
+    st.dictionaries(st.text(max_size=5), st.integers() | st.text(max_size=9), max_size=3).map(
+        lambda values: {**values, 'kind': 'note'}
+    ),
+    max_size=5,
+)
+
+
+@given(ENTRIES, st.integers(0, 400), st.sampled_from([b'', b'\0' * 20, b'\0\n\0\n', b'{"ki']))
+def test_a_journal_that_was_cut_off_keeps_its_whole_lines(entries, cut, tail):
+    data = b''.join(json.dumps(entry).encode() + b'\n' for entry in entries)[:cut]
+    found, length = parse_journal(data + tail)
+    assert found == entries[: data.count(b'\n')]
+    assert length == data.rfind(b'\n') + 1
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_journal_or_refused(data):
+    try:
+        entries, length = parse_journal(data)
+    except ExperimentError:
+        return
+    assert parse_journal(data[:length]) == (entries, length)
+
+
+def test_a_damaged_line_in_the_middle_is_refused():
+    with pytest.raises(ExperimentError, match='line 2 is damaged'):
+        parse_journal(b'{"kind": "a"}\nrubbish\n{"kind": "b"}\n')
+
+
+def test_a_journal_goes_on_after_half_a_line_and_has_one_writer(tmp_path):
+    path = tmp_path / 'journal.jsonl'
+    with Journal(path) as journal:
+        journal.append('a', n=1)
+        with pytest.raises(ExperimentError, match='another program'):
+            Journal(path)
+    with path.open('ab') as file:
+        file.write(b'{"kind": "b", "n"')
+    with Journal(path) as journal:
+        journal.append('c')
+    assert read_journal(path) == [{'kind': 'a', 'n': 1}, {'kind': 'c'}]
+
+
+@settings(max_examples=30)
+@given(
+    st.dictionaries(
+        st.sampled_from(['key', 'trial_id', 'mounting_id', 'verdict', 'statistics', 'seconds']),
+        st.none() | st.text(max_size=3) | st.integers() | st.lists(st.integers(), max_size=2),
+    ),
+    st.sampled_from(['began', 'ended', 'kept', 'mounted', 'run', 'other']),
+)
+def test_strange_entries_are_refused_with_their_number(values, kind):
+    entry = {**values, 'kind': kind}
+    if kind in ('ended', 'kept'):  # of a trial that never began
+        with pytest.raises(ExperimentError, match='entry 1'):
+            Progress([], [entry])
+        return
+    with suppress(ExperimentError):
+        Progress([], [entry])
+
+
+PLAN = ExperimentPlan('grooves', 'texture', ('R1', 'C1', 'F'), sessions=2, mountings=1, trials=2)
+
+
+def test_sessions_may_grow_and_the_rest_may_not_change(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'grooves')
+    folder.set_up(PLAN)
+    assert is_experiment(folder.path)
+    before = folder.read_order()
+    assert len(before) == 12
+    folder.set_up(PLAN)
+    assert folder.read_order() == before
+    folder.set_up(dataclasses.replace(PLAN, sessions=3))
+    assert folder.read_order()[:12] == before
+    assert len(folder.read_order()) == 18
+    for changed in ({'seed': 2}, {'trials': 3}, {'sessions': 1}):
+        with pytest.raises(ExperimentError, match=next(iter(changed))):
+            folder.set_up(dataclasses.replace(PLAN, **{'sessions': 3, **changed}))
+
+
+def test_a_block_is_appended_to_a_session(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'grooves')
+    folder.set_up(PLAN)
+    assert folder.append('grooves-s01') == 6
+    order = folder.read_order()
+    assert len(order) == 18
+    assert {t.mounting for t in order if t.session_id == 'grooves-s01'} == set(range(1, 7))
+    with pytest.raises(ExperimentError, match='no session "other"'):
+        folder.append('other')
+
+
+def test_a_folder_with_other_things_is_left_alone(tmp_path):
+    (tmp_path / 'notes.txt').write_text('mine')
+    with pytest.raises(ExperimentError, match='is no experiment'):
+        ExperimentFolder(tmp_path).set_up(PLAN)
+    assert [path.name for path in tmp_path.iterdir()] == ['notes.txt']
+
+
+def test_bags_of_an_experiment_and_what_does_not_count_in_them(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'grooves')
+    folder.set_up(PLAN)
+    with pytest.raises(ExperimentError, match='no bags yet'):
+        list_recordings([folder.path])
+    bag = folder.bag_path('grooves-s01', 1)
+    bag.mkdir()
+    assert folder.bag_path('grooves-s01', 1) != bag
+    assert list_recordings([folder.path, tmp_path / 'other']) == [bag, tmp_path / 'other']
+    assert find_dropped(bag) == {}
+    with folder.open_journal() as journal:
+        for name in ('one', 'two'):
+            journal.append('began', key='k', trial_id=name, mounting_id='m')
+        journal.append(
+            'ended', trial_id='two', verdict='good', sentence='', statistics={}, seconds=1
+        )
+    assert find_dropped(bag) == {'one': 'another attempt counts (interrupted)'}

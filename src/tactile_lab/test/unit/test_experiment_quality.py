@@ -1,0 +1,94 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The check for outliers against its definition, its rate of false alarms, and hard cases."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tactile_lab.experiment.quality import (
+    FALSE_ALARMS,
+    find_outlier,
+    summarise_tension,
+    usual_range,
+)
+
+
+def test_the_range_is_the_prediction_interval_of_the_own_mounting():
+    values = {'a': [5.0, 5.2, 5.1], 'b': [7.0, 7.4]}
+    earlier = [(m, {'mean_n': v}) for m, group in values.items() for v in group]
+    found = usual_range('mean_n', 'a', earlier, 2)
+    pooled = math.sqrt((2 * np.var(values['a'], ddof=1) + np.var(values['b'], ddof=1)) / 3)
+    factor = stats.t.ppf(1 - FALSE_ALARMS / 4, 3)
+    assert found.centre == pytest.approx(5.1, rel=1e-15)
+    assert found.half_width == pytest.approx(factor * pooled * math.sqrt(4 / 3), rel=1e-12)
+
+
+def test_a_new_mounting_is_compared_with_the_means_of_others():
+    earlier = [(m, {'mean_n': v}) for m, v in (('a', 5.0), ('a', 5.2), ('b', 6.0), ('c', 7.0))]
+    assert usual_range('mean_n', 'd', earlier[:3], 1) is None
+    found = usual_range('mean_n', 'd', earlier, 1)
+    variance = np.var([5.1, 6.0, 7.0], ddof=1) * (1 + 1 / 3) + 0.02
+    factor = stats.t.ppf(1 - FALSE_ALARMS / 2, 2)
+    assert found.centre == pytest.approx(18.1 / 3, rel=1e-15)
+    assert found.half_width == pytest.approx(factor * math.sqrt(variance), rel=1e-12)
+
+
+def test_false_alarms_are_as_rare_as_stated():
+    generator = np.random.default_rng(5)
+    alarms = count = 0
+    for _ in range(400):
+        earlier = []
+        for mounting in range(4):
+            shift = generator.normal(0.0, 0.5)
+            for _ in range(5):
+                found = {
+                    'mean_n': 5.0 + shift + generator.normal(0.0, 0.2),
+                    'deviation_n': 0.5 + shift / 10 + generator.normal(0.0, 0.05),
+                }
+                alarms += bool(find_outlier(found, str(mounting), earlier))
+                earlier.append((str(mounting), found))
+                count += 1
+    # The bound of a binomial at the stated rate, at one in a million.
+    assert alarms <= stats.binom.ppf(1 - 1e-6, count, FALSE_ALARMS)
+
+
+def test_a_finger_that_misses_the_plate_is_an_outlier():
+    generator = np.random.default_rng(1)
+    earlier = [
+        (str(m), {'mean_n': 5.0 + 0.2 * generator.normal(), 'deviation_n': 0.5})
+        for m in range(4)
+        for _ in range(3)
+    ]
+    missed = {'mean_n': 1.0, 'deviation_n': 0.02}
+    assert 'mean tension 1 N, usually 5' in find_outlier(missed, '3', earlier)
+    assert find_outlier({'mean_n': 5.0, 'deviation_n': 0.5}, '3', earlier) == ''
+
+
+def test_equal_values_are_no_reason_for_an_alarm_at_the_next_rounding():
+    earlier = [('a', {'mean_n': 5.0})] * 9
+    assert find_outlier({'mean_n': 5.09}, 'a', earlier) == ''
+    assert find_outlier({'mean_n': 5.11}, 'a', earlier)
+
+
+def test_a_large_level_does_not_swallow_a_small_deviation():
+    level, small = 1e6, np.array([0.0, 1e-3, -1e-3] * 20)
+    found = summarise_tension(level + small)
+    assert found['mean_n'] == pytest.approx(level, rel=1e-15)
+    exact = math.sqrt(math.fsum(v * v for v in small) / small.size)
+    assert found['deviation_n'] == pytest.approx(exact, rel=1e-6)
+    assert summarise_tension([]) == summarise_tension([1.0, math.nan]) == {}
