@@ -127,7 +127,8 @@ def assess_health(
         The present time, on the clock of the client [ns].
     """
     if not health.is_connected:
-        return LEVEL_ERROR, f'link down, reconnecting: {health.last_error}'
+        what = 'no samples' if config.sensor == 'topic' else 'link down, reconnecting'
+        return LEVEL_ERROR, f'{what}: {health.last_error}'
     silence_s = (now_ns - health.heard_at_ns) / 1e9
     if silence_s > config.silence_s:
         return LEVEL_WARN, _describe_silence(silence_s, health, before, config)
@@ -144,6 +145,8 @@ def assess_health(
         return LEVEL_WARN, 'the device has restarted; tare again'
     if health.reconnects > before.reconnects:
         return LEVEL_WARN, 'the link was lost and is back'
+    if health.advice:
+        return LEVEL_WARN, health.advice
     rejected = health.rejected_lines - before.rejected_lines
     if rejected:
         return LEVEL_WARN, (
@@ -163,6 +166,10 @@ def _describe_silence(
     silence_s: float, health: Health, before: Health, config: TendonSensorConfig
 ) -> str:
     sentence = f'no reading for {silence_s:.1f} s'
+    if config.sensor == 'topic':
+        if health.rejected_lines > before.rejected_lines:
+            return f'{sentence}; messages arrive but hold no tension: {health.last_rejected}'
+        return f'{sentence}; {health.advice}' if health.advice else sentence
     # What came before the last reading says nothing about the silence.
     if config.sensor != 'line' or before.heard_at_ns != health.heard_at_ns:
         return sentence

@@ -23,12 +23,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-SENSORS = ('line', 'net_ft', 'digital_ft')
+SENSORS = ('line', 'net_ft', 'digital_ft', 'topic')
 UNITS = ('kg', 'g', 'N', 'lbf')
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
+NORM = 'norm'
+"""The length of the force vector of a wrench on a topic."""
 LOW_PASSES_HZ = (0, 5, 8, 18, 35, 73, 152, 326, 838, 1500, 2000, 2500, 3000)
 """Cut-off frequencies of the low pass in a Net F/T [Hz]; 0 is off. The manual's list."""
 
+_LEAST_RATE_HZ = 0.1
 _MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on the one before
 
 
@@ -51,7 +54,8 @@ class TendonSensorConfig:
 
     sensor: str = _option(
         'line',
-        'kind of sensor: load-cell lines, ATI Net F/T, or ATI Digital F/T',
+        'kind of sensor: load-cell lines, ATI Net F/T, ATI Digital F/T, or a force that another '
+        'node publishes on a topic',
         choices=SENSORS,
     )
     port: str = _option('/dev/ttyUSB0', 'serial port of a line or Digital F/T sensor')
@@ -67,10 +71,16 @@ class TendonSensorConfig:
         0, 'digits after the point of the device time, always as many', range=(0, 9)
     )
     unit: str = _option(
-        'kg', 'what the value counts; kg and g are weights at standard gravity', choices=UNITS
+        'kg',
+        'what the value of a line counts; kg and g are weights at standard gravity',
+        choices=UNITS,
     )
     scale: float = _option(
-        1.0, 'factor on the value; -1 turns its sign', unit='1', range=(-1e12, 1e12)
+        1.0,
+        'factor on the value; -1 turns its sign. On a topic from its unit to newtons, such as '
+        '1/radius for the torque of a joint',
+        unit='1',
+        range=(-1e12, 1e12),
     )
     leave_menu: bool = _option(
         True, 'send x to a load-cell board that waits in its settings menu instead of measuring'
@@ -79,17 +89,35 @@ class TendonSensorConfig:
     rdt_port: int = _option(49152, 'UDP port of the samples of a Net F/T', range=(1, 65535))
     http_port: int = _option(80, 'TCP port of the settings of a Net F/T', range=(1, 65535))
     axis: str = _option(
-        'fz', 'component of a six-axis sensor that is the tension, times scale', choices=AXES
+        'fz',
+        'component of a six-axis sensor or a wrench that is the tension, times scale; norm: '
+        'length of the force of a wrench on a topic',
+        choices=(*AXES, NORM),
     )
     low_pass_hz: int = _option(
         18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=LOW_PASSES_HZ
     )
     calibration_slot: int = _option(1, 'calibration of a Digital F/T that is used', range=(1, 16))
+    topic: str = _option(
+        '',
+        'topic of the force: WrenchStamped, Wrench, Float64, Float32 or JointState; its type is '
+        'taken from the publisher',
+    )
+    joint: str = _option(
+        '', 'joint whose effort is the tension, of a JointState; empty: the only one'
+    )
+    topic_stamps: str = _option(
+        'header',
+        'time of a sample on a topic: header of the message, or its arrival, as of messages '
+        'without a header or with a zero stamp',
+        choices=('header', 'arrival'),
+    )
     rate_hz: float = _option(
         60.0,
-        'nominal sample rate; a six-axis sensor is asked for it',
+        'nominal sample rate; an ATI sensor is asked for it. 0: measured in the first two '
+        'seconds, on a topic only',
         unit='Hz',
-        range=(0.1, 10_000.0),
+        range=(0.0, 10_000.0),
     )
     samples_per_block: int = _option(1, 'samples in one message', unit='1', range=(1, 1000))
     saturation_n: float = _option(
@@ -148,8 +176,13 @@ class TendonSensorConfig:
         if self.sensor == 'net_ft':
             if not self.host:
                 raise ValueError('host is empty; give the address of the Net F/T')
+        elif self.sensor == 'topic':
+            if not self.topic:
+                raise ValueError('topic is empty; name the topic on which the force is published')
         elif not self.port:
             raise ValueError('port is empty; name the serial port of the sensor')
+        if self.sensor != 'topic':
+            self._check_device()
         if self.sensor == 'line' and self.time_column == self.value_column:
             raise ValueError(
                 f'time_column and value_column are both {self.value_column}; '
@@ -164,6 +197,14 @@ class TendonSensorConfig:
             )
         if self.scale == 0:
             raise ValueError('scale is 0; every tension would be 0 N, give another factor')
+        if 0 < self.rate_hz < _LEAST_RATE_HZ:
+            raise ValueError(f'rate_hz is {self.rate_hz}; it must be {_LEAST_RATE_HZ} or more')
+
+    def _check_device(self) -> None:
+        if not self.rate_hz:
+            raise ValueError('rate_hz is 0, which is for topics; give the rate of the sensor')
+        if self.axis == NORM:
+            raise ValueError('axis is norm, which is for topics; name a component, such as fz')
 
     @property
     def period_ns(self) -> int:
@@ -288,6 +329,9 @@ class Health:
         The last rejected line, shortened, as printable text.
     last_error
         The last thing that went wrong with the link or the consumer of blocks.
+    advice
+        What is wrong with what arrives and what to do about it, in a sentence; empty when
+        nothing is, or the sensor's driver cannot tell.
     """
 
     is_connected: bool
@@ -309,3 +353,4 @@ class Health:
     rate_hz: float = 0.0
     last_rejected: str = ''
     last_error: str = ''
+    advice: str = ''

@@ -68,8 +68,10 @@ def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) ->
     Raises
     ------
     TendonSensorError
-        When a Net F/T is wanted and pynetft is not installed.
+        When a Net F/T is wanted and pynetft is not installed; for a topic, which needs a node.
     """
+    if config.sensor == 'topic':
+        raise TendonSensorError('a topic is read by the node tendon_sensor_node alone; run that')
     if config.sensor == 'net_ft':
         try:
             from tendon_sensor_driver.ati.net_ft import NetFtClient

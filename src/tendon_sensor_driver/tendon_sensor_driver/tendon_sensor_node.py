@@ -78,7 +78,7 @@ class TendonSensorNode(DataNode):
             self.create_publisher(Tare, '~/tare_state', LATEST), self.destroy_publisher
         )
         self._publish_tare(self._zero.clear(self._now_ns()))
-        client = make_sensor(config, self._publish, self._now_ns)
+        client = self._make_client(config)
         client.open()
         self._client = client
         self._past: deque[Health] = deque([client.health()], maxlen=_NEWS_PERIODS)
@@ -102,6 +102,13 @@ class TendonSensorNode(DataNode):
         while self._entities:
             entity, destroy = self._entities.pop()
             destroy(entity)
+
+    def _make_client(self, config: TendonSensorConfig) -> SensorClient:
+        if config.sensor == 'topic':
+            from tendon_sensor_driver.topics.topic_client import TopicClient
+
+            return TopicClient(self, config, self._publish, self._now_ns)
+        return make_sensor(config, self._publish, self._now_ns)
 
     def _add_stream(self, kind: type, topic: str, to_message: Callable[[Block], Any]) -> Any:
         publisher = self.publish_records(kind, topic, to_message, STREAM)

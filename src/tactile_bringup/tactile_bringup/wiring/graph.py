@@ -52,6 +52,9 @@ PLAYER = 'bag_player'
 NO_PORT = 'none'
 """Sensor port of a finger that has no serial sensor."""
 
+PORTLESS_SENSORS = ('net_ft', 'topic')
+"""Kinds of sensor that have no serial port."""
+
 STRAIN_TIMEOUT_S = 0.15
 """Nine samples at 60 Hz; with it an approach at 50 mm/s, too, ends within 0.3 s."""
 
@@ -102,7 +105,7 @@ def sensing_graph(
     ----------
     sensor_port : str
         Serial port of the load cell; empty: that of the parameters; ``none``: there is no
-        sensor node, unless the parameters name a sensor with an address.
+        sensor node, unless the parameters name a sensor with an address or a topic.
     models : mapping of str to str
         Model file by classifier name, see `classifier_name`.
     parameters : mapping
@@ -121,7 +124,7 @@ def sensing_graph(
     of_features = _shared(ClassifierConfig, {**wanted, **stated})
     nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted)]
     has_port = sensor_port != NO_PORT
-    if has_port or parameters.get('tendon_sensor', {}).get('sensor') == 'net_ft':
+    if has_port or parameters.get('tendon_sensor', {}).get('sensor') in PORTLESS_SENSORS:
         told = {'port': sensor_port} if sensor_port and has_port else {}
         sensor = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', told)
         nodes.insert(0, NodeDescription(*sensor))

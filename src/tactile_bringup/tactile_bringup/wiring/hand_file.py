@@ -37,7 +37,7 @@ class Finger:
     ----------
     name : str
         Namespace of its nodes.
-    sensor_port, phases : str
+    sensor_port, sensor_topic, phases : str
         Empty: not said.
     model : Path or None
     parameters : mapping
@@ -52,6 +52,7 @@ class Finger:
     phases: str = ''
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     slip: bool | None = None
+    sensor_topic: str = ''
 
 
 def parse_finger_names(text: str) -> tuple[str, ...]:
@@ -77,9 +78,9 @@ def parse_finger_names(text: str) -> tuple[str, ...]:
 def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
     """Return the fingers that a file describes: those that are wanted, or all.
 
-    The file holds ``fingers:`` and below it, by name, any of ``sensor_port``, ``model``
-    (a path, relative to the file), ``phases``, ``slip`` (true or false) and ``parameters``
-    (by node name).
+    The file holds ``fingers:`` and below it, by name, any of ``sensor_port``,
+    ``sensor_topic``, ``model`` (a path, relative to the file), ``phases``, ``slip`` (true or
+    false) and ``parameters`` (by node name).
 
     Raises
     ------
@@ -110,13 +111,13 @@ def _finger(name: str, content: Any, path: Path) -> Finger:
     content = {} if content is None else content
     if not isinstance(content, dict):
         raise TactileError(f'{path}: {name} must hold names and values')
-    known = ('sensor_port', 'model', 'phases', 'slip', 'parameters')
+    known = ('sensor_port', 'sensor_topic', 'model', 'phases', 'slip', 'parameters')
     unknown = [str(key) for key in content if key not in known]
     if unknown:
         raise TactileError(
             f'{path}: {name} has {", ".join(unknown)}; it can have {", ".join(known)}'
         )
-    for key in ('sensor_port', 'model', 'phases'):
+    for key in ('sensor_port', 'sensor_topic', 'model', 'phases'):
         if not isinstance(content.get(key, ''), str):
             raise TactileError(f'{path}: {key} of {name} must be text')
     slip = content.get('slip')
@@ -137,4 +138,5 @@ def _finger(name: str, content: Any, path: Path) -> Finger:
         phases=content.get('phases', ''),
         parameters={str(node): dict(of_node) for node, of_node in parameters.items()},
         slip=slip,
+        sensor_topic=content.get('sensor_topic', ''),
     )

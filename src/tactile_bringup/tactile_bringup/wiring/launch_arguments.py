@@ -54,8 +54,14 @@ RIG = LaunchArgument(
 SENSOR_PORT = LaunchArgument(
     'sensor_port',
     'serial port of the load cell; none: no sensor node is started, unless params_file names a '
-    'sensor with an address (net_ft), and another node publishes tendon_sensor/strain; empty: the '
-    'port in params_file, or /dev/tactile/sensor',
+    'sensor with an address (net_ft) or a topic, and another node publishes '
+    'tendon_sensor/strain; empty: the port in params_file, or /dev/tactile/sensor',
+)
+SENSOR_TOPIC = LaunchArgument(
+    'sensor_topic',
+    'topic of a force that another node publishes, instead of a port: WrenchStamped, Wrench, '
+    'Float64, Float32 or JointState. After a colon an axis (fx to tz, norm) or the name of a '
+    'joint, as /ft/wrench:fx. Its rate is that of the model, or is measured. Empty: none',
 )
 GUIDE_PORT = LaunchArgument(
     'guide_port',
@@ -143,7 +149,17 @@ def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...
 LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
     'texture': _protocol_arguments('plate', 'R1'),
     'stiffness': _protocol_arguments('object', 'rubber_shell'),
-    'sense': (RIG, SENSOR_PORT, MODEL, RECALIBRATE, PHASES, DETECTED_CONTACT, SLIP, *_SHARED),
+    'sense': (
+        RIG,
+        SENSOR_PORT,
+        SENSOR_TOPIC,
+        MODEL,
+        RECALIBRATE,
+        PHASES,
+        DETECTED_CONTACT,
+        SLIP,
+        *_SHARED,
+    ),
     'hand': (
         RIG,
         LaunchArgument(
@@ -153,9 +169,14 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
         ),
         LaunchArgument(
             'hand_file',
-            "YAML file that describes the fingers: each one's port, model, phases, slip and "
-            'parameters. Empty: each has the port /dev/tactile/<finger> and what the other '
+            "YAML file that describes the fingers: each one's port or topic, model, phases, slip "
+            'and parameters. Empty: each has the port /dev/tactile/<finger> and what the other '
             'arguments say',
+        ),
+        dataclasses.replace(
+            SENSOR_TOPIC,
+            description=f'{SENSOR_TOPIC.description}. A relative name is within the namespace of '
+            'each finger. hand_file wins',
         ),
         dataclasses.replace(MODEL, description=f'{MODEL.description}. hand_file wins'),
         RECALIBRATE,

@@ -36,6 +36,7 @@ from tactile_bringup.wiring.graph import (
     NO_PORT,
     NodeDescription,
     PLAYER,
+    PORTLESS_SENSORS,
     Ports,
     recalibration_parameters,
     recorder_node,
@@ -48,11 +49,13 @@ from tactile_bringup.wiring.graph import (
 )
 from tactile_bringup.wiring.hand_file import Finger, parse_finger_names, read_hand
 from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
+from tactile_bringup.wiring.model_features import wanted_features
 from tactile_bringup.wiring.model_folder import choose_models, find_models
 from tactile_bringup.wiring.parameter_files import read_parameters
 from tactile_classifier.names import parse_classifier_name
 from tactile_features.records import PHASES_STATED
 from tactile_ros.errors import TactileError
+from tendon_sensor_driver.records import AXES, NORM
 
 DEVICES = Path('/dev/tactile')
 """Where the udev rules of this package put the names of the devices."""
@@ -192,7 +195,8 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
 
 def _described_fingers(name: str, values: Mapping[str, str]) -> tuple[Finger, ...]:
     if name == 'sense':
-        return (Finger('', sensor_port=values['sensor_port']),)
+        topic = values['sensor_topic']
+        return (Finger('', sensor_port=values['sensor_port'], sensor_topic=topic),)
     names = parse_finger_names(values['fingers'])
     path = _path(values['hand_file'])
     if path:
@@ -209,7 +213,13 @@ def _plan_fingers(
     nodes: list[NodeDescription] = []
     rigs: list[RigDescription] = []
     for index, finger in enumerate(fingers):
-        port = finger.sensor_port
+        if not (finger.sensor_port or finger.sensor_topic):
+            finger = dataclasses.replace(finger, sensor_topic=values['sensor_topic'])
+        if finger.sensor_topic and finger.sensor_port:
+            raise TactileError(
+                f'{finger.name or "the finger"} has a sensor_port and a sensor_topic; give one'
+            )
+        port = NO_PORT if finger.sensor_topic else finger.sensor_port
         if simulated and not port:
             rigs.append(RigDescription(scratch / f'rig_{finger.name or "finger"}', index + 1))
             port = rigs[-1].ports.sensor
@@ -242,11 +252,14 @@ def _finger_nodes(
             + ', '.join(choices)
         )
     # What only this finger's description says wins over the file for all of them.
+    stated = _merged(_read(values, names, namespace), finger.parameters)
     parameters = _merged(
-        {FEATURES_NODE: _found_phases(phases, values['contact'], simulated)},
+        {
+            FEATURES_NODE: _found_phases(phases, values['contact'], simulated),
+            SENSING_NODES[0]: _sensor_on_topic(finger.sensor_topic, models, stated),
+        },
         recalibration_parameters(values['recalibrate'], models),
-        _read(values, names, namespace),
-        finger.parameters,
+        stated,
     )
     nodes = sensing_graph(port, models, parameters, namespace=namespace)
     if slips:
@@ -258,6 +271,21 @@ def _finger_nodes(
             _recorder(bag, model, models, nodes, namespace, simulated=simulated, rig=False)
         )
     return nodes
+
+
+def _sensor_on_topic(
+    topic: str, models: Mapping[str, str], stated: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return the parameters of a sensor for ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``."""
+    if not topic:
+        return {}
+    name, _, part = topic.partition(':')
+    of_features = stated.get(FEATURES_NODE, {})
+    rate_hz = {**wanted_features(models, of_features), **of_features}.get('rate_hz', 0.0)
+    parameters: dict[str, Any] = {'sensor': 'topic', 'topic': name, 'rate_hz': float(rate_hz)}
+    if part:
+        parameters['axis' if part in (*AXES, NORM) else 'joint'] = part
+    return parameters
 
 
 def _models_of_contact(models: Mapping[str, str], contact: str) -> Mapping[str, str]:
@@ -284,7 +312,7 @@ def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
     owners: dict[str, str] = {}
     for node in nodes:
         port = node.parameters.get('port')
-        if not port or node.parameters.get('sensor') == 'net_ft':
+        if not port or node.parameters.get('sensor') in PORTLESS_SENSORS:
             continue
         if port in owners:
             raise TactileError(

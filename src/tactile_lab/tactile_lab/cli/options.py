@@ -38,6 +38,14 @@ SeedOption = Annotated[
 GuideOption = Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')]
 TendonOption = Annotated[str, typer.Option(help='Serial port of the Dynamixel.')]
 SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]
+SensorTopicOption = Annotated[
+    str,
+    typer.Option(
+        metavar='TOPIC[:AXIS|:JOINT]',
+        help='Topic of a force that another node publishes, instead of a port: WrenchStamped, '
+        'Float64 or JointState, such as /ft/wrench:fx.',
+    ),
+]
 SimulatedOption = Annotated[
     bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
 ]

@@ -41,6 +41,7 @@ from tactile_lab.cli.options import (
     refusals,
     SeedOption,
     SensorOption,
+    SensorTopicOption,
     SimulatedOption,
     SlipOption,
     TendonOption,
@@ -175,6 +176,7 @@ def rig(
 
 def sense(
     sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
     model: ModelOption = None,
     recalibrate: RecalibrateOption = 0,
     phases: PhasesOption = Phases.stated,
@@ -198,6 +200,7 @@ def sense(
             'sense',
             {
                 'sensor_port': sensor,
+                'sensor_topic': sensor_topic,
                 **_sensing_values(
                     model, recalibrate, phases, contact, slip, simulated, params, namespace, record
                 ),
@@ -212,9 +215,10 @@ def hand(
     hand_file: Annotated[
         Optional[Path],
         typer.Option(
-            help="YAML file with each finger's port, model, phases, slip and parameters."
+            help="YAML file with each finger's port or topic, model, phases, slip and parameters."
         ),
     ] = None,
+    sensor_topic: SensorTopicOption = '',
     model: ModelOption = None,
     recalibrate: RecalibrateOption = 0,
     phases: PhasesOption = Phases.stated,
@@ -239,6 +243,7 @@ def hand(
             {
                 'fingers': fingers,
                 'hand_file': str(hand_file or ''),
+                'sensor_topic': sensor_topic,
                 **_sensing_values(
                     model, recalibrate, phases, contact, slip, simulated, params, namespace, record
                 ),

@@ -314,6 +314,47 @@ def test_two_net_ft_need_no_port(tmp_path):
     assert len(plan_launch('hand', {'hand_file': str(hand)}, tmp_path).nodes) == 4
 
 
+@pytest.mark.parametrize(
+    ('topic', 'expected'),
+    [
+        ('/ft/wrench', {'topic': '/ft/wrench'}),
+        ('wrench:fx', {'topic': 'wrench', 'axis': 'fx'}),
+        ('wrench:norm', {'topic': 'wrench', 'axis': 'norm'}),
+        ('/joint_states:index_tendon', {'topic': '/joint_states', 'joint': 'index_tendon'}),
+    ],
+)
+@pytest.mark.parametrize('rig', ['hardware', 'simulated'])
+def test_a_sensor_on_a_topic_needs_no_port_and_no_rig(topic, expected, rig, tmp_path):
+    plan = plan_launch('sense', {'sensor_topic': topic, 'rig': rig}, tmp_path)
+    sensor = by_path(plan)['tendon_sensor']
+    assert sensor.parameters == {'sensor': 'topic', 'rate_hz': 0.0, **expected}
+    assert not plan.rigs
+
+
+def test_a_sensor_on_a_topic_has_the_rate_of_the_features_unless_stated(parameter_file, tmp_path):
+    values = {'sensor_topic': '/f'}
+    of_features = parameter_file('tactile_features: {ros__parameters: {rate_hz: 100.0}}')
+    plan = plan_launch('sense', {**values, 'params_file': of_features}, tmp_path)
+    assert by_path(plan)['tendon_sensor'].parameters['rate_hz'] == 100.0
+    of_sensor = parameter_file('tendon_sensor: {ros__parameters: {rate_hz: 50.0, scale: 2.0}}')
+    plan = plan_launch('sense', {**values, 'params_file': of_sensor}, tmp_path)
+    assert by_path(plan)['tendon_sensor'].parameters['rate_hz'] == 50.0
+    assert by_path(plan)['tendon_sensor'].parameters['scale'] == 2.0
+
+
+def test_fingers_may_share_a_topic_or_have_one_each(tmp_path):
+    hand = tmp_path / 'hand.yaml'
+    hand.write_text('fingers: {a: {sensor_topic: "/j:x"}, b: {sensor_topic: "/j:y"}, c: }')
+    plan = plan_launch('hand', {'hand_file': str(hand), 'sensor_topic': 'ft'}, tmp_path)
+    sensors = {path: node.parameters for path, node in by_path(plan).items() if 'sensor' in path}
+    assert sensors['a/tendon_sensor']['joint'] == 'x'
+    assert sensors['b/tendon_sensor']['topic'] == '/j'
+    assert sensors['c/tendon_sensor']['topic'] == 'ft'  # in the namespace of the finger
+    hand.write_text('fingers: {a: {sensor_topic: /f, sensor_port: /dev/ttyUSB0}}')
+    with pytest.raises(TactileError, match='a has a sensor_port and a sensor_topic; give one'):
+        plan_launch('hand', {'hand_file': str(hand)}, tmp_path)
+
+
 @pytest.mark.parametrize('values', [{}, {'rig': 'simulated'}])
 @pytest.mark.parametrize('name', ['sense', *PROTOCOLS])
 def test_no_sensor_port_is_no_sensor_node(name, values, tmp_path):

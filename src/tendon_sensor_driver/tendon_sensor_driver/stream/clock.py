@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 import time
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from tendon_sensor_driver.stream.clock_skew import LowerLine, SECOND_NS, STEP_NS
 
@@ -97,6 +97,27 @@ class Instant(NamedTuple):
     stamp_error_s: float
     is_restart: bool = False
     is_step: bool = False
+
+
+class SampleClock(Protocol):
+    """What gives the samples of one sensor their time."""
+
+    duplicates: int
+    late_samples: int
+    outliers: int
+    restarts: int
+
+    def note_reconnection(self) -> None:
+        """Say that the link was lost and came back before the next sample."""
+        ...
+
+    def note_step(self, step_ns: int) -> None:
+        """Follow the host's clock, which was set by this [ns]."""
+        ...
+
+    def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
+        """Return when a sample was taken, or None when its time fits nowhere."""
+        ...
 
 
 class HostClock:

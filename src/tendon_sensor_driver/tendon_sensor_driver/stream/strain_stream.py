@@ -20,7 +20,7 @@ import math
 
 from tendon_sensor_driver.records import Block, Reading, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.stream.calibration import Calibration
-from tendon_sensor_driver.stream.clock import DeviceClock, HostClock
+from tendon_sensor_driver.stream.clock import DeviceClock, HostClock, SampleClock
 from tendon_sensor_driver.stream.sequencer import Sequencer
 
 _FEWEST_EQUAL = 10
@@ -32,7 +32,7 @@ class SampleStream:
     Parameters
     ----------
     config : TendonSensorConfig
-    clock : DeviceClock or HostClock
+    clock : SampleClock
         What gives the samples their time.
     period_ns : int
         Time between two samples, as the device truly takes them [ns].
@@ -43,7 +43,7 @@ class SampleStream:
     def __init__(
         self,
         config: TendonSensorConfig,
-        clock: DeviceClock | HostClock,
+        clock: SampleClock,
         period_ns: int,
         status: StrainStatus = StrainStatus.OK,
     ) -> None:

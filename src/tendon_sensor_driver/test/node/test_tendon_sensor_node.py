@@ -147,7 +147,7 @@ def test_parameters_do_not_change_under_an_open_sensor(graph):
     graph.node.trigger_cleanup()
     (result,) = graph.node.set_parameters([scale])
     assert result.successful
-    (result,) = graph.node.set_parameters([Parameter('rate_hz', value=0.0)])
+    (result,) = graph.node.set_parameters([Parameter('rate_hz', value=-1.0)])
     assert not result.successful
 
 

@@ -1,0 +1,140 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A force that somebody else publishes, to a label: SIMULATED tension, over real DDS."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.time import Time
+
+from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.message_records import read_records
+from tactile_features.conversions import event_to_msg
+from tactile_lab.commands.replay import replay_and_compare
+from tactile_msgs.msg import Classification, TrialEvent
+from tactile_ros.qos import EVENTS, RESULTS
+
+PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
+ANSWERS = 'stiffness_flexion_classifier/classification'
+DEADLINE_S = 60.0
+SECOND_NS = 1_000_000_000
+
+
+class Hand(Node):
+    """Plays one trial of a recording as a hand would: wrenches of its sensor, and events."""
+
+    def __init__(self, context, samples, events):
+        super().__init__('broadcaster', context=context)
+        self.force = self.create_publisher(WrenchStamped, '/ft/wrench', qos_profile_sensor_data)
+        self.events = self.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+        self.answers = []
+        self.create_subscription(Classification, ANSWERS, self.answers.append, RESULTS)
+        self.waiting = sorted(
+            [(at_ns, self.send_force, value) for at_ns, value in samples]
+            + [(at_ns, self.send_event, event) for at_ns, event in events],
+            key=lambda entry: entry[0],
+        )
+        self.offset_ns = 0
+
+    def start(self):
+        self.offset_ns = time.time_ns() - self.waiting[0][0]
+        self.create_timer(0.001, self.send_due)
+
+    def send_due(self):
+        while self.waiting and self.waiting[0][0] + self.offset_ns <= time.time_ns():
+            at_ns, send, what = self.waiting.pop(0)
+            send(Time(nanoseconds=at_ns + self.offset_ns).to_msg(), what)
+
+    def send_force(self, stamp, value):
+        message = WrenchStamped()
+        message.header.stamp = stamp
+        message.wrench.force.x = -value / 2  # another axis, sign and unit
+        self.force.publish(message)
+
+    def send_event(self, stamp, event):
+        event.header.stamp = stamp
+        self.events.publish(event)
+
+
+def read_trial(path):
+    """Return samples and events of the first trial in a bag, with their times [ns]."""
+    samples, events = [], []
+    with TactileBag(path) as bag:
+        for message, record in read_records(bag.messages()):
+            if message.type_name == STRAIN:
+                samples += [
+                    (record.stamp_ns + i * record.period_ns, float(value))
+                    for i, value in enumerate(record.tension_n)
+                ]
+            elif message.type_name == EVENT:
+                if events and record.trial_id != events[0][1].trial_id:
+                    break
+                events.append((record.stamp_ns, event_to_msg(record)))
+    last_ns = events[-1][0] + SECOND_NS // 10
+    return [(at_ns, value) for at_ns, value in samples if at_ns <= last_ns], events
+
+
+def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
+    context, stiffness_bag, trained, tmp_path
+):
+    hand = Hand(context, *read_trial(stiffness_bag))
+    (label,) = {what.object_label for _, send, what in hand.waiting if send == hand.send_event}
+    params, bag = tmp_path / 'params.yaml', tmp_path / 'bag'
+    params.write_text('tendon_sensor: {ros__parameters: {scale: -2.0}}')
+    command = ['sense', '--sensor-topic', '/ft/wrench:fx', '--model', str(trained)]
+    process = subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, *command, '--params', str(params), '--record', str(bag)],
+        env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(hand)
+
+    def spin_until(condition):
+        deadline = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < deadline, 'the condition did not come true in time'
+            executor.spin_once(timeout_sec=0.05)
+
+    try:
+        assert 'running: ' in process.stdout.readline()
+        spin_until(hand.force.get_subscription_count)
+        spin_until(lambda: hand.events.get_subscription_count() >= 2)  # features, recorder
+        spin_until(lambda: hand.count_publishers(ANSWERS))
+        hand.start()
+        spin_until(lambda: hand.answers)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        executor.shutdown()
+        hand.destroy_node()
+    assert process.returncode == 0, errors
+    (answer,) = hand.answers
+    assert answer.outcome == Classification.OUTCOME_LABEL, answer.reason
+    assert answer.label == label
+    assert answer.simulated
+    (report,) = replay_and_compare(bag, trained, through_nodes=True, times=1)
+    assert report.is_equal, report.to_dict()

@@ -1,0 +1,297 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The time of samples that come as messages: order, gaps, clock steps and rate."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+import statistics
+
+from tendon_sensor_driver.stream.clock import Instant
+
+_SECOND_NS = 1_000_000_000
+_LATE_NS = _SECOND_NS // 4
+_STEP_NS = _SECOND_NS // 10
+_RECENT_NS = 10 * _SECOND_NS  # of which the shortest delay is known
+_MEMORY = 64  # samples that the grid is fitted to
+_LARGEST_DETUNING = 0.05  # of the period
+_MOST_MISSING = 1.1  # samples per sample that came
+
+MEASURE_NS = 2 * _SECOND_NS
+"""Time over which a rate is measured [ns]."""
+
+FEWEST_MEASURED = 10
+"""Messages that a rate is measured from, at least."""
+
+
+class StampGrid:
+    """Numbers stamps that lie near multiples of a period, whatever is missing between them.
+
+    The grid is the line fitted to some 64 of the stamps by an alpha-beta filter. Its period
+    stays within 5 % of the nominal one. A stamp may be off the grid by somewhat less than half
+    a period.
+
+    Parameters
+    ----------
+    period_ns : float
+        Nominal time between two samples [ns].
+    stamp_ns : int
+        The first stamp [ns].
+    """
+
+    def __init__(self, period_ns: float, stamp_ns: int) -> None:
+        self._nominal_ns = self._period_ns = period_ns
+        self._fitted = 1
+        self._expected_ns = stamp_ns  # of the last sample
+
+    def advance(self, stamp_ns: int) -> int:
+        """Take the next stamp [ns]; return how many periods lie before it, one or more."""
+        steps = max(1, round((stamp_ns - self._expected_ns) / self._period_ns))
+        off_ns = stamp_ns - self._expected_ns - steps * self._period_ns
+        # The gains of a least-squares line through n samples, as n grows to its bound.
+        n = self._fitted = min(self._fitted + 1, _MEMORY)
+        gain = 2 * (2 * n - 1) / (n * (n + 1))
+        self._expected_ns += round(steps * self._period_ns + gain * off_ns)
+        most_ns = _LARGEST_DETUNING * self._nominal_ns
+        period_ns = self._period_ns + 6 / (n * (n + 1)) * off_ns / steps
+        self._period_ns = min(
+            max(period_ns, self._nominal_ns - most_ns), self._nominal_ns + most_ns
+        )
+        return steps
+
+
+class StampClock:
+    """Stamps samples with the headers of their messages, or with their arrival.
+
+    A header's stamp is ROS time already, and is the sample's. The bound on its error is the
+    shortest delay from a stamp to its arrival in the last ten seconds, or its magnitude where
+    the stamp is ahead: as far may the publisher's clock be from ours.
+
+    Lost samples are counted on a `StampGrid`. ``device_ns`` of an `Instant` counts whole nominal
+    periods on it.
+
+    A stamp equal to the one before is a duplicate, one up to 0.25 s before it is late; both
+    have no place. One further back is an outlier and has none either, and so is one that leaps
+    forward: by more than 0.1 s against the arrivals, to a delay that much below the shortest.
+    If the next one continues an outlier, the publisher's clock was set, and the samples lost
+    meanwhile are not known.
+
+    A sample without a stamp has its arrival as time, of unknown error. The middleware's number
+    of the message, where there is one, tells what was lost on the way.
+
+    Parameters
+    ----------
+    period_ns : int
+        Nominal time between two samples [ns].
+
+    Attributes
+    ----------
+    duplicates, late_samples, outliers : int
+        Samples without a place.
+    steps : int
+        Times that the publisher's clock was set.
+    least_delay_ns : int or None
+        Shortest delay from a stamp to its arrival [ns]; None before a stamp.
+    """
+
+    restarts = 0  # of a device, which nobody sees from here
+
+    def __init__(self, period_ns: int) -> None:
+        self._nominal_ns = period_ns
+        self.duplicates = self.late_samples = self.outliers = self.steps = 0
+        self.least_delay_ns: int | None = None
+        self.number: int | None = None  # of the message that is placed next
+        self._older_delay_ns: int | None = None
+        self._newer_delay_ns: int | None = None
+        self._bucket_ns = 0
+        self._received_ns = 0  # arrival of the last sample with a stamp
+        self._last: Instant | None = None
+        self._has_stamps = False
+        self._outlier: tuple[int, int] | None = None  # stamp, arrival
+        self._last_number: int | None = None
+        self._index = 0
+        self._grid = StampGrid(period_ns, 0)
+
+    def note_reconnection(self) -> None:
+        """Expect another publisher, which numbers its messages anew."""
+        self._last_number = None
+
+    def note_step(self, step_ns: int) -> None:
+        """Follow the host's clock, which was set by this [ns]."""
+        if self.least_delay_ns is not None:
+            self.least_delay_ns += step_ns
+        if self._older_delay_ns is not None:
+            self._older_delay_ns += step_ns
+        if self._newer_delay_ns is not None:
+            self._newer_delay_ns += step_ns
+        self._bucket_ns += step_ns
+        self._received_ns += step_ns
+        if self._outlier is not None:
+            self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
+        if self._last is not None and not self._has_stamps:
+            self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
+
+    def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
+        """Return when a sample was taken, or None when it has no place.
+
+        Parameters
+        ----------
+        ticks : int or None
+            Stamp of the header [ns]; None: there is none.
+        received_at_ns : int
+            Time of arrival [ns].
+        """
+        if ticks is None:
+            return self._place_by_arrival(received_at_ns)
+        if self._last is None:
+            return self._begin(ticks, received_at_ns, is_step=False)
+        if not self._has_stamps:
+            return self._begin(ticks, received_at_ns, is_step=True)
+        elapsed_ns = ticks - self._last.stamp_ns
+        if -_LATE_NS < elapsed_ns <= 0:
+            if elapsed_ns == 0:
+                self.duplicates += 1
+            else:
+                self.late_samples += 1
+            return None
+        if elapsed_ns > 0 and not self._leaps(ticks, elapsed_ns, received_at_ns):
+            return self._continue(ticks, received_at_ns)
+        if self._continues_outlier(ticks, received_at_ns):
+            self.steps += 1
+            return self._begin(ticks, received_at_ns, is_step=True)
+        self._outlier = (ticks, received_at_ns)
+        self.outliers += 1
+        return None
+
+    def _place_by_arrival(self, received_at_ns: int) -> Instant:
+        is_step = self._has_stamps
+        number, before = self.number, self._last_number
+        self._last_number = number
+        self._has_stamps = False
+        if number is not None and before is not None and not is_step:
+            # Numbers of two publishers interleave: none of them tells a gap.
+            self._index += max(1, number - before)
+        else:
+            self._index += 1
+        stamp_ns = received_at_ns
+        if self._last is not None and not is_step:
+            stamp_ns = max(stamp_ns, self._last.stamp_ns + 1)
+        device_ns = self._index * self._nominal_ns
+        self._last = Instant(device_ns, stamp_ns, -1.0, is_step=is_step)
+        return self._last
+
+    def _leaps(self, ticks: int, elapsed_ns: int, received_at_ns: int) -> bool:
+        least_ns = self.least_delay_ns or 0
+        return (
+            received_at_ns - ticks < least_ns - _STEP_NS
+            and elapsed_ns > received_at_ns - self._received_ns + _STEP_NS
+        )
+
+    def _continues_outlier(self, ticks: int, received_at_ns: int) -> bool:
+        if self._outlier is None:
+            return False
+        stamp_ns, outlier_at_ns = self._outlier
+        return 0 < ticks - stamp_ns <= received_at_ns - outlier_at_ns + _STEP_NS
+
+    def _begin(self, ticks: int, received_at_ns: int, *, is_step: bool) -> Instant:
+        self._has_stamps = True
+        self._older_delay_ns = self._newer_delay_ns = None
+        self._note_delay(ticks, received_at_ns)
+        self._index += 1
+        self._grid = StampGrid(self._nominal_ns, ticks)
+        return self._stamp(ticks, is_step=is_step)
+
+    def _continue(self, ticks: int, received_at_ns: int) -> Instant:
+        self._note_delay(ticks, received_at_ns)
+        self._index += self._grid.advance(ticks)
+        return self._stamp(ticks, is_step=False)
+
+    def _stamp(self, ticks: int, *, is_step: bool) -> Instant:
+        error_s = abs(self.least_delay_ns or 0) / 1e9
+        self._outlier = None
+        self._last = Instant(self._index * self._nominal_ns, ticks, error_s, is_step=is_step)
+        return self._last
+
+    def _note_delay(self, ticks: int, received_at_ns: int) -> None:
+        """Keep the shortest delay of this half of the last ten seconds, and of the one before."""
+        delay_ns = received_at_ns - ticks
+        self._received_ns = received_at_ns
+        if self._newer_delay_ns is None or received_at_ns - self._bucket_ns >= _RECENT_NS // 2:
+            self._older_delay_ns, self._newer_delay_ns = self._newer_delay_ns, delay_ns
+            self._bucket_ns = received_at_ns
+        self._newer_delay_ns = min(self._newer_delay_ns, delay_ns)
+        older_ns = self._older_delay_ns
+        self.least_delay_ns = (
+            self._newer_delay_ns if older_ns is None else min(self._newer_delay_ns, older_ns)
+        )
+
+
+class RateMeter:
+    """Measures the rate of a topic, every two seconds anew.
+
+    With stamps the periods of a `StampGrid` are counted: up to a tenth of lost samples do not
+    lower the rate.
+    Without, messages are counted over the time of arrival.
+
+    Attributes
+    ----------
+    rate_hz : float
+        0 until it is measured [Hz].
+    """
+
+    def __init__(self) -> None:
+        self.rate_hz = 0.0
+        self._times_ns: list[int] = []
+        self._has_stamps = True
+
+    def add(self, stamp_ns: int | None, received_at_ns: int) -> bool:
+        """Take the times of one message; return whether the rate was measured with it."""
+        has_stamp = stamp_ns is not None
+        time_ns = received_at_ns if stamp_ns is None else stamp_ns
+        times_ns = self._times_ns
+        if times_ns and (has_stamp != self._has_stamps or time_ns <= times_ns[-1] - MEASURE_NS):
+            times_ns.clear()  # another clock
+        self._has_stamps = has_stamp
+        times_ns.append(time_ns)
+        if len(times_ns) < FEWEST_MEASURED or abs(time_ns - times_ns[0]) < MEASURE_NS:
+            return False
+        self.rate_hz = measure_rate_hz(times_ns, is_regular=has_stamp) or self.rate_hz
+        self._times_ns = [time_ns]
+        return self.rate_hz > 0.0
+
+
+def measure_rate_hz(times_ns: list[int], *, is_regular: bool) -> float:
+    """Return the rate of samples taken at these times [Hz]; 0 when they do not tell.
+
+    Parameters
+    ----------
+    times_ns : list of int
+        In the order of arrival [ns].
+    is_regular : bool
+        They are stamps: gaps are whole periods, and up to a tenth may be missing. Otherwise they
+        are arrivals, which may come in bursts, and are counted.
+    """
+    span_ns = times_ns[-1] - times_ns[0]
+    counted_hz = (len(times_ns) - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
+    rising = [times_ns[0]]
+    for time_ns in times_ns:
+        if time_ns > rising[-1]:
+            rising.append(time_ns)
+    if not is_regular or len(rising) < 2:
+        return counted_hz
+    grid = StampGrid(statistics.median(b - a for a, b in pairwise(rising)), rising[0])
+    rate_hz = sum(map(grid.advance, rising[1:])) * 1e9 / (rising[-1] - rising[0])
+    # Of a publisher that catches up after each pause most differences are too short.
+    return rate_hz if rate_hz < _MOST_MISSING * counted_hz else counted_hz

@@ -1,0 +1,264 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The subscription to a force that another node publishes; the work is in `topic_stream`."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+import copy
+import time
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.qos import (
+    qos_check_compatible,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.bus.worker import Periodic
+from tactile_ros.message_classes import message_class
+from tendon_sensor_driver.client_base import BlockClient
+from tendon_sensor_driver.errors import TendonSensorError
+from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+from tendon_sensor_driver.topics.diagnosis import (
+    choose_type,
+    describe_publishers,
+    describe_stream,
+    Publisher,
+)
+from tendon_sensor_driver.topics.readings import READERS, ReadingError
+from tendon_sensor_driver.topics.topic_stream import TopicStream
+
+LOOK_PERIOD_S = 0.1
+_LOOKS = 10  # of which what was counted is news
+_LARGEST_WAIT_NS = 10_000_000_000
+
+BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Reliable publishers fit, too. The depth is a second at 1 kHz."""
+
+
+class TopicClient(BlockClient):
+    """Takes the force of a topic and hands out blocks until it is closed.
+
+    The publisher may come later, go and come back: ten times a second the graph is looked at,
+    and the subscription made that fits the publisher's type. Messages come on the executor of
+    the node, under the lock of its worker.
+
+    Parameters
+    ----------
+    node : DataNode
+    config : TendonSensorConfig
+    on_block : callable
+        ``on_block(block)``.
+    now_ns : callable
+        The present ROS time [ns].
+    """
+
+    def __init__(
+        self,
+        node: DataNode,
+        config: TendonSensorConfig,
+        on_block: Callable[[Block], None],
+        now_ns: Callable[[], int],
+    ) -> None:
+        super().__init__(config, on_block, now_ns)
+        self._node = node
+        self._stream = TopicStream(config)
+        self._topic = node.resolve_topic_name(config.topic)
+        self._type_name = ''
+        self._subscription: Any = None
+        self._looks: Periodic | None = None
+        self._publishers: list[Publisher] = []
+        self._has_met = False
+        self._rejected = 0
+        self._last_rejected = ''
+        self._refusal = ''  # of the subscription
+        self._past: deque[tuple[int, int]] = deque(maxlen=_LOOKS)  # duplicates, samples
+
+    @property
+    def identity(self) -> str:
+        """Name of the topic."""
+        return str(self._topic)
+
+    def open(self) -> None:
+        """Look for the publisher from now on.
+
+        Raises
+        ------
+        TendonSensorError
+            When the topic is one that this node publishes.
+        """
+        if self._looks is not None or self._stop.is_set():
+            raise TendonSensorError('this client has been opened before; make a new one')
+        own = [self._node.resolve_topic_name(name) for name in ('~/wrench', '~/strain')]
+        if self._topic in own:
+            raise TendonSensorError(
+                f'{self._topic} is published by this node itself; set "topic" to that of the force'
+            )
+        self._note_heard()
+        self._look()
+        self._looks = self._node.call_every(LOOK_PERIOD_S, self._look)
+
+    def close(self) -> None:
+        """Hand out what has arrived and end the subscription. Harmless when called twice."""
+        self._stop.set()
+        if self._looks is not None:
+            self._looks.cancel()
+            self._looks = None
+        self._unsubscribe()
+        self._is_connected = False
+        self._deliver(self._stream.flush())
+
+    def health(self) -> Health:
+        """Return the state of the topic now."""
+        stream, samples = self._stream, self._stream.samples
+        last_error = self._last_error
+        if not self._is_connected:
+            last_error = self._refusal or describe_publishers(
+                self.identity, self._publishers, self._type_name
+            )
+        counts: dict[str, Any] = {}
+        if samples is not None:
+            counts = {
+                'lost_samples': samples.lost_samples,
+                'duplicates': samples.duplicates,
+                'late_samples': samples.late_samples,
+                'outliers': samples.outliers,
+                'status': samples.status,
+            }
+        return Health(
+            is_connected=self._is_connected,
+            heard_at_ns=self._heard_at_ns,
+            lines=stream.readings + self._rejected,
+            readings=stream.readings,
+            rejected_lines=self._rejected,
+            reconnects=self._reconnects,
+            device_status='' if stream.is_value_finite else 'the value is not a finite number',
+            rate_hz=stream.meter.rate_hz,
+            last_rejected=self._last_rejected,
+            last_error=last_error,
+            advice=self._advise(),
+            **counts,
+        )
+
+    def _advise(self) -> str:
+        if not self._is_connected:
+            return ''
+        samples = self._stream.samples
+        now = (samples.duplicates, self._stream.readings) if samples is not None else (0, 0)
+        before = self._past[0] if self._past else now
+        duplicates = now[0] - before[0]
+        return describe_stream(
+            self.identity,
+            self._stream,
+            self._publishers,
+            is_silent=self._measure_silence_s() > self._config.silence_s,
+            new_duplicates=duplicates,
+            new_samples=now[1] - before[1] - duplicates,
+        )
+
+    def _measure_silence_s(self) -> float:
+        return (time.monotonic_ns() - self._heard_monotonic_ns) / 1e9
+
+    # -- on the node's worker --------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Look who publishes; subscribe to what fits, and flush when nothing comes."""
+        if self._stop.is_set():
+            return
+        self._publishers = self._list_publishers()
+        wanted = choose_type(self._publishers, self._type_name)
+        if wanted and wanted != self._type_name:
+            self._subscribe(wanted)
+        is_there = not describe_publishers(self.identity, self._publishers, self._type_name)
+        if is_there and not self._is_connected:
+            self._note_heard()
+            if self._has_met:
+                self._reconnects += 1
+                self._stream.note_reconnection()
+            self._has_met = True
+        self._is_connected = is_there
+        samples = self._stream.samples
+        self._past.append((samples.duplicates if samples else 0, self._stream.readings))
+        if not is_there or self._measure_silence_s() > self._config.silence_s:
+            self._deliver(self._stream.flush())
+
+    def _list_publishers(self) -> list[Publisher]:
+        profile = self._subscription.qos_profile if self._subscription else BEST_EFFORT
+        found = []
+        for info in self._node.get_publishers_info_by_topic(self._topic):
+            level, reason = qos_check_compatible(info.qos_profile, profile)
+            objection = reason if level == QoSCompatibility.ERROR else ''
+            node = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+            found.append(Publisher(node, info.topic_type, objection))
+        return found
+
+    def _subscribe(self, type_name: str) -> None:
+        self._unsubscribe()
+        read = READERS[type_name]
+        stream = self._stream
+
+        def on_message(message: Any, info: Any) -> None:
+            if self._stop.is_set() or type_name != self._type_name:
+                return
+            received_at_ns = self._arrivals.now_ns() - _measure_wait_ns(info)
+            step_ns = self._arrivals.take_step_ns()
+            if step_ns:
+                stream.note_clock_step(step_ns)
+            try:
+                reading = read(message, self._config)
+            except ReadingError as error:
+                self._rejected += 1
+                self._last_rejected = str(error)
+                return
+            self._note_heard()
+            rate_hz = stream.rate_hz
+            blocks = stream.add(reading, received_at_ns, info.get('publication_sequence_number'))
+            if stream.rate_hz != rate_hz:
+                self._node.get_logger().info(
+                    f'{self._topic} comes at {stream.rate_hz:.3f} Hz, which is taken as rate_hz'
+                )
+            self._deliver(blocks)
+
+        try:
+            self._subscription = self._node.create_subscription(
+                message_class(type_name),
+                self._config.topic,
+                on_message,
+                copy.copy(BEST_EFFORT),  # rclpy writes the overrides into it
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            )
+        except rclpy_implementation.RCLError as error:  # a topic has one type within a process
+            self._type_name = ''
+            self._refusal = f'cannot subscribe to {self._topic} as {type_name}: {error}'
+        else:
+            self._type_name, self._refusal = type_name, ''
+
+    def _unsubscribe(self) -> None:
+        subscription, self._subscription = self._subscription, None
+        if subscription is not None:
+            self._node.destroy_subscription(subscription)
+
+
+def _measure_wait_ns(info: Any) -> int:
+    """Return how long a message lay in the middleware before it was taken [ns]."""
+    received_ns = info.get('received_timestamp') or 0
+    wait_ns = time.time_ns() - received_ns
+    return wait_ns if 0 < wait_ns < _LARGEST_WAIT_NS else 0

@@ -1,0 +1,375 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node on a force that another node publishes, over real DDS."""
+
+import math
+import random
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Wrench, WrenchStamped
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Float32, Float64
+
+from tendon_sensor_driver import StrainStatus
+
+RELIABLE = QoSProfile(depth=1000)
+SECOND_NS = 1_000_000_000
+
+
+class Source(Node):
+    """Somebody else's node, which publishes a force."""
+
+    def __init__(self, context, kind, profile=RELIABLE, name='broadcaster'):
+        super().__init__(name, context=context)
+        self.kind = kind
+        self.force = self.create_publisher(kind, '/force', profile)
+
+    def send(self, value, stamp_ns=0):
+        message = self.kind()
+        if hasattr(message, 'header'):
+            message.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
+        if self.kind in (Float64, Float32):
+            message.data = value
+        elif self.kind is JointState:
+            message.name, message.effort = ['other', 'tendon'], [0.0, value]
+        elif self.kind is Wrench:
+            message.force.z = value
+        else:
+            message.wrench.force.z = value
+        self.force.publish(message)
+
+
+@pytest.fixture
+def make_source(context):
+    sources = []
+
+    def make(*arguments, **options):
+        theirs = Context()  # of another program: a topic has one type in each
+        rclpy.init(context=theirs, domain_id=context.get_domain_id())
+        sources.append(Source(theirs, *arguments, **options))
+        return sources[-1]
+
+    yield make
+    for source in sources:
+        source.destroy_node()
+        source.context.try_shutdown()
+
+
+@pytest.fixture
+def topic_graph(make_graph):
+    def make(**parameters):
+        graph = make_graph('', **{'sensor': 'topic', 'topic': '/force', **parameters})
+        assert graph.node.bring_up()
+        graph.spin_until(graph.is_matched)
+        return graph
+
+    return make
+
+
+def meet(graph, source):
+    graph.spin_until(lambda: source.force.get_subscription_count() == 1)
+    graph.spin_until(lambda: 'True' in graph.values().get('is_connected', ''))
+
+
+def send_all(graph, source, samples):
+    """Publish (stamp, value) pairs as fast as they are taken; return the strain since."""
+    first = len(graph.strain)
+    for i, (stamp_ns, value) in enumerate(samples):
+        source.send(value, stamp_ns)
+        if i % 20 == 19:  # the queues hold more
+            graph.executor.spin_once(timeout_sec=0.001)
+    return first
+
+
+def to_samples(messages):
+    return {
+        message.sequence + i: value
+        for message in messages
+        for i, value in enumerate(message.tension_n)
+    }
+
+
+def stamp_of(message):
+    return Time.from_msg(message.header.stamp).nanoseconds
+
+
+@pytest.mark.parametrize('profile', [RELIABLE, qos_profile_sensor_data])
+@pytest.mark.parametrize('kind', [WrenchStamped, Wrench, Float64, Float32, JointState])
+def test_each_type_becomes_tension_from_publishers_of_either_reliability(
+    topic_graph, make_source, kind, profile
+):
+    source = make_source(kind, profile)
+    graph = topic_graph(joint='tendon', scale=-1.0)
+    meet(graph, source)
+    now_ns = time.time_ns()
+    for i in range(4):
+        source.send(0.25 * i, now_ns + i * SECOND_NS // 60)
+        graph.spin_until(lambda count=i + 1: len(graph.strain) == len(graph.wrench) == count)
+    assert [list(m.tension_n) for m in graph.strain] == [[-0.25 * i] for i in range(4)]
+    assert [m.wrench.force.x for m in graph.wrench] == [-0.25 * i for i in range(4)]
+    assert [m.sequence for m in graph.strain] == list(range(4))
+    assert {m.header.frame_id for m in graph.strain} == {'left_link'}
+    has_stamp = kind in (WrenchStamped, JointState)
+    for i, message in enumerate(graph.strain):
+        assert bool(message.status & StrainStatus.HOST_TIME) == (not has_stamp)
+        if has_stamp:
+            assert stamp_of(message) == now_ns + i * SECOND_NS // 60
+            assert message.stamp_error_s >= 0
+        else:
+            assert 0 <= stamp_of(message) - now_ns < 10 * SECOND_NS
+            assert message.stamp_error_s == -1.0
+    assert graph.diagnostics[-1].status[0].hardware_id == '/force'
+
+
+def test_a_zero_stamp_falls_back_to_the_arrival(topic_graph, make_source):
+    source = make_source(WrenchStamped)
+    graph = topic_graph()
+    meet(graph, source)
+    before_ns = time.time_ns()
+    source.send(1.0, 0)
+    graph.spin_until(lambda: graph.strain)
+    assert before_ns <= stamp_of(graph.strain[0]) <= time.time_ns()
+    assert graph.strain[0].status == StrainStatus.HOST_TIME
+
+
+@pytest.mark.parametrize(
+    ('rate_hz', 'jitter', 'samples_per_block'),
+    [(60.0, 0.0, 1), (1000.0, 0.3, 1), (1000.0, 0.3, 25)],
+)
+def test_drops_reordering_and_duplicates_are_seen_at_any_rate(
+    topic_graph, make_source, rate_hz, jitter, samples_per_block
+):
+    source = make_source(WrenchStamped)
+    graph = topic_graph(rate_hz=rate_hz, samples_per_block=samples_per_block)
+    meet(graph, source)
+    draw, period_ns = random.Random(3).uniform, SECOND_NS / rate_hz
+    start_ns = time.time_ns() - round(500 * period_ns)
+    stamps_ns = [start_ns + round((i + draw(-jitter, jitter)) * period_ns) for i in range(500)]
+    order = [i for i in range(500) if i not in (100, 101, 102, 350)]
+    order.insert(200, order[199])  # comes twice
+    late = order.pop(300)
+    order.insert(303, late)  # is overtaken
+    send_all(graph, source, [(stamps_ns[i], float(i)) for i in order])
+    graph.spin_until(lambda: to_samples(graph.strain) and graph.strain[-1].sequence > 470)
+    graph.spin_until(lambda: 499 in to_samples(graph.strain))
+    numbers = [i for i in range(500) if i not in (100, 101, 102, 350, late)]
+    assert to_samples(graph.strain) == {i: float(i) for i in numbers}
+    assert sum(message.lost_before for message in graph.strain) == 5
+    graph.spin_until(lambda: graph.values()['duplicates'] == graph.values()['late_samples'] == '1')
+    assert graph.values()['lost_samples'] == '5'
+
+
+def test_a_thousand_a_second_in_real_time_all_arrive(topic_graph, make_source):
+    source = make_source(WrenchStamped, qos_profile_sensor_data)
+    graph = topic_graph(rate_hz=1000.0, samples_per_block=20)
+    meet(graph, source)
+    count, due_s = 0, time.monotonic()
+    while count < 2300:
+        while time.monotonic() < due_s:
+            graph.executor.spin_once(timeout_sec=0.0)
+        source.send(float(count), time.time_ns())
+        count, due_s = count + 1, due_s + 0.001
+    graph.spin_until(lambda: graph.strain and graph.strain[-1].tension_n[-1] == 2299.0)
+    values = [value for message in graph.strain for value in message.tension_n]
+    assert values == [float(i) for i in range(2300)]
+    graph.spin_until(lambda: float(graph.values().get('rate_hz', 0)) > 0)
+    assert float(graph.values()['rate_hz']) == pytest.approx(1000.0, rel=0.05)
+
+
+def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
+    source = make_source(WrenchStamped)
+    graph = topic_graph()
+    meet(graph, source)
+    now_ns = time.time_ns()
+    values = [1.0, math.nan, math.inf]
+    send_all(graph, source, [(now_ns + i * SECOND_NS // 60, v) for i, v in enumerate(values)])
+    graph.spin_until(lambda: len(graph.strain) == 3)
+    graph.spin_until(lambda: 'the value is not a finite number' in graph.sentence())
+    assert [m.status for m in graph.strain] == [0, *[StrainStatus.DEVICE_ERROR] * 2]
+    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
+    source.send(1.0, now_ns + 3 * SECOND_NS // 60)
+    graph.spin_until(lambda: len(graph.strain) == 4)
+    assert graph.strain[-1].status == StrainStatus.OK
+
+
+@pytest.mark.parametrize('step_s', [-5, 5])
+def test_a_clock_that_is_set_is_marked_and_leaves_the_tare(topic_graph, make_source, step_s):
+    source = make_source(WrenchStamped)
+    graph = topic_graph(rate_hz=100.0, tare_samples=10, stuck_s=0.0, silence_s=60.0)
+    meet(graph, source)
+    offset_ns = [0]
+    graph.node._now_ns = lambda: time.time_ns() + offset_ns[0]
+    start_ns = time.time_ns()
+    send_all(graph, source, [(start_ns + i * 10_000_000, 0.5) for i in range(20)])
+    graph.spin_until(lambda: len(graph.strain) == 20)
+    assert graph.call('tare').success
+    graph.spin_until(lambda: graph.tares and graph.tares[-1].is_set)
+    tares = len(graph.tares)
+    step_ns = step_s * SECOND_NS
+    stamps_ns = [start_ns + i * 10_000_000 + step_ns for i in range(20, 40)]
+    send_all(graph, source, [(stamp_ns, 0.5) for stamp_ns in stamps_ns])
+    graph.spin_until(lambda: len(graph.strain) >= 39)  # one was needed to believe it
+    after = graph.strain[20:]
+    assert [stamp_of(message) for message in after] == stamps_ns[1:]
+    assert after[0].status & StrainStatus.CLOCK_STEP
+    assert not after[0].status & StrainStatus.RESTARTED
+    assert {message.status for message in after[1:]} == {StrainStatus.OK}
+    assert {message.tension_n[0] for message in after} == {0.0}
+    assert len(graph.tares) == tares
+
+
+def test_a_tare_is_taken_off_tension_and_wrench(topic_graph, make_source):
+    source = make_source(WrenchStamped)
+    graph = topic_graph(tare_samples=5, scale=-1.0, stuck_s=0.0)
+    meet(graph, source)
+    start_ns = time.time_ns() - SECOND_NS // 10
+    send_all(graph, source, [(start_ns + i * SECOND_NS // 60, -0.5) for i in range(6)])
+    graph.spin_until(lambda: len(graph.strain) == 6)
+    answer = graph.call('tare')
+    assert answer.success, answer.message
+    source.send(-2.5, start_ns + 6 * SECOND_NS // 60)
+    graph.spin_until(lambda: len(graph.strain) == len(graph.wrench) == 7)
+    assert graph.strain[-1].tension_n[0] == graph.wrench[-1].wrench.force.x == 2.0
+
+
+def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, make_source):
+    graph = topic_graph()
+    graph.spin_until(lambda: 'nobody publishes /force; start its publisher' in graph.sentence())
+    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
+    source = make_source(WrenchStamped)
+    graph.spin_until(
+        lambda: '/broadcaster has the publisher of /force and sends nothing' in graph.sentence()
+    )
+    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.WARN
+    source.create_timer(1 / 60, lambda: source.send(random.random(), time.time_ns()))
+    theirs = SingleThreadedExecutor(context=source.context)
+    theirs.add_node(source)
+
+    def is_well():
+        theirs.spin_once(timeout_sec=0.0)
+        return graph.sentence() == 'samples arrive'
+
+    graph.spin_until(is_well)
+    theirs.shutdown()
+    source.destroy_publisher(source.force)
+    heard = len(graph.strain)
+    graph.spin_until(lambda: 'no samples: nobody publishes /force' in graph.sentence())
+    # It may come back with another type.
+    other = make_source(Float64, name='other')
+    meet(graph, other)
+    other.send(7.0)
+    graph.spin_until(lambda: len(graph.strain) > heard and graph.strain[-1].tension_n[0] == 7.0)
+    assert graph.strain[-1].status & StrainStatus.RECONNECTED
+    graph.spin_until(lambda: graph.values()['reconnects'] == '1')
+
+
+def test_a_wrong_type_and_joint_states_without_effort_are_told(topic_graph, make_source):
+    camera = make_source(Image, name='camera')
+    graph = topic_graph(joint='thumb')
+    graph.spin_until(
+        lambda: 'is sensor_msgs/msg/Image, which holds no tension' in graph.sentence()
+    )
+    camera.destroy_publisher(camera.force)
+    source = make_source(JointState)
+    meet(graph, source)
+
+    def is_told():
+        source.send(1.0)
+        return 'there is no joint thumb, only other, tendon' in graph.sentence()
+
+    graph.spin_until(is_told)
+    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.WARN
+
+
+def test_a_type_that_this_process_cannot_have_is_told(topic_graph, make_source):
+    graph = topic_graph()
+    graph.listener.create_subscription(Image, '/force', print, 10)
+    make_source(WrenchStamped)
+    graph.spin_until(lambda: 'cannot subscribe to /force as geometry_msgs' in graph.sentence())
+
+
+def test_a_quality_of_service_that_does_not_fit_is_told(topic_graph, make_source):
+    make_source(WrenchStamped, qos_profile_sensor_data)
+    graph = topic_graph(
+        **{'qos_overrides./force.subscription.reliability': 'reliable'},
+    )
+    graph.spin_until(
+        lambda: '/broadcaster publishes /force with another quality of service' in graph.sentence()
+    )
+    assert 'qos_overrides' in graph.sentence()
+
+
+def test_two_publishers_stamps_that_stand_still_or_are_far_off_are_told(topic_graph, make_source):
+    source = make_source(WrenchStamped)
+    graph = topic_graph(rate_hz=100.0, stuck_s=0.0)
+    meet(graph, source)
+    stood_ns = time.time_ns()
+
+    def repeats(stamp):
+        def is_told(sentence):
+            source.send(1.0, stamp())
+            return sentence in graph.sentence()
+
+        return is_told
+
+    standing = repeats(lambda: stood_ns)
+    graph.spin_until(lambda: standing('set topic_stamps to arrival'))
+    far = repeats(lambda: time.time_ns() - 60 * SECOND_NS)
+    graph.spin_until(lambda: far('behind the time of this node; synchronise the clocks'))
+    make_source(WrenchStamped, name='second')
+    graph.spin_until(lambda: far('2 publishers (/broadcaster, /second)'))
+
+
+def test_the_rate_is_measured_and_said(topic_graph, make_source):
+    source = make_source(WrenchStamped)
+    graph = topic_graph(rate_hz=0.0)
+    meet(graph, source)
+    start_ns = time.time_ns() - 3 * SECOND_NS
+    send_all(graph, source, [(start_ns + i * SECOND_NS // 250, float(i)) for i in range(750)])
+    graph.spin_until(lambda: graph.strain and graph.strain[-1].tension_n[-1] == 749.0)
+    assert graph.strain[0].period_ns == SECOND_NS // 250
+    graph.spin_until(lambda: graph.values()['rate_hz'] == '250.0')
+
+
+def test_deactivate_cleanup_and_configure_again(topic_graph, make_source):
+    source = make_source(Float64)
+    graph = topic_graph()
+    meet(graph, source)
+    assert graph.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+    assert graph.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    graph.spin_until(lambda: source.force.get_subscription_count() == 0)
+    assert graph.node.bring_up()
+    graph.spin_until(lambda: source.force.get_subscription_count() == 1)
+    graph.spin_until(graph.is_matched)
+    source.send(1.5)
+    graph.spin_until(lambda: graph.strain)
+
+
+def test_the_node_does_not_listen_to_itself(make_graph):
+    graph = make_graph('', sensor='topic', topic='tendon_sensor/wrench')
+    assert not graph.node.bring_up()
+    (result,) = graph.node.set_parameters([Parameter('topic', value='/force')])
+    assert result.successful
+    assert graph.node.bring_up()

@@ -1,0 +1,251 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The time of samples that come as messages: order, gaps, steps, rate; without ROS."""
+
+from fractions import Fraction
+from itertools import pairwise
+import random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+
+from tendon_sensor_driver.topics.stamps import measure_rate_hz, RateMeter, StampClock
+
+PERIOD_NS = 1_000_000
+START_NS = 1_795_378_589_611_991_580
+MILLISECOND_NS = 1_000_000
+
+
+def place_all(clock, stamps_ns, delay_ns=300_000):
+    """Return the instants of samples that arrive after a delay, None for those without a place."""
+    return [clock.place(stamp_ns, stamp_ns + delay_ns) for stamp_ns in stamps_ns]
+
+
+def count_lost(instants):
+    """Return the samples lost before each one that has a place."""
+    placed = [instant for instant in instants if instant is not None]
+    periods = [instant.device_ns // PERIOD_NS for instant in placed]
+    return [after - before - 1 for before, after in pairwise(periods)]
+
+
+def test_stamps_of_headers_are_taken_as_they_are():
+    stamps_ns = [START_NS + i * PERIOD_NS + 137 * (i % 7) for i in range(100)]
+    instants = place_all(StampClock(PERIOD_NS), stamps_ns)
+    assert [instant.stamp_ns for instant in instants] == stamps_ns
+    assert {instant.stamp_error_s for instant in instants} == {0.0003}
+    assert count_lost(instants) == [0] * 99
+
+
+@pytest.mark.parametrize('rate_error', [-0.04, -0.01, 0.0, 0.01, 0.04])
+@pytest.mark.parametrize('jitter', [0.0, 0.2, 0.3])
+def test_jitter_and_a_rate_that_is_off_make_no_false_gap_and_hide_none(rate_error, jitter):
+    draw = random.Random(4).uniform
+    period_ns = PERIOD_NS * (1 + rate_error)
+    lost_at = set(range(3000, 20_000, 777))
+    numbers = [i for i in range(20_000) if i not in lost_at]
+    stamps_ns = [START_NS + round((i + draw(-jitter, jitter)) * period_ns) for i in numbers]
+    clock = StampClock(PERIOD_NS)
+    lost = count_lost(place_all(clock, stamps_ns))
+    true = [after - before - 1 for before, after in pairwise(numbers)]
+    assert lost == true
+
+
+def test_a_long_gap_is_counted_to_the_sample():
+    stamps_ns = [START_NS + i * PERIOD_NS for i in (*range(1000), *range(61_000, 61_100))]
+    assert sum(count_lost(place_all(StampClock(PERIOD_NS), stamps_ns))) == 60_000
+
+
+def test_duplicates_and_late_samples_have_no_place_and_are_counted():
+    clock = StampClock(PERIOD_NS)
+    order = [0, 1, 1, 3, 2, 4, 4, 4, 6, 5, 7]
+    instants = place_all(clock, [START_NS + i * PERIOD_NS for i in order])
+    placed = [i for i, instant in zip(order, instants, strict=True) if instant is not None]
+    assert placed == [0, 1, 3, 4, 6, 7]
+    assert (clock.duplicates, clock.late_samples, clock.outliers) == (3, 2, 0)
+    # What comes late was counted as lost before: it is not there.
+    assert count_lost(instants) == [0, 1, 0, 1, 0]
+
+
+def test_one_wild_stamp_is_an_outlier_and_nothing_else_changes():
+    for wild_ns in (0 + 1, START_NS - 10**9, START_NS + 10**10, 2**62):
+        clock = StampClock(PERIOD_NS)
+        before = place_all(clock, [START_NS + i * PERIOD_NS for i in range(10)])
+        arrival_ns = START_NS + 10 * PERIOD_NS
+        assert clock.place(wild_ns, arrival_ns) is None
+        after = place_all(clock, [START_NS + i * PERIOD_NS for i in range(11, 20)])
+        assert (clock.outliers, clock.steps) == (1, 0)
+        assert count_lost([*before, *after]) == [0] * 9 + [1] + [0] * 8
+
+
+@pytest.mark.parametrize('step_s', [-3600, -5, -0.5, 0.5, 5, 3600])
+def test_a_clock_of_the_publisher_that_is_set_is_followed_after_one_sample(step_s):
+    clock = StampClock(PERIOD_NS)
+    place_all(clock, [START_NS + i * PERIOD_NS for i in range(3000)])
+    step_ns = round(step_s * 10**9)
+    instants = [
+        clock.place(START_NS + i * PERIOD_NS + step_ns, START_NS + i * PERIOD_NS + 300_000)
+        for i in range(3000, 3100)
+    ]
+    assert instants[0] is None
+    assert instants[1].is_step
+    assert not any(instant.is_step for instant in instants[2:])
+    assert [i.stamp_ns for i in instants[1:]] == [
+        START_NS + i * PERIOD_NS + step_ns for i in range(3001, 3100)
+    ]
+    assert count_lost(instants) == [0] * 98
+    # As far as the publisher's clock is now from ours, so far may the stamps be wrong.
+    assert instants[-1].stamp_error_s == pytest.approx(abs(step_s), abs=0.001)
+
+
+@pytest.mark.parametrize('step_s', [-5, -0.5, 0.5, 5])
+def test_a_clock_of_both_that_is_set_keeps_the_bound_on_the_error(step_s):
+    clock = StampClock(PERIOD_NS)
+    place_all(clock, [START_NS + i * PERIOD_NS for i in range(3000)])
+    step_ns = round(step_s * 10**9)
+    clock.note_step(step_ns)
+    instants = place_all(clock, [START_NS + i * PERIOD_NS + step_ns for i in range(3000, 3100)])
+    assert sum(instant is None for instant in instants) <= 1
+    assert count_lost(instants) == [0] * (len([i for i in instants if i]) - 1)
+    assert instants[-1].stamp_error_s == 0.0003
+
+
+def test_a_queue_that_waits_and_empties_is_no_step_and_loses_nothing():
+    clock = StampClock(PERIOD_NS)
+    first_ns = START_NS + 500 * MILLISECOND_NS  # nobody took the first ones before
+    instants = []
+    for i in range(2000):
+        stamp_ns = START_NS + i * PERIOD_NS
+        instants.append(clock.place(stamp_ns, max(first_ns, stamp_ns + 200_000)))
+    assert None not in instants
+    assert not any(instant.is_step for instant in instants)
+    assert sum(count_lost(instants)) == 0
+    assert instants[0].stamp_error_s == 0.5
+    assert instants[-1].stamp_error_s == 0.0002
+
+
+def test_the_bound_on_the_error_is_that_of_the_last_ten_seconds():
+    clock = StampClock(PERIOD_NS)
+    for i in range(30_000):
+        stamp_ns = START_NS + i * PERIOD_NS
+        delay_ns = 200_000 if i < 10_000 else 2_000_000
+        instant = clock.place(stamp_ns, stamp_ns + delay_ns)
+        if i == 14_000:
+            assert instant.stamp_error_s == 0.0002
+    assert instant.stamp_error_s == 0.002
+
+
+def test_without_stamps_arrivals_are_the_time_and_numbers_tell_the_gaps():
+    clock = StampClock(PERIOD_NS)
+    instants = []
+    for number in (5, 6, 9, 9, 10, 2, 3):  # two publishers at the end
+        clock.number = number
+        instants.append(clock.place(None, START_NS))
+    assert count_lost(instants) == [0, 2, 0, 0, 0, 0]
+    assert [instant.stamp_ns - START_NS for instant in instants] == list(range(7))
+    assert {instant.stamp_error_s for instant in instants} == {-1.0}
+    clock.note_reconnection()
+    clock.number = 100
+    assert count_lost([instants[-1], clock.place(None, START_NS + 10)]) == [0]
+
+
+def test_a_zero_stamp_in_between_breaks_the_time_but_not_the_numbering():
+    clock = StampClock(PERIOD_NS)
+    stamped = clock.place(START_NS, START_NS)
+    arrived = clock.place(None, START_NS + 1_000_000)
+    again = clock.place(START_NS + 2_000_000, START_NS + 2_000_000)
+    assert [instant.is_step for instant in (stamped, arrived, again)] == [False, True, True]
+    assert count_lost([stamped, arrived, again]) == [0, 0]
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.none() | st.integers(1, 2**63 - 1) | st.integers(-(10**9), 10**9),
+            st.integers(-(10**6), 10**9),
+            st.none() | st.integers(0, 2**64 - 1),
+            st.sampled_from([0, 0, 0, 10**9, -(10**9)]),
+        ),
+        max_size=60,
+    ),
+    st.floats(0.1, 10_000.0),
+)
+def test_whatever_comes_times_and_numbers_rise_between_steps(messages, rate_hz):
+    period_ns = round(1e9 / rate_hz)
+    clock, arrival_ns = StampClock(period_ns), START_NS
+    last, placed, moved = None, 0, False
+    for stamp, pause_ns, number, step_ns in messages:
+        arrival_ns += pause_ns + step_ns
+        if step_ns:
+            clock.note_step(step_ns)
+        clock.number = number
+        near_now = stamp is not None and abs(stamp) <= 10**9
+        ticks = START_NS + stamp if near_now else stamp
+        moved |= step_ns != 0
+        instant = clock.place(ticks, arrival_ns)
+        if instant is None:
+            continue
+        placed += 1
+        if last is not None:
+            assert instant.device_ns - last.device_ns >= period_ns
+            assert (instant.device_ns - last.device_ns) % period_ns == 0
+            assert instant.is_step or moved or instant.stamp_ns > last.stamp_ns
+        if ticks is not None:
+            assert instant.stamp_ns == ticks
+            assert instant.stamp_error_s >= 0
+        last, moved = instant, False
+    dropped = clock.duplicates + clock.late_samples + clock.outliers
+    assert placed + dropped == len(messages)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.floats(0.5, 5000.0),
+    st.tuples(st.floats(0.0, 0.3), st.floats(0.0, 0.05))
+    | st.tuples(st.floats(0.0, 0.05), st.floats(0.0, 0.06)),
+    st.integers(0, 2**32),
+)
+def test_the_measured_rate_is_that_of_the_samples_whatever_is_lost(rate_hz, jitter_lost, seed):
+    jitter, lost = jitter_lost
+    draw = random.Random(seed)
+    numbers = [i for i in range(400) if draw.random() >= lost]
+    times_ns = [
+        START_NS + round((i + draw.uniform(-jitter, jitter)) * 1e9 / rate_hz) for i in numbers
+    ]
+    measured = Fraction(measure_rate_hz(times_ns, is_regular=True))
+    assert abs(measured / Fraction(rate_hz) - 1) < 0.005  # jitter of both ends, and a period
+
+
+def test_arrivals_in_bursts_are_counted():
+    times_ns = [START_NS + (i // 20) * 20_000_000 for i in range(2001)]
+    assert measure_rate_hz(times_ns, is_regular=False) == pytest.approx(1000.0)
+    # Stamped in bursts, too, by a publisher that catches up.
+    times_ns = [START_NS + (i // 20) * 20_000_000 + (i % 20) * 100_000 for i in range(2001)]
+    assert measure_rate_hz(times_ns, is_regular=True) == pytest.approx(1000.0)
+    assert measure_rate_hz([5, 5, 5], is_regular=True) == 0.0
+    assert measure_rate_hz([5, 5, 5], is_regular=False) == 0.0
+
+
+def test_the_meter_measures_every_two_seconds_and_survives_a_step():
+    meter = RateMeter()
+    measured = [
+        i for i in range(500) if meter.add(START_NS + i * 10_000_000, START_NS + i * 10_000_000)
+    ]
+    assert measured == [200, 400]
+    assert meter.rate_hz == pytest.approx(100.0)
+    for i in range(300):
+        meter.add(10**9 + i * 20_000_000, START_NS)
+    assert meter.rate_hz == pytest.approx(50.0)
