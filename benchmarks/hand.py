@@ -217,7 +217,8 @@ def _model(case: Case) -> Iterator[str]:
     rng = np.random.default_rng(5)
     labels = np.repeat([f'plate {i}' for i in range(8)], 12)
     config = case.feature_config()
-    values = compute_spectrum(rng.normal(5.0, 0.1, (len(labels), config.texture_samples)))
+    windows = rng.normal(5.0, 0.1, (len(labels), config.texture_samples))
+    values = compute_spectrum(windows, config.spectrum_detrend)
     table = FeatureTable(values, labels, spec_for('texture', config))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'model.onnx')

@@ -27,20 +27,26 @@ from sklearn.pipeline import Pipeline
 from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
 from tactile_classifier.estimators.classifiers import compute_raw_scores
 from tactile_classifier.estimators.neighbours import NearestNeighbours, NEIGHBOURS
-from tactile_features import compute_spectrum, FeatureConfig, spec_for
+from tactile_classifier.records import ROCKET
+from tactile_features import FeatureConfig, features_from_trials, spec_for
 
 
 def run_inference(quick: bool) -> Report:
     """Classify one window at a time."""
     rows = []
-    for task, table in (('texture', _texture_table()), ('stiffness', _stiffness_table())):
+    spectra, waveforms = _texture_tables()
+    for task, table, classifiers in (
+        ('texture', spectra, CLASSIFIERS),
+        ('texture waveform', waveforms, (ROCKET,)),
+        ('stiffness', _stiffness_table(), CLASSIFIERS),
+    ):
         rng = np.random.default_rng(8)
         first, second = rng.integers(0, len(table), (2, 100 if quick else 1000))
         # Between two trials, where the border between two labels lies.
         queries = table.values[first] + rng.random((len(first), 1)) * (
             table.values[second] - table.values[first]
         )
-        for classifier in CLASSIFIERS:
+        for classifier in classifiers:
             trained = train(table, classifier)
             with tempfile.TemporaryDirectory() as folder:
                 model = write_model(Path(folder) / 'model.onnx', trained)
@@ -71,7 +77,8 @@ def run_inference(quick: bool) -> Report:
             )
     return Report(
         'inference: one window through TactileModel: label, probabilities and novelty',
-        "scikit-learn's predict, label alone, on the same row (480 x 91 and 300 x 3)",
+        "scikit-learn's predict, label alone, on the same row (480 x 91, 480 x 180, 300 x 3); of "
+        'random convolutions our own estimator',
         'largest difference of a probability (and of the novelty), between pairs of trials',
         rows,
     )
@@ -88,8 +95,8 @@ def _peer(estimator: Pipeline, table: FeatureTable) -> Pipeline:
     return Pipeline(steps).fit(table.values, table.labels)
 
 
-def _texture_table() -> FeatureTable:
-    """Return 60 trials of 8 textures: four sines each, under noise."""
+def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
+    """Return 60 trials of 8 textures, four sines each under noise: spectra and waveforms."""
     rng = np.random.default_rng(6)
     time_s = np.arange(180) / 60.0
     rows = []
@@ -99,8 +106,14 @@ def _texture_table() -> FeatureTable:
         angle = 2 * np.pi * time_s[:, np.newaxis] * frequency_hz + phase
         rows.append(np.sin(angle) @ amplitude_n + rng.normal(3.0, 0.1, (60, 180)))
     labels = np.repeat([f'plate {k}' for k in range(8)], 60)
-    spec = spec_for('texture', FeatureConfig())
-    return FeatureTable(compute_spectrum(np.concatenate(rows)), labels, spec)
+    tables = []
+    for name in ('texture_spectrum', 'glide_waveform'):
+        values, _ = features_from_trials(
+            'texture', np.concatenate(rows), 60.0, config=FeatureConfig(texture_features=name)
+        )
+        spec = spec_for('texture', FeatureConfig(texture_features=name))
+        tables.append(FeatureTable(values, labels, spec))
+    return tables[0], tables[1]
 
 
 def _stiffness_table() -> FeatureTable:

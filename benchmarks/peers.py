@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 import importlib.util
+import sys
 import time
 from typing import Any
 import warnings
@@ -49,12 +50,14 @@ from speeds import (
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator
+from tactile_classifier.records import ROCKET
 from tactile_features import (
     compute_spatial,
     compute_spectrum,
     features_from_trials,
     SpatialWindow,
 )
+from tactile_features.feature_sets.waveforms import average_parts, HOLD_PARTS
 
 Array = NDArray[Any]
 
@@ -73,6 +76,20 @@ class Method:
     fit: Callable[[Array], Callable[[Array], Array]]
     build: Callable[[], Any]
     learns: bool = False
+
+
+def rocket(name: str, compute: Callable[[Array], Array]) -> Method:
+    """Return random convolutions of a waveform, as `tactile train` fits them."""
+    return Method(f'{name}, rocket', fixed(compute), lambda: build_estimator(ROCKET, 'none'))
+
+
+def spectrum(detrend: str) -> Method:
+    """Return the spectrum with neighbours; the paper takes the mean away, our default the line."""
+    return Method(
+        f'texture_spectrum without its {detrend}, 3 neighbours'.replace('linear', 'line'),
+        fixed(partial(compute_spectrum, detrend=detrend)),
+        lambda: build_estimator('knn', 'none'),
+    )
 
 
 def fixed(compute: Callable[[Array], Array]) -> Callable[[Array], Callable[[Array], Array]]:
@@ -217,6 +234,7 @@ def compare(
                 'one window / ours': found['window'] / floor['window'],
             }
             rows.append(Row(f'{title}, {split_name}: {name}', more=more))
+            sys.stderr.write(f'{rows[-1].case}: {more}\n')  # it takes long
     return rows
 
 
@@ -248,11 +266,6 @@ def _fabrics() -> list[Row]:
         'one speed held out': lambda: held_out(speed),
         'one speed and force held out': lambda: held_out(1000 * speed + force),
     }
-    spectrum = Method(
-        'texture_spectrum, 3 neighbours',
-        fixed(compute_spectrum),
-        lambda: build_estimator('knn', 'none'),
-    )
     # The peers know no speed; these take each row with its speed, by looking it up.
     place = {row.tobytes(): i for i, row in enumerate(x)}
 
@@ -274,7 +287,9 @@ def _fabrics() -> list[Row]:
         transform = fit_aeon(name, resampled(rows))
         return lambda others: transform(resampled(others))
 
-    methods = [spectrum, spatial]
+    methods = [spectrum('linear'), spectrum('mean'), spatial]
+    methods.append(rocket('glide_waveform', lambda rows: rows))
+    methods.append(rocket('spatial_waveform', resampled))
     if importlib.util.find_spec('aeon'):
         methods += [
             Method(f'{name} over mm, ridge', partial(fit_over_mm, name), ridge, learns=True)
@@ -292,17 +307,13 @@ def _holds() -> list[Row]:
         lambda: build_estimator('knn', 'standard'),
     )
     splits = {'six folds': lambda: plain_folds(label)}
-    return compare('holds', [ours], trials.signal(0), label, splits)
+    waveform = rocket('hold_waveform', lambda rows: average_parts(rows, HOLD_PARTS))
+    return compare('holds', [ours, waveform], trials.signal(0), label, splits)
 
 
 def _simulated() -> list[Row]:
     glides = simulate(15)
     session = np.tile(np.repeat(np.arange(4), 5), len(np.unique(glides.label)))
-    ours = Method(
-        'texture_spectrum, 3 neighbours',
-        fixed(compute_spectrum),
-        lambda: build_estimator('knn', 'none'),
-    )
     window = SpatialWindow(0.04475, SIMULATED_FINEST_M)  # the same 180 samples
     spatial = Method(
         'texture_spatial 0.5 mm, scaled RBF machine',
@@ -310,4 +321,6 @@ def _simulated() -> list[Row]:
         lambda: build_estimator('svm_rbf', 'standard'),
     )
     splits = {'one session held out': lambda: held_out(session)}
-    return compare('SIMULATED plates', [ours, spatial], glides.x[:, 36:216], glides.label, splits)
+    ours = [spectrum('linear'), spectrum('mean'), spatial]
+    ours.append(rocket('glide_waveform', lambda rows: rows))
+    return compare('SIMULATED plates', ours, glides.x[:, 36:216], glides.label, splits)

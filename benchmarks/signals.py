@@ -299,7 +299,8 @@ def _make_model(folder: Path) -> str:
     rng = np.random.default_rng(5)
     labels = np.repeat([f'plate {i}' for i in range(8)], 12)
     config = FeatureConfig()
-    values = compute_spectrum(rng.normal(5.0, 0.1, (len(labels), config.texture_samples)))
+    windows = rng.normal(5.0, 0.1, (len(labels), config.texture_samples))
+    values = compute_spectrum(windows, config.spectrum_detrend)
     path = folder / 'texture_flexion.onnx'
     write_model(path, train(FeatureTable(values, labels, spec_for('texture', config)), 'knn'))
     return str(path)

@@ -149,8 +149,8 @@ def waveform(glides: Glides) -> Array:
 
 
 def over_time(glides: Glides) -> Array:
-    """Return the paper's features."""
-    return compute_spectrum(glides.x)
+    """Return the paper's features: of the tension without its mean."""
+    return compute_spectrum(glides.x, detrend='mean')
 
 
 ESTIMATORS: dict[str, Callable[[], Any]] = {

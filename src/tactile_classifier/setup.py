@@ -28,6 +28,7 @@ setup(
     install_requires=[
         'setuptools',
         'joblib',
+        'numba',
         'numpy',
         'onnxruntime',
         'scikit-learn',

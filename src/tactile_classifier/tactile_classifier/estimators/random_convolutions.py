@@ -30,7 +30,11 @@ docs/decisions/0007-random-convolutions.md says why aeon itself is not used.
 from __future__ import annotations
 
 import dataclasses
+from functools import lru_cache
+import importlib
+import importlib.util
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +60,8 @@ _BLOCK_VALUES = 2**18
 
 ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
 """The order in which the weights of -1 are added to that in the middle."""
+
+_ORDER = np.array(ADDED)
 
 Single = npt.NDArray[np.float32]
 Matrix = npt.NDArray[np.float64]
@@ -122,15 +128,7 @@ class RandomConvolutions:
             size = len(KERNELS) * count
             share = quantiles[first : first + size].reshape(-1, count)
             first += size
-            values = np.stack(
-                [
-                    _add(*_shift(x[[row]], dilation), source[[i]], KERNELS[[i]], fitting=True)[
-                        0, 0
-                    ]
-                    for i, row in enumerate(rows)
-                ]
-            )
-            biases.append(_quantiles(values, share))
+            biases.append(_quantiles(_add_chosen(x, rows, dilation, source), share))
         return cls(samples, channels, dilations, tuple(biases), sources)
 
     def transform(self, signals: npt.ArrayLike) -> Matrix:
@@ -154,6 +152,17 @@ class RandomConvolutions:
                 f'convolutions were fitted to {self.channels} of {self.samples}'
             )
         values = np.empty((len(x), self.feature_count))
+        compiled = find_compiled()
+        if compiled is not None:
+            first = 0
+            for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
+                shares = np.empty((len(x), *biases.shape))
+                compiled.count_above(
+                    x, dilation, i % 2, biases, self.sources[i], KERNELS, _ORDER, shares
+                )
+                values[:, first : first + biases.size] = shares.reshape(len(x), -1)
+                first += biases.size
+            return values
         block = max(1, _BLOCK_VALUES // (len(KERNELS) * self.samples))
         for first in range(0, len(x), block):
             some = slice(first, first + block)
@@ -179,6 +188,30 @@ class RandomConvolutions:
                     above = (sums > bias[:, np.newaxis]).view(np.uint8)
                     count = np.add.reduce(above, axis=2, dtype=np.uint32)
                     found[:, kernels, j] = count / sums.shape[2]
+
+
+@lru_cache(maxsize=1)
+def find_compiled() -> Any:
+    """Return the compiled loops, or None where numba is not installed."""
+    if importlib.util.find_spec('numba') is None:
+        return None
+    # Here, because numba takes half a second to load: only who trains pays for it.
+    return importlib.import_module('tactile_classifier.estimators.compiled_convolutions')
+
+
+def _add_chosen(x: Single, rows: Indices, dilation: int, sources: Indices) -> Single:
+    """Return each kernel's sums on the signal chosen for it, shape (kernels, samples)."""
+    compiled = find_compiled()
+    if compiled is not None:
+        sums = np.empty((len(KERNELS), x.shape[2]), dtype=np.float32)
+        compiled.add_chosen(x, rows, dilation, sources, KERNELS, _ORDER, sums)
+        return sums
+    return np.stack(
+        [
+            _add(*_shift(x[[row]], dilation), sources[[i]], KERNELS[[i]], fitting=True)[0, 0]
+            for i, row in enumerate(rows)
+        ]
+    )
 
 
 def _check(signals: npt.ArrayLike) -> Single:
