@@ -30,14 +30,10 @@ import time
 import numpy as np
 import zstandard
 
-from tactile_bags import (
-    BagWriter,
-    message_store,
-    STRAIN,
-    STRAIN_TOPIC,
-    TactileBag,
-)
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.bag_writer import BagWriter
 from tactile_bags.errors import BagError
+from tactile_bags.recorded_topics import message_store, STRAIN, STRAIN_TOPIC
 from tactile_bags.storage.bag_metadata import FILE_NAME
 from tactile_bags.storage.mcap_format import (
     CHUNK,

@@ -36,7 +36,8 @@ from sklearn.svm import SVC
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.estimators.random_convolutions import RandomConvolutions
-from tactile_features import FeatureConfig, features_from_trials
+from tactile_features.config import FeatureConfig
+from tactile_features.extraction.extractor import features_from_trials
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_trials

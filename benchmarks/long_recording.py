@@ -28,18 +28,18 @@ from typing import Any
 from measuring import Report, Row
 import numpy as np
 
-from tactile_bags import (
-    BagWriter,
+from tactile_bags.auditing.audit import FingerAuditor
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.bag_repair import repair_bag
+from tactile_bags.bag_writer import BagWriter
+from tactile_bags.recorded_topics import (
     EVENT,
     JOINT_STATE,
+    message_store,
     recorded_topics,
     RecordedTopic,
     STRAIN,
-    TactileBag,
 )
-from tactile_bags.auditing.audit import FingerAuditor
-from tactile_bags.bag_repair import repair_bag
-from tactile_bags.recorded_topics import message_store
 from tactile_bags.storage.mcap_format import StoredTopic
 from tactile_bags.storage.mcap_writer import McapWriter
 from tactile_features.records import StrainBlock

@@ -28,15 +28,10 @@ from numpy.typing import NDArray
 from phase_streams import as_blocks, Disturbance, Session, simulate_session, StatedTrial
 
 from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, DEFAULT_SCALING
-from tactile_features import (
-    FeatureConfig,
-    FeatureWindow,
-    find_phases,
-    Outcome,
-    StrainBlock,
-    TrialEvent,
-    TrialFeatureExtractor,
-)
+from tactile_features.config import FeatureConfig
+from tactile_features.extraction.extractor import TrialFeatureExtractor
+from tactile_features.phases.signal_phases import find_phases
+from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
 
 CONTACTS = ('flexion', 'abduction')
 MARK = {'stiffness': 'hold', 'texture': 'glide'}

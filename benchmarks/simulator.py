@@ -34,7 +34,7 @@ from simulator_trials import (
     TrialSet,
 )
 
-from tactile_features import compute_spectrum
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE
 from tactile_sim.physics.finger.steps import BDF2, EULER, Scheme
 

@@ -33,7 +33,8 @@ from simulator_trials import (
     TrialSet,
 )
 
-from tactile_features import compute_regression, compute_spectrum
+from tactile_features.feature_sets.stiffness_regression import compute_regression
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.fast_trials import simulate_motion, simulate_trials, STEPS_PER_SAMPLE
 from tactile_sim.physics.finger.steps import BDF2

@@ -34,12 +34,10 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, SCALINGS
-from tactile_features import (
-    compute_spectrum,
-    FeatureConfig,
-    features_from_trials,
-    SpatialWindow,
-)
+from tactile_features.config import FeatureConfig
+from tactile_features.extraction.extractor import features_from_trials
+from tactile_features.feature_sets.texture_spatial import SpatialWindow
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_trials

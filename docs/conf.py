@@ -58,7 +58,15 @@ html_copy_source = False
 
 
 # Packages import their parts on first use; autodoc sees only what is imported.
-for package in ('linear_guide_driver', 'tactile_classifier', 'tactile_sim'):
+for package in (
+    'linear_guide_driver',
+    'tactile_bags',
+    'tactile_classifier',
+    'tactile_features',
+    'tactile_features.feature_sets',
+    'tactile_sim',
+    'tendon_sensor_driver',
+):
     module = importlib.import_module(package)
     for part in module.__all__:
         setattr(module, part, getattr(module, part))

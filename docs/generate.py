@@ -26,7 +26,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features import compute_regression
+from tactile_features.feature_sets.stiffness_regression import compute_regression
 import tactile_sim
 from tactile_sim.physics.curve import compute_curve
 from tactile_sim.physics.fast_trials import simulate_motion

@@ -17,6 +17,7 @@
 ``package.xml`` names ROS packages and rosdep keys, ``setup.py`` distributions on PyPI. An
 import counts wherever it stands, within a function too. So does the name of a message type
 in a string, such as ``std_msgs/msg/Header``: its class is imported by that name.
+``requirements/packages.txt`` is what pip installs: the sum of all.
 """
 
 from __future__ import annotations
@@ -78,6 +79,9 @@ OPTIONAL = {
     'tendon_sensor_driver': {'pynetft'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""
+
+TRAINING = {'onnx', 'skl2onnx'}
+"""Optional for a package that only runs models; pip installs them, since it is for training."""
 
 NOT_IMPORTED = {
     'tactile_bringup': {'ros2launch'},  # `ros2 launch`, which starts the launch files
@@ -162,6 +166,26 @@ def check_package(folder: Path) -> list[str]:
     return [f'src/{name}: {fault}' for fault in faults]
 
 
+def check_wheel(folders: Iterable[Path]) -> list[str]:
+    """Return one sentence for each difference between the packages and what pip installs."""
+    listed = {
+        line.partition('#')[0].strip()
+        for line in (ROOT / 'requirements' / 'packages.txt').read_text('utf-8').splitlines()
+    } - {''}
+    needed = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
+    needed = needed - {'setuptools'} | TRAINING
+    pyproject = (ROOT / 'pyproject.toml').read_text('utf-8')
+    faults = [f'requirements/packages.txt lacks {name}' for name in sorted(needed - listed)]
+    faults += [f'requirements/packages.txt names {name}' for name in sorted(listed - needed)]
+    for folder in folders:
+        if f'"src/{folder.name}"' not in pyproject:
+            faults.append(f'pyproject.toml does not name src/{folder.name} among its packages')
+        (version,) = keys_of(folder / 'package.xml', 'version')
+        if f'\nversion = "{version}"\n' not in pyproject:
+            faults.append(f'src/{folder.name} has version {version}, pyproject.toml another')
+    return faults
+
+
 def _keys(modules: set[str]) -> set[str]:
     keys = {LIBRARIES[m].key if m in LIBRARIES else m for m in modules}
     return keys - {''}
@@ -174,6 +198,7 @@ def _pypi(modules: set[str]) -> set[str]:
 def main() -> int:
     folders = sorted(p.parent for p in (ROOT / 'src').glob('*/setup.py'))
     faults = [fault for folder in folders for fault in check_package(folder)]
+    faults += check_wheel(folders)
     for fault in faults:
         print(fault)
     return 1 if faults else 0

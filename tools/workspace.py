@@ -116,8 +116,15 @@ class Workspace:
         """Set up what is missing; at once when nothing is."""
         if not self.needs()[1]:
             return
-        self.base.mkdir(parents=True, exist_ok=True)
-        with (self.base / 'lock').open('w') as lock:
+        try:
+            self.base.mkdir(parents=True, exist_ok=True)
+            lock = (self.base / 'lock').open('w')
+        except OSError as error:
+            raise SetupError(
+                f'cannot write into {self.base} ({error.strerror}); everything is set up there. '
+                'Make the clone writable, or clone it to a folder of your own'
+            ) from error
+        with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -236,7 +243,7 @@ class Workspace:
     def step(self, title: str, command: list[str], remedy: str) -> None:
         """Run one set-up command, its output into the log, a line on the terminal."""
         started = time.monotonic()
-        print(f'  {title} ...', end='', flush=True)
+        print(f'  {title} ...', end='', flush=True, file=sys.stderr)
         with self.log.open('a') as log:
             log.write(f'\n$ {" ".join(command)}\n')
             log.flush()
@@ -248,7 +255,7 @@ class Workspace:
                 env=self.environment(),
                 cwd=ROOT,
             )
-        print(f' {time.monotonic() - started:.0f} s', flush=True)
+        print(f' {time.monotonic() - started:.0f} s', flush=True, file=sys.stderr)
         if done.returncode:
             print('\n'.join(self.log.read_text().splitlines()[-25:]), file=sys.stderr)
             raise SetupError(f'{remedy}. All of it: {self.log.relative_to(ROOT)}')
@@ -309,4 +316,5 @@ def check_compiler() -> None:
 
 
 def say(text: str) -> None:
-    print(text, flush=True)
+    # Standard output belongs to the command that follows, such as its --json.
+    print(text, flush=True, file=sys.stderr)

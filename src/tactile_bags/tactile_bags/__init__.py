@@ -14,54 +14,43 @@
 
 """Bags of tactile recordings: MCAP, as rosbag2 writes them, without rosbag2."""
 
-from tactile_bags.bag_reader import BagMessage, TactileBag
-from tactile_bags.bag_writer import BagWriter, FACTS_KEY
-from tactile_bags.recorded_topics import (
-    AUDIT,
-    CLASSIFICATION,
-    classification_topic,
-    DIAGNOSTICS,
-    EVENT,
-    EVENT_TOPIC,
-    FEATURES,
-    FEATURES_TOPIC,
-    join_topic,
-    JOINT_STATE,
-    message_store,
-    recorded_topics,
-    RecordedTopic,
-    RUNNING_FEATURES_TOPIC,
-    running_topic,
-    SLIP,
-    STRAIN,
-    STRAIN_TOPIC,
-    TARE,
-    WRENCH,
-)
+from __future__ import annotations
 
-__all__ = [
-    'AUDIT',
-    'CLASSIFICATION',
-    'DIAGNOSTICS',
-    'EVENT',
-    'EVENT_TOPIC',
-    'FACTS_KEY',
-    'FEATURES',
-    'FEATURES_TOPIC',
-    'JOINT_STATE',
-    'RUNNING_FEATURES_TOPIC',
-    'SLIP',
-    'STRAIN',
-    'STRAIN_TOPIC',
-    'TARE',
-    'WRENCH',
-    'BagMessage',
-    'BagWriter',
-    'RecordedTopic',
-    'TactileBag',
-    'classification_topic',
-    'join_topic',
-    'message_store',
-    'recorded_topics',
-    'running_topic',
-]
+import importlib
+from typing import Any
+
+_HOMES = {
+    'AUDIT': 'recorded_topics',
+    'BagMessage': 'bag_reader',
+    'BagWriter': 'bag_writer',
+    'CLASSIFICATION': 'recorded_topics',
+    'DIAGNOSTICS': 'recorded_topics',
+    'EVENT': 'recorded_topics',
+    'EVENT_TOPIC': 'recorded_topics',
+    'FACTS_KEY': 'bag_writer',
+    'FEATURES': 'recorded_topics',
+    'FEATURES_TOPIC': 'recorded_topics',
+    'JOINT_STATE': 'recorded_topics',
+    'RUNNING_FEATURES_TOPIC': 'recorded_topics',
+    'RecordedTopic': 'recorded_topics',
+    'SLIP': 'recorded_topics',
+    'STRAIN': 'recorded_topics',
+    'STRAIN_TOPIC': 'recorded_topics',
+    'TARE': 'recorded_topics',
+    'TactileBag': 'bag_reader',
+    'WRENCH': 'recorded_topics',
+    'classification_topic': 'recorded_topics',
+    'join_topic': 'recorded_topics',
+    'message_store': 'recorded_topics',
+    'recorded_topics': 'recorded_topics',
+    'running_topic': 'recorded_topics',
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    # On first use, so that who needs no bag does not import rosbags.
+    if name in _HOMES:
+        return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
+    raise AttributeError(f'module {__name__} has no attribute {name}')

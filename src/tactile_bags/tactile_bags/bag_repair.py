@@ -23,7 +23,8 @@ from typing import Any
 
 import yaml
 
-from tactile_bags import BagWriter, TactileBag
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.bag_writer import BagWriter
 from tactile_bags.errors import BagDamageError
 from tactile_bags.plain_yaml import parse_plain_yaml
 from tactile_bags.recorded_topics import qos_text

@@ -19,13 +19,12 @@ from __future__ import annotations
 from collections.abc import Callable
 import dataclasses
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import get_package_share_directory
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
+from tactile_bags.message_definitions import message_definitions
 from tactile_bags.recorded_topics import EVENT, message_store
 
 ADDED_FIELDS: dict[str, Any] = {'mounting_id': ''}
@@ -49,10 +48,9 @@ def find_event_upgrade(type_hash: str) -> Callable[[bytes], bytes] | None:
 
 @lru_cache
 def _make_old_store(missing: tuple[str, ...]) -> Typestore:
-    path = Path(get_package_share_directory('tactile_msgs')) / 'msg' / 'TrialEvent.msg'
     lines = [
         line
-        for line in path.read_text().splitlines()
+        for line in message_definitions()['TrialEvent'].splitlines()
         if not any(f' {name} ' in line.partition('#')[0] for name in missing)
     ]
     store = get_typestore(Stores.ROS2_JAZZY)

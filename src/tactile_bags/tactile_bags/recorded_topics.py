@@ -19,13 +19,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ament_index_python.packages import get_package_share_directory
-from rosbags.typesys import get_types_from_msg, get_typestore, Stores
-from rosbags.typesys.store import Typestore
+from tactile_bags.message_definitions import message_definitions
 
-from tactile_bags.errors import BagError
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 STRAIN = 'tactile_msgs/msg/StrainBlock'
 EVENT = 'tactile_msgs/msg/TrialEvent'
@@ -111,17 +110,13 @@ def message_store() -> Typestore:
     Raises
     ------
     BagError
-        When the workspace with ``tactile_msgs`` is not on the ament path.
+        When the definitions of ``tactile_msgs`` are not installed.
     """
+    from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # slow to import
+
     store = get_typestore(Stores.ROS2_JAZZY)
-    try:
-        share = Path(get_package_share_directory('tactile_msgs'))
-    except LookupError as error:
-        raise BagError(
-            'the package tactile_msgs is not installed here; build the workspace and source it'
-        ) from error
-    for path in sorted(share.glob('msg/*.msg')):
-        store.register(get_types_from_msg(path.read_text(), f'tactile_msgs/msg/{path.stem}'))
+    for name, text in message_definitions().items():
+        store.register(get_types_from_msg(text, f'tactile_msgs/msg/{name}'))
     return store
 
 

@@ -14,41 +14,39 @@
 
 """Cuts the tension stream into windows and computes texture and stiffness features."""
 
-from tactile_features.config import FeatureConfig
-from tactile_features.errors import FeatureError, UndefinedFeatureError
-from tactile_features.extraction.extractor import features_from_trials, TrialFeatureExtractor
-from tactile_features.feature_sets.feature_set import (
-    Feature,
-    FeatureSet,
-    WindowSamples,
-    WindowSpec,
-)
-from tactile_features.feature_sets.stiffness_regression import compute_regression
-from tactile_features.feature_sets.texture_spatial import compute_spatial, SpatialWindow
-from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_features.phases.signal_phases import find_phases
-from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
-from tactile_features.spec import FeatureSpec, spec_for
+from __future__ import annotations
 
-__all__ = [
-    'Feature',
-    'FeatureConfig',
-    'FeatureError',
-    'FeatureSet',
-    'FeatureSpec',
-    'FeatureWindow',
-    'Outcome',
-    'SpatialWindow',
-    'StrainBlock',
-    'TrialEvent',
-    'TrialFeatureExtractor',
-    'UndefinedFeatureError',
-    'WindowSamples',
-    'WindowSpec',
-    'compute_regression',
-    'compute_spatial',
-    'compute_spectrum',
-    'features_from_trials',
-    'find_phases',
-    'spec_for',
-]
+import importlib
+from typing import Any
+
+_HOMES = {
+    'Feature': 'feature_sets.feature_set',
+    'FeatureConfig': 'config',
+    'FeatureError': 'errors',
+    'FeatureSet': 'feature_sets.feature_set',
+    'FeatureSpec': 'spec',
+    'FeatureWindow': 'records',
+    'Outcome': 'records',
+    'SpatialWindow': 'feature_sets.texture_spatial',
+    'StrainBlock': 'records',
+    'TrialEvent': 'records',
+    'TrialFeatureExtractor': 'extraction.extractor',
+    'UndefinedFeatureError': 'errors',
+    'WindowSamples': 'feature_sets.feature_set',
+    'WindowSpec': 'feature_sets.feature_set',
+    'compute_regression': 'feature_sets.stiffness_regression',
+    'compute_spatial': 'feature_sets.texture_spatial',
+    'compute_spectrum': 'feature_sets.texture_spectrum',
+    'features_from_trials': 'extraction.extractor',
+    'find_phases': 'phases.signal_phases',
+    'spec_for': 'spec',
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    # On first use: SciPy takes long to import, and records alone do not need it.
+    if name in _HOMES:
+        return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
+    raise AttributeError(f'module {__name__} has no attribute {name}')

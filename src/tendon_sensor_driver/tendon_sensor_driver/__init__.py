@@ -14,37 +14,36 @@
 
 """Reads the force sensor on the tendon and publishes the tension as strain blocks."""
 
-from tendon_sensor_driver.errors import LinkError, TendonSensorError
-from tendon_sensor_driver.lines.line_client import TendonSensorClient
-from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder
-from tendon_sensor_driver.records import (
-    Block,
-    Health,
-    Reading,
-    StrainStatus,
-    TendonSensorConfig,
-)
-from tendon_sensor_driver.sensors import make_sensor, SensorClient
-from tendon_sensor_driver.stream.calibration import Calibration
-from tendon_sensor_driver.stream.strain_stream import StrainStream
-from tendon_sensor_driver.stream.tare import Bias, Tare, TareError
+from __future__ import annotations
 
-__all__ = [
-    'Bias',
-    'Block',
-    'Calibration',
-    'Health',
-    'LineDecoder',
-    'LinkError',
-    'Reading',
-    'SensorClient',
-    'StrainStatus',
-    'StrainStream',
-    'Tare',
-    'TareError',
-    'TendonSensorClient',
-    'TendonSensorConfig',
-    'TendonSensorError',
-    'encode_reading',
-    'make_sensor',
-]
+import importlib
+from typing import Any
+
+_HOMES = {
+    'Bias': 'stream.tare',
+    'Block': 'records',
+    'Calibration': 'stream.calibration',
+    'Health': 'records',
+    'LineDecoder': 'lines.line_protocol',
+    'LinkError': 'errors',
+    'Reading': 'records',
+    'SensorClient': 'sensors',
+    'StrainStatus': 'records',
+    'StrainStream': 'stream.strain_stream',
+    'Tare': 'stream.tare',
+    'TareError': 'stream.tare',
+    'TendonSensorClient': 'lines.line_client',
+    'TendonSensorConfig': 'records',
+    'TendonSensorError': 'errors',
+    'encode_reading': 'lines.line_protocol',
+    'make_sensor': 'sensors',
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    # On first use, so that who needs the records alone imports no serial port.
+    if name in _HOMES:
+        return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
+    raise AttributeError(f'module {__name__} has no attribute {name}')

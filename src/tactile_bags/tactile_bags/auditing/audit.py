@@ -27,10 +27,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_bags import EVENT, EVENT_TOPIC, STRAIN, TactileBag
 from tactile_bags.auditing.host_clock import EVENT_DELAY_S, HostClock, SpanCounts, Unstepped
 from tactile_bags.auditing.stream_counts import SampleRun
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.message_records import read_records
+from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
 from tactile_features.extraction.phase_window import describe_clock_step
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_features.records import (

@@ -25,8 +25,9 @@ from typing import Any
 from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
+from tactile_bags.recorded_topics import EVENT, STRAIN
 from tactile_bags.records import PlayerConfig
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.message_classes import message_class

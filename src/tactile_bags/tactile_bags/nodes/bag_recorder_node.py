@@ -28,17 +28,17 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.serialization import serialize_message
 
-from tactile_bags import (
+from tactile_bags.auditing.audit import Audit, AuditSummary, FingerAuditor, nominal_rate_hz
+from tactile_bags.bag_writer import BagWriter
+from tactile_bags.conversions import audit_to_msg
+from tactile_bags.errors import BagError
+from tactile_bags.recorded_topics import (
     AUDIT,
-    BagWriter,
     EVENT_TOPIC,
     recorded_topics,
     RecordedTopic,
     STRAIN_TOPIC,
 )
-from tactile_bags.auditing.audit import Audit, AuditSummary, FingerAuditor, nominal_rate_hz
-from tactile_bags.conversions import audit_to_msg
-from tactile_bags.errors import BagError
 from tactile_bags.records import RecorderConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_msgs.msg import RecordingAudit

@@ -26,9 +26,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from tactile_bags import CLASSIFICATION, EVENT, FEATURES, STRAIN, TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
+from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.live_recalibration import LiveRecalibration

@@ -26,7 +26,7 @@ from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.node import Node
 
-from tactile_bags import classification_topic
+from tactile_bags.recorded_topics import classification_topic
 from tactile_bringup.nodes.trial_devices import cancel_late_goal
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import longest_trial_s, TrialRequest

@@ -26,7 +26,8 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from tactile_bags import (
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.recorded_topics import (
     classification_topic,
     EVENT,
     EVENT_TOPIC,
@@ -35,7 +36,6 @@ from tactile_bags import (
     running_topic,
     STRAIN,
     STRAIN_TOPIC,
-    TactileBag,
 )
 from tactile_bags.replaying.replay import TactileResults
 from tactile_bringup.nodes.graph_runner import create_node

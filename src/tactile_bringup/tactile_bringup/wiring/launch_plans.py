@@ -26,7 +26,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_bags import TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.replaying.replay import recorded_config
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.wiring.graph import (

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from tactile_classifier.model_file.inference import read_manifest
 from tactile_classifier.names import all_classifier_names, classifier_name, parse_classifier_name
 from tactile_ros.errors import TactileError
 
@@ -88,5 +87,7 @@ def models_for(models: Mapping[str, str], task: str, contact: str) -> dict[str, 
 
 
 def _classifier_of(path: Path) -> str:
+    from tactile_classifier.model_file.inference import read_manifest  # slow to import
+
     manifest = read_manifest(path)
     return classifier_name(manifest.task, manifest.contact)

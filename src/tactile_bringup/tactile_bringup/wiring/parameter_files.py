@@ -21,8 +21,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from tactile_bags import join_topic
 from tactile_bags.plain_yaml import parse_plain_yaml, read_text
+from tactile_bags.recorded_topics import join_topic
 from tactile_ros.errors import TactileError
 
 MAX_BYTES = 2**20

@@ -30,7 +30,7 @@ from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extraction.extractor import features_from_trials
-from tactile_features.feature_sets import find_feature_set, task_of
+from tactile_features.feature_sets.registry import find_feature_set, task_of
 from tactile_features.spec import FeatureSpec
 
 ALL: Final = 'all'

@@ -33,7 +33,7 @@ from tactile_classifier.records import (
     VOTES,
 )
 from tactile_features.errors import FeatureError
-from tactile_features.feature_sets import task_of
+from tactile_features.feature_sets.registry import task_of
 from tactile_features.spec import FeatureSpec
 
 FORMAT_VERSION = 4

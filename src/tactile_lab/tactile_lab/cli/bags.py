@@ -23,7 +23,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.cli.options import JsonOption, refusals
+from tactile_lab.cli.options import check_paths, JsonOption, refusals
 
 
 def replay(
@@ -47,6 +47,7 @@ def replay(
     order.
     """
     with refusals():
+        check_paths(bag, models)
         from tactile_lab.commands.replay import run_replay
 
         equal = run_replay(bag, models, through_nodes=nodes, times=times, as_json=json_output)
@@ -68,6 +69,7 @@ def repair(
     damaged in its middle: the copy ends there.
     """
     with refusals():
+        check_paths(bag)
         from tactile_lab.commands.repair import run_repair
 
         whole = run_repair(bag, output, as_json=json_output)

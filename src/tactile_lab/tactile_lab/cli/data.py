@@ -24,6 +24,7 @@ from typing import Annotated, Optional
 import typer
 
 from tactile_lab.cli.options import (
+    check_paths,
     Classifier,
     Contact,
     Design,
@@ -102,6 +103,7 @@ def simulate(
     slip features yet. Their bag says when each object truly began to slip.
     """
     with refusals():
+        check_paths(description)
         from tactile_lab.commands.simulate import run_simulate, SimulateRequest
 
         complete = run_simulate(
@@ -203,6 +205,7 @@ def train(
     files of an earlier training without --force.
     """
     with refusals():
+        check_paths(*bags)
         from tactile_lab.commands.train import run_recalibrate, run_train, TrainRequest
 
         if recalibrate is not None:
@@ -382,6 +385,7 @@ def evaluate(
     choosing features brings. The report has the paper's figures, made of your trials.
     """
     with refusals():
+        check_paths(*recordings)
         from tactile_lab.commands.evaluate import EvaluateRequest, run_evaluate
 
         run_evaluate(

@@ -18,10 +18,11 @@ Imports of the work are inside the functions: ``--help`` must not wait for ROS.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 import functools
 import os
 import sys
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperOption
@@ -30,19 +31,50 @@ from tactile_lab.cli import experiment
 from tactile_lab.cli.bags import repair, replay
 from tactile_lab.cli.data import evaluate, robustness, simulate, train
 from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
+from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import held_signals
 from tactile_ros.programs.transports import choose_transports
 
 app = typer.Typer(
     name='tactile',
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode='markdown',
     pretty_exceptions_enable=False,
     context_settings={'help_option_names': ['-h', '--help']},
-    help='Touch through the tendon of a soft robotic finger: texture and stiffness from one '
-    'tension signal.',
 )
+
+
+OF_ROS = {
+    'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'domain_coordinator',
+    'geometry_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs',
+    'sensor_msgs', 'std_msgs', 'std_srvs', 'tactile_msgs',
+}  # fmt: skip
+"""What a Python without ROS 2 lacks."""
+
+
+def _print_version(is_wanted: bool) -> None:
+    if not is_wanted:
+        return
+    from importlib.metadata import PackageNotFoundError, version
+
+    for distribution in ('tendon-tactile', 'tactile_lab'):  # from pip, from colcon
+        with suppress(PackageNotFoundError):
+            typer.echo(f'tactile {version(distribution)}')
+            raise typer.Exit
+    raise TactileError('these packages are not installed: neither pip nor colcon knows them')
+
+
+@app.callback()
+def tactile(
+    version: Annotated[
+        bool,
+        typer.Option(
+            '--version', callback=_print_version, is_eager=True, help='Print the version.'
+        ),
+    ] = False,
+) -> None:
+    """Touch through the tendon of a soft robotic finger: texture and stiffness from tension."""
+
 
 UNTIL_A_SIGNAL = (rig, sense, hand)
 """These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
@@ -109,4 +141,16 @@ def main() -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 1
+    except ModuleNotFoundError as error:
+        if (error.name or '').partition('.')[0] not in OF_ROS:
+            raise
+        name = sys.argv[1]
+        also = ' `--no-nodes` replays without them.' if name == 'replay' else ''
+        typer.echo(
+            f'tactile: `tactile {name}` runs ROS 2 nodes, and this Python has no {error.name}. '
+            f'In a clone of the repository ./tactile {name} brings ROS 2 along; or source a '
+            f'ROS 2 workspace that has these packages.{also}',
+            err=True,
+        )
+        return 2
     return 0

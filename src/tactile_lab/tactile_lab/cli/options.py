@@ -26,6 +26,8 @@ from typing import Annotated, Optional
 
 import typer
 
+from tactile_ros.errors import TactileError
+
 JsonOption = Annotated[
     bool, typer.Option('--json', help='Print the result as JSON on standard output.')
 ]
@@ -191,17 +193,36 @@ class Scaling(str, Enum):
     none = 'none'
 
 
+REFUSALS = {
+    'tactile_bringup.trial_protocols.ProtocolError',
+    'tactile_classifier.errors.ClassifierError',
+    'tactile_features.errors.FeatureError',
+    'tactile_ros.errors.TactileError',
+    'tactile_sim.errors.TactileSimError',
+}
+"""Errors that we raise on purpose. By name: importing them would import what raises them."""
+
+
 @contextmanager
 def refusals() -> Iterator[None]:
     """Turn the errors that we raise on purpose into one sentence and exit code 2."""
-    from tactile_bringup.trial_protocols import ProtocolError
-    from tactile_classifier.errors import ClassifierError
-    from tactile_features.errors import FeatureError
-    from tactile_ros.errors import TactileError
-    from tactile_sim.errors import TactileSimError
-
     try:
         yield
-    except (TactileError, ProtocolError, ClassifierError, FeatureError, TactileSimError) as error:
+    except Exception as error:
+        if not {f'{c.__module__}.{c.__qualname__}' for c in type(error).__mro__} & REFUSALS:
+            raise
         typer.echo(f'tactile: {error}', err=True)
         raise typer.Exit(2) from error
+
+
+def check_paths(*paths: Path | None) -> None:
+    """Refuse a file or folder that does not exist, before anything slow is imported.
+
+    Raises
+    ------
+    TactileError
+        When one of them does not exist.
+    """
+    for path in paths:
+        if path is not None and not path.exists():
+            raise TactileError(f'{path} does not exist')

@@ -24,6 +24,7 @@ from typing import Annotated, Optional
 import typer
 
 from tactile_lab.cli.options import (
+    check_paths,
     Contact,
     DetectedContact,
     DetectedContactOption,
@@ -121,6 +122,7 @@ def trials(
     the session instead of the object.
     """
     with refusals():
+        check_paths(models, params)
         from tactile_lab.commands.rig import PortArguments
         from tactile_lab.commands.trials import run_trials, TrialsRequest
 
@@ -160,6 +162,7 @@ def rig(
     without any other program, use `tactile trials`.
     """
     with refusals():
+        check_paths(models, params)
         from tactile_lab.commands.rig import PortArguments, RigRequest, run_rig
 
         run_rig(
@@ -194,6 +197,7 @@ def sense(
     ``trial_runner/events``; or ``--phases`` has them found in the tension.
     """
     with refusals():
+        check_paths(model, params)
         from tactile_lab.commands.sense import run_sensing
 
         run_sensing(
@@ -236,6 +240,7 @@ def hand(
     ``--record`` makes one bag a finger.
     """
     with refusals():
+        check_paths(hand_file, model, params)
         from tactile_lab.commands.sense import run_sensing
 
         run_sensing(
@@ -362,6 +367,7 @@ def check(
     Each fault comes with its remedy.
     """
     with refusals():
+        check_paths(params)
         from tactile_lab.commands.check import CheckRequest, run_check
         from tactile_lab.commands.rig import PortArguments
 

@@ -25,7 +25,7 @@ from typing import Any
 from domain_coordinator import domain_id
 import numpy as np
 
-from tactile_bags import TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.replaying.replay import recorded_results
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import Ports

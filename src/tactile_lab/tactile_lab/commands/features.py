@@ -29,8 +29,7 @@ from tactile_classifier.errors import EvaluationError
 from tactile_classifier.training.feature_choice import Candidate, choose_candidate, FeatureChoice
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.feature_sets import find_feature_set, list_feature_sets
-from tactile_features.feature_sets.registry import CHOOSER
+from tactile_features.feature_sets.registry import CHOOSER, find_feature_set, list_feature_sets
 from tactile_features.feature_sets.texture_spatial import SpatialWindow
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, SET_TEXTURE_SPATIAL
 from tactile_lab.commands.output import Output

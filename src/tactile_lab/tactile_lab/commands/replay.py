@@ -21,10 +21,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from domain_coordinator import domain_id
-
-from tactile_bags import TactileBag
 from tactile_bags.auditing.audit import Audit, audit_open_bag, summarise_audits
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.replaying.comparison import compare, compare_with_recorded, Comparison
 from tactile_bags.replaying.replay import (
     load_models,
@@ -34,8 +32,6 @@ from tactile_bags.replaying.replay import (
     replay_through_core,
     TactileResults,
 )
-from tactile_bringup.nodes.graph_runner import ros_context
-from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_features.config import FeatureConfig
 from tactile_lab.commands.output import Output
@@ -160,6 +156,11 @@ def _replay_in_own_domain(
     namespace: str,
     known: Mapping[str, int],
 ) -> TactileResults:
+    from domain_coordinator import domain_id
+
+    from tactile_bringup.nodes.graph_runner import ros_context
+    from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+
     with domain_id() as domain, ros_context(int(domain)) as context:
         return replay_through_nodes(
             bag,

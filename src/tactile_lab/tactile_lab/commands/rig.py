@@ -23,7 +23,6 @@ from pathlib import Path
 import threading
 from typing import Any
 
-from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.wiring.graph import (
     feature_parameters_of,
     NodeDescription,
@@ -104,6 +103,8 @@ def run_nodes(nodes: Sequence[NodeDescription], namespace: str, title: str) -> N
     TactileError
         When a node cannot be started, or one fails later.
     """
+    from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
+
     signals, ended = hold_signals(), threading.Event()
 
     def end() -> None:

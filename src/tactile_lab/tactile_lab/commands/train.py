@@ -32,7 +32,7 @@ from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.training.model_writer import TactileModel, write_model
 from tactile_classifier.training.recalibrated_model import write_recalibrated
 from tactile_classifier.training.trainer import train
-from tactile_features.feature_sets import list_feature_sets
+from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 from tactile_lab.commands.evaluate import evaluate_with_progress
 from tactile_lab.commands.features import (

@@ -26,13 +26,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags import TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.replaying.replay import recorded_config, replay_phases
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.feature_sets import task_of
+from tactile_features.feature_sets.registry import task_of
 from tactile_features.records import (
     FeatureWindow,
     Outcome,

@@ -19,7 +19,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from tactile_bags import TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.replaying.replay import recorded_config, replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_bags import TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.replaying.replay import recorded_config, replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable

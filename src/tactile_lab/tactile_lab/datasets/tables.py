@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
-from tactile_features.feature_sets import find_feature_set
+from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.spec import FeatureSpec
 
 CLASSIFIER_TITLES = {

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
+from tactile_bags.recorded_topics import EVENT, STRAIN
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from tactile_classifier.evaluation.early_answers import evaluate_stopping, Stopp
 from tactile_classifier.evaluation.open_set import evaluate_open_set, OpenSetEvaluation
 from tactile_classifier.evaluation.plans import Task
 from tactile_features.config import FeatureConfig
-from tactile_features.feature_sets import find_feature_set
+from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import Measure, PROTOCOL_TEXTURE
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.measure_tables import read_measures

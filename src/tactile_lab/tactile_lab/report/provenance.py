@@ -24,7 +24,7 @@ from pathlib import Path
 import platform
 from typing import Any
 
-from tactile_bags import TactileBag
+from tactile_bags.bag_reader import TactileBag
 
 LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib')
 

@@ -23,8 +23,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_bags import STRAIN, TactileBag
+from tactile_bags.bag_reader import TactileBag
 from tactile_bags.message_records import read_records
+from tactile_bags.recorded_topics import STRAIN
 from tactile_classifier.datasets.archive import Skipped
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split

@@ -39,7 +39,8 @@ from typing import Any
 
 from joblib import delayed, Parallel
 
-from tactile_bags import BagWriter, EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
+from tactile_bags.bag_writer import BagWriter
+from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN, STRAIN_TOPIC
 from tactile_bringup.records import PROTOCOLS, TrialConfig
 from tactile_classifier.records import CONTACTS
 from tactile_features.config import FeatureConfig

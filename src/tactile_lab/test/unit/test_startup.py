@@ -1,0 +1,114 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the command line imports and says before it works."""
+
+import json
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tactile_lab.cli.main import app
+
+ROOT = Path(__file__).resolve().parents[4]
+HEAVY = {
+    'joblib', 'matplotlib', 'numba', 'numpy', 'onnxruntime', 'rclpy', 'rosbags', 'scipy', 'serial',
+    'sklearn', 'tactile_msgs', 'yaml',
+}  # fmt: skip
+PROGRAM = """
+import json, sys
+from tactile_lab.cli.program import main
+try:
+    main()
+except SystemExit as end:
+    print(json.dumps([end.code, sorted(sys.modules)]), file=sys.stderr)
+"""
+
+
+def run(arguments):
+    """Run the command in a Python of its own; return exit code, standard output and modules."""
+    command = [sys.executable, '-c', PROGRAM, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    code, modules = json.loads(done.stderr.splitlines()[-1])
+    return code, done.stdout + done.stderr, {name.partition('.')[0] for name in modules}
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'code'),
+    [
+        (['--help'], 0),
+        (['--version'], 0),
+        (['train', '--help'], 0),
+        (['sense', '--bogus'], 2),
+        (['train', 'nowhere', '-o', 'models'], 2),
+        (['evaluate', 'nowhere.npz'], 2),
+        (['replay', 'nowhere'], 2),
+        (['repair', 'nowhere', '-o', 'copy'], 2),
+        (['sense', '--simulated', '--model', 'nowhere'], 2),
+        (['hand', '--hand-file', 'nowhere'], 2),
+        (['rig', '--simulated', '--models', 'nowhere'], 2),
+    ],
+)
+def test_help_and_wrong_paths_import_nothing_slow(arguments, code):
+    ended, said, modules = run(arguments)
+    assert ended == code
+    assert not modules & HEAVY
+    if 'nowhere' in ' '.join(arguments):
+        assert re.search(r'tactile: nowhere\S* does not exist', said)
+
+
+def test_a_folder_without_models_is_refused_before_ros_is_loaded(tmp_path):
+    code, said, modules = run(['sense', '--simulated', '--model', str(tmp_path)])
+    assert code == 2
+    assert 'no model files' in said
+    assert not modules & {'rclpy', 'onnxruntime', 'sklearn', 'matplotlib'}
+
+
+def test_the_version_is_that_of_the_package():
+    if not (ROOT / 'tools').is_dir():
+        pytest.skip('the packages are not in their own repository')
+    manifest = (ROOT / 'src' / 'tactile_lab' / 'package.xml').read_text()
+    version = re.search('<version>(.*?)</version>', manifest)[1]
+    assert run(['--version'])[1].splitlines()[0] == f'tactile {version}'
+
+
+def test_both_helps_name_every_command():
+    if not (ROOT / 'tools').is_dir():
+        pytest.skip('the packages are not in their own repository')
+    names = [c.name or c.callback.__name__ for c in app.registered_commands]
+    names += [group.name for group in app.registered_groups]
+    script = [sys.executable, str(ROOT / 'tools' / 'main.py'), '--help']
+    ours = subprocess.run(script, capture_output=True, text=True, check=True).stdout
+    theirs = run(['--help'])[1]
+    assert len(names) >= 13
+    for name in names:
+        assert re.search(rf'(?<![\w-]){name}(?![\w-])', ours), name
+        assert re.search(rf'(?<![\w-]){name}(?![\w-])', theirs), name
+
+
+def test_a_clone_that_cannot_be_written_is_one_sentence(tmp_path):
+    if not (ROOT / 'tools').is_dir():
+        pytest.skip('the packages are not in their own repository')
+    for name in ('tools', 'requirements'):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    (tmp_path / 'src').mkdir()
+    (tmp_path / '.tactile').write_text('a file where the folder must be')
+    script = [sys.executable, str(tmp_path / 'tools' / 'main.py'), 'build']
+    done = subprocess.run(script, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, '')
+    assert re.fullmatch(r'tactile: cannot write into .*\n', done.stderr)

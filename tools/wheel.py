@@ -1,0 +1,107 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Check what `pip install .` gives: the packages without ROS, in an empty environment.
+
+``python tools/wheel.py`` builds the wheel with the Python that runs this, installs it with pip
+into a new virtual environment and uses it: from the command line, and in the examples.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = Path(__file__).resolve().parent.parent
+
+MODULES = """
+import sys
+import tactile_bags, tactile_classifier, tactile_features, tactile_lab, tactile_sim
+from tactile_bags.bag_reader import TactileBag
+from tactile_classifier import TactileModel
+from tactile_lab.datasets.bag_tables import read_tables
+from pathlib import Path
+
+bag, model = Path(sys.argv[1]), TactileModel.load(sys.argv[2])
+with TactileBag(bag) as opened:
+    assert len(list(opened.messages())) > 100
+table = read_tables([bag]).tables['texture', 'flexion']
+answers = model.predict(table.values)
+assert len(answers) == len(table) and set(answers) <= set(model.labels)
+for module in ('rclpy', 'ament_index_python', 'tactile_msgs'):
+    assert module not in sys.modules, module
+"""
+
+
+def main() -> int:
+    started = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix='tactile_wheel_') as scratch:
+        folder = Path(scratch)
+        run([sys.executable, '-m', 'venv', folder / 'venv'], folder)
+        python = folder / 'venv' / 'bin' / 'python'
+        pip = [python, '-m', 'pip', '--quiet', '--disable-pip-version-check']
+        run([*pip, 'wheel', '--no-deps', '--wheel-dir', folder, ROOT], folder)
+        (wheel,) = folder.glob('tendon_tactile-*.whl')
+        run([*pip, 'install', wheel], folder)
+        print(f'installed after {time.monotonic() - started:.0f} s', flush=True)
+        use(python, folder)
+    version = sys.version.split()[0]
+    print(f'{wheel.name} works on Python {version}, {time.monotonic() - started:.0f} s')
+    return 0
+
+
+def use(python: Path, folder: Path) -> None:
+    """Run commands, library and examples; raise SystemExit where one does not what it should."""
+    tactile = python.with_name('tactile')
+    bag, model = folder / 'bags' / 'texture_flexion', folder / 'models' / 'texture_flexion.onnx'
+    run([tactile, '--version'], folder)
+    run([tactile, '--help'], folder)
+    simulate = [tactile, 'simulate', 'texture', '--output', bag.parent, '--contact', 'flexion']
+    run([*simulate, '--trials', '6', '--sessions', '2', '--jobs', '1', '--json'], folder)
+    run([tactile, 'train', bag, '--output', model.parent, '--json'], folder)
+    told = run([tactile, 'evaluate', bag, '--repetitions', '1', '--json'], folder)
+    if json.loads(told)['sets'][0]['trials'] != 96:
+        raise SystemExit('evaluate did not count the 96 trials that were simulated')
+    run([python, '-c', MODULES, bag, model], folder)
+    for arguments in (['sense', '--simulated'], ['demo'], ['rig', '--simulated']):
+        run([tactile, *arguments], folder, code=2, says='source a ROS 2 workspace')
+    for example in sorted((ROOT / 'docs' / 'examples').glob('*.py')):
+        run([python, example], folder)
+
+
+def run(command: list[str | Path], folder: Path, *, code: int = 0, says: str = '') -> str:
+    """Run a program where nothing of this clone or of a ROS 2 is found; return what it prints."""
+    foreign = ('AMENT_', 'COLCON_', 'PYTHON', 'ROS_', 'VIRTUAL_ENV')
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=folder,
+        env={**environment, 'MPLBACKEND': 'Agg'},
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode != code or says not in done.stderr:
+        print(done.stdout, done.stderr, sep='\n', file=sys.stderr)
+        line = ' '.join(str(part) for part in command)
+        raise SystemExit(f'exit code {done.returncode} instead of {code}, or not said: {line}')
+    return done.stdout
+
+
+if __name__ == '__main__':
+    sys.exit(main())
