@@ -83,7 +83,13 @@ def main() -> None:
             sys.stdout.flush()
 
 
-def _simulate(protocol: str, contact: str, seed: int, train: int, tests: int) -> FeatureTable:
+def simulate_windows(
+    protocol: str, contact: str, seed: int, train: int, tests: int
+) -> tuple[Array, NDArray[np.str_], NDArray[np.intp], float]:
+    """Return the windows of trials, their labels and sessions, and the sample rate [Hz].
+
+    The first ``train`` sessions have 8 trials a label, the ``tests`` after them 4.
+    """
     planned = plan_trial(TrialConfig(), TrialRequest(protocol, contact))
     catalogue = default_catalogue()
     windows, labels, sessions = [], [], []
@@ -99,9 +105,13 @@ def _simulate(protocol: str, contact: str, seed: int, train: int, tests: int) ->
             sessions += [session] * count
     x = np.concatenate(windows)
     good = np.isfinite(x).all(axis=1)
-    values, spec = features_from_trials(protocol, x[good], planned.rate_hz)
-    columns = {'session_id': np.array(sessions)[good]}
-    return FeatureTable(values, np.array(labels)[good], spec, columns)
+    return x[good], np.array(labels)[good], np.array(sessions)[good], planned.rate_hz
+
+
+def _simulate(protocol: str, contact: str, seed: int, train: int, tests: int) -> FeatureTable:
+    x, labels, sessions, rate_hz = simulate_windows(protocol, contact, seed, train, tests)
+    values, spec = features_from_trials(protocol, x, rate_hz)
+    return FeatureTable(values, labels, spec, {'session_id': sessions})
 
 
 def _judge(table: FeatureTable, seed: int, sessions: int) -> dict[str, Array]:
