@@ -31,6 +31,7 @@ setup(
         'matplotlib',
         'numpy',
         'pyserial',
+        'PyYAML',
         'dynamixel-sdk',
         'rich',
         'rosbags',

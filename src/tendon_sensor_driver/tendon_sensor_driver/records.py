@@ -82,6 +82,12 @@ class TendonSensorConfig:
         unit='1',
         range=(-1e12, 1e12),
     )
+    offset_n: float = _option(
+        0.0,
+        'added to value times scale by a line sensor, beneath any tare; see tactile calibrate',
+        unit='N',
+        range=(-1e6, 1e6),
+    )
     leave_menu: bool = _option(
         True, 'send x to a load-cell board that waits in its settings menu instead of measuring'
     )

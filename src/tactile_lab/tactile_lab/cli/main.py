@@ -29,6 +29,7 @@ from typer.core import TyperCommand, TyperOption
 
 from tactile_lab.cli import experiment
 from tactile_lab.cli.bags import repair, replay
+from tactile_lab.cli.calibrate import calibrate
 from tactile_lab.cli.data import evaluate, robustness, simulate, train
 from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
 from tactile_ros.errors import TactileError
@@ -125,6 +126,7 @@ for command in (
     hand,
     devices,
     check,
+    calibrate,
 ):
     app.command(cls=StrictCommand)(
         command if command in UNTIL_A_SIGNAL else _interruptible(command)

@@ -80,6 +80,7 @@ def archive(tmp_path):
         'hand',
         'devices',
         'check',
+        'calibrate',
     ],
 )
 def test_help_reads_like_a_manual(command):

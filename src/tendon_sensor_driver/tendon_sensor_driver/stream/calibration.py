@@ -28,7 +28,7 @@ NEWTONS = {
 
 
 class Calibration:
-    """A linear calibration: newtons = value * scale * (newtons in one unit).
+    """A linear calibration: newtons = value * scale * (newtons in one unit) + offset.
 
     Parameters
     ----------
@@ -36,11 +36,14 @@ class Calibration:
         A key of `NEWTONS`.
     scale : float
         Factor on the value, such as -1 to turn its sign.
+    offset_n : float
+        Added to the product [N].
     """
 
-    def __init__(self, unit: str, scale: float = 1.0) -> None:
+    def __init__(self, unit: str, scale: float = 1.0, offset_n: float = 0.0) -> None:
         self._factor = NEWTONS[unit] * scale
+        self._offset_n = offset_n
 
     def to_newtons(self, value: float) -> float:
         """Return the tension [N] of one device value."""
-        return value * self._factor
+        return value * self._factor + self._offset_n

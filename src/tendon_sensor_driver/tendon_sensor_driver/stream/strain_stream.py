@@ -157,7 +157,7 @@ class StrainStream(SampleStream):
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
-        self._calibration = Calibration(config.unit, config.scale)
+        self._calibration = Calibration(config.unit, config.scale, config.offset_n)
         if config.time_column < 0:
             super().__init__(config, HostClock(), config.period_ns, StrainStatus.HOST_TIME)
         else:

@@ -50,3 +50,10 @@ def test_one_kilogram_weighs_standard_gravity():
 
 def test_a_numpy_free_float_comes_out():
     assert type(Calibration('g').to_newtons(float(np.float32(2.5)))) is float
+
+
+@pytest.mark.parametrize(('value', 'scale', 'offset_n'), [(0.51, 1.02, -0.3), (-2.0, -0.5, 1e-9)])
+def test_an_offset_is_added_to_the_product(value, scale, offset_n):
+    exact = Fraction(value) * Fraction(9.80665) * Fraction(scale) + Fraction(offset_n)
+    found = Calibration('kg', scale, offset_n).to_newtons(value)
+    assert found == pytest.approx(float(exact), rel=1e-15)

@@ -1,0 +1,259 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile calibrate`: a load cell against known weights, into the sensor's parameters."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from itertools import pairwise
+import math
+from pathlib import Path
+import sys
+import threading
+import time
+
+import numpy as np
+from rich.table import Table
+
+from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_lab.commands.output import Output
+from tactile_lab.devices.load_cell_fit import (
+    CalibrationError,
+    FEWEST_WEIGHTS,
+    fit_load_cell,
+    LoadCellFit,
+    Reading,
+    settled_mean,
+)
+from tactile_lab.devices.parameter_edit import set_parameters
+from tactile_ros.errors import TactileError
+from tactile_sim.devices.weight_stand import WeightStand
+from tendon_sensor_driver.errors import TendonSensorError
+from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.sensors import make_sensor
+
+NODE = 'tendon_sensor'
+
+SETTLED_S = 1.0
+"""Over which a reading is averaged."""
+
+SETTLE_TIMEOUT_S = 20.0
+"""How long a weight may swing."""
+
+NO_MEASUREMENT = StrainStatus.SATURATED | StrainStatus.STUCK | StrainStatus.DEVICE_ERROR
+
+
+@dataclass(frozen=True)
+class CalibrateRequest:
+    """The arguments of `tactile calibrate`; see its ``--help``."""
+
+    weights_kg: tuple[float, ...]
+    sensor: str
+    params: Path | None
+    gravity_m_s2: float
+    goes_down: bool
+    simulated: bool
+    seed: int
+
+
+def parse_weights(text: str) -> tuple[float, ...]:
+    """Return masses from ``0,0.2,0.5`` [kg], ascending.
+
+    Raises
+    ------
+    CalibrationError
+        When they are none, or too few.
+    """
+    try:
+        weights = tuple(sorted({float(part) for part in text.split(',') if part.strip()}))
+    except ValueError:
+        raise CalibrationError(
+            f'--weights is "{text}"; write kilograms with commas, such as 0,0.2,0.5,1'
+        ) from None
+    if not all(math.isfinite(mass) and 0.0 <= mass <= 1000.0 for mass in weights):
+        raise CalibrationError(f'--weights is "{text}"; each must be from 0 to 1000 kg')
+    if len(weights) < FEWEST_WEIGHTS:
+        raise CalibrationError(
+            f'--weights has {len(weights)} different ones; name {FEWEST_WEIGHTS} at least'
+        )
+    return weights
+
+
+def run_calibrate(request: CalibrateRequest, *, as_json: bool) -> None:
+    """Measure weight by weight, fit, print, and set the parameters.
+
+    Raises
+    ------
+    TactileError
+        When the sensor does not answer, a weight does not come to rest, or there is no fit.
+    """
+    output = Output(as_json)
+    stated = (
+        read_parameters(request.params, [NODE], others_allowed=True).get(NODE, {})
+        if request.params and request.params.exists()
+        else {}
+    )
+    with ExitStack() as stack:
+        hang: Callable[[float], None] = _Prompt(output).hang
+        if request.simulated:
+            if request.sensor:
+                raise TactileError('--simulated brings its own sensor; leave --sensor out')
+            stand = stack.enter_context(WeightStand(seed=request.seed))
+            output.say('SIMULATED load cell: no number is a measurement.')
+            stated = {'port': stand.port}
+
+            def hang(mass_kg: float) -> None:
+                stand.hang(mass_kg * request.gravity_m_s2)
+
+        elif request.sensor:
+            stated = {**stated, 'port': request.sensor}
+        config = _config(stated)
+        fit = fit_load_cell(
+            measure(config, request.weights_kg, hang, output, goes_down=request.goes_down),
+            request.gravity_m_s2,
+        )
+    _print_fit(fit, request, output)
+    if request.params is not None:
+        set_parameters(request.params, NODE, {'scale': fit.scale, 'offset_n': fit.offset_n})
+        output.say(f'{request.params}: scale and offset_n of {NODE} are set')
+    output.result(
+        {
+            'simulated': request.simulated,
+            'gravity_m_s2': request.gravity_m_s2,
+            'params': str(request.params or ''),
+            **fit.to_dict(),
+        }
+    )
+
+
+def measure(
+    config: TendonSensorConfig,
+    weights_kg: Sequence[float],
+    hang: Callable[[float], None],
+    output: Output,
+    *,
+    goes_down: bool,
+) -> list[Reading]:
+    """Return a settled reading under each weight, up and, if wanted, down again."""
+    masses = [*weights_kg, *(reversed(weights_kg[:-1]) if goes_down else ())]
+    rising = [True, *(b > a for a, b in pairwise(masses))]
+    listener = _Listener(config)
+    readings = []
+    client = make_sensor(config, listener.take, time.time_ns)
+    try:
+        client.open()
+        for mass_kg, is_rising in zip(masses, rising, strict=True):
+            hang(mass_kg)
+            mean_n, noise_n = listener.wait_settled(mass_kg)
+            output.say(f'{mass_kg:g} kg: {mean_n:.4f} N read, noise {noise_n:.2g} N')
+            readings.append(Reading(mass_kg, mean_n, noise_n, is_rising))
+    except TendonSensorError as error:
+        raise TactileError(str(error)) from error
+    finally:
+        client.close()
+    return readings
+
+
+class _Prompt:
+    def __init__(self, output: Output) -> None:
+        self._output = output
+
+    def hang(self, mass_kg: float) -> None:
+        what = f'hang {mass_kg:g} kg' if mass_kg else 'take all weights off'
+        self._output.say(f'{what}, let it come to rest, then Enter')
+        if not sys.stdin.readline():
+            raise TactileError('nobody answers on standard input; use a terminal')
+
+
+class _Listener:
+    """Keeps the samples of the last second."""
+
+    def __init__(self, config: TendonSensorConfig) -> None:
+        self._arrived = threading.Condition()
+        self._config = config
+        self._count = max(4, round(SETTLED_S * config.rate_hz))
+        self._samples: deque[float] = deque(maxlen=self._count)
+
+    def take(self, block: Block) -> None:
+        with self._arrived:
+            if block.status & NO_MEASUREMENT:
+                self._samples.clear()
+            else:
+                self._samples.extend(float(value) for value in block.tension_n)
+            self._arrived.notify_all()
+
+    def wait_settled(self, mass_kg: float) -> tuple[float, float]:
+        """Return mean and standard deviation of the second after a settled one."""
+        has_settled = False
+        deadline = time.monotonic() + SETTLE_TIMEOUT_S
+        with self._arrived:
+            self._samples.clear()
+            while True:
+                if len(self._samples) == self._count:
+                    found = settled_mean(np.array(self._samples))
+                    if found is not None and has_settled:
+                        return found
+                    if found is not None:
+                        # The first one still has the end of the motion in it.
+                        has_settled = True
+                        self._samples.clear()
+                left_s = deadline - time.monotonic()
+                if left_s <= 0:
+                    break
+                self._arrived.wait(left_s)
+            heard = len(self._samples)
+        if heard < self._count:
+            raise TactileError(
+                f'no full second of valid samples came; "tactile check --sensor '
+                f'{self._config.port}" says why'
+            )
+        raise TactileError(f'{mass_kg:g} kg did not come to rest; let it hang still, try again')
+
+
+def _config(stated: dict[str, object]) -> TendonSensorConfig:
+    try:
+        config = replace(TendonSensorConfig(**stated), scale=1.0, offset_n=0.0)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise TactileError(f'the parameters of {NODE} cannot be used: {error}') from error
+    if config.sensor != 'line':
+        raise TactileError(
+            f'a {config.sensor} has the calibration of its maker; this is for lines'
+        )
+    return config
+
+
+def _print_fit(fit: LoadCellFit, request: CalibrateRequest, output: Output) -> None:
+    simulated = ', SIMULATED' if request.simulated else ''
+    table = Table(title=f'load cell{simulated}', title_justify='left', title_style='bold')
+    for title in ('weight [kg]', 'way', 'force [N]', 'read [N]', 'error of the line [N]'):
+        table.add_column(title, justify='right')
+    for reading, residual_n in zip(fit.readings, fit.residuals_n, strict=True):
+        table.add_row(
+            f'{reading.mass_kg:g}',
+            'up' if reading.is_rising else 'down',
+            f'{reading.mass_kg * request.gravity_m_s2:.4f}',
+            f'{reading.reading_n:.4f}',
+            f'{residual_n:+.4f}',
+        )
+    output.say(table)
+    hysteresis = 'not measured' if fit.hysteresis_n is None else f'{fit.hysteresis_n:.2g} N'
+    output.say(
+        f'scale {fit.scale:.6g} ± {fit.scale_error:.2g}, offset_n {fit.offset_n:.4g} ± '
+        f'{fit.offset_error_n:.2g} N (standard uncertainties); largest error of the line '
+        f'{fit.largest_residual_n:.2g} N; hysteresis {hysteresis}'
+    )
