@@ -40,6 +40,7 @@ mpl.use('Agg')
 
 from matplotlib import pyplot as plt
 from phase_picture import draw_phases
+from rig_picture import draw_plates, draw_rig
 
 FloatArray = NDArray[np.float64]
 
@@ -62,6 +63,8 @@ def main() -> None:
     draw_finger(IMAGES / 'simulated_finger.png')
     draw_glide(IMAGES / 'simulated_glide.png')
     draw_phases(IMAGES / 'detected_phases.png')
+    draw_plates(IMAGES / 'plates.png')
+    draw_rig(IMAGES / 'rig.png')
 
 
 def find_free_shapes(contact: str, tensions_n: tuple[int, ...]) -> list[FloatArray]:
