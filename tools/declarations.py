@@ -50,6 +50,7 @@ class Library:
 
 
 LIBRARIES = {
+    'aiohttp': Library('python3-aiohttp', 'aiohttp'),
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'joblib': Library('python3-joblib', 'joblib'),

@@ -20,13 +20,14 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test*']),
-    package_data={package_name: ['py.typed', 'report/page.html']},
+    package_data={package_name: ['py.typed', 'report/page.html', 'watch/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
     ],
     install_requires=[
         'setuptools',
+        'aiohttp',
         'joblib',
         'matplotlib',
         'numpy',

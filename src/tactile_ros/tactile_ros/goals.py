@@ -225,7 +225,8 @@ class GoalRunner:
             handle.succeed()
             return outcome
         # Asked here, on the executor's thread, where cancel requests are taken in too.
-        if isinstance(outcome, GoalCanceled) and handle.is_cancel_requested:
+        # Whoever asked for the end hears of it, even if what was stopped noticed something first.
+        if isinstance(outcome, GoalEnd) and handle.is_cancel_requested:
             handle.canceled()
         else:
             handle.abort()

@@ -34,6 +34,7 @@ from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.records import ClassificationResult
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification
+from tactile_ros.diagnostics import Diagnostics, Health, OK
 from tactile_ros.errors import TactileError
 from tactile_ros.message_guard import MessageGuard
 from tactile_ros.programs.signals import INTERRUPT_TIMEOUT_S
@@ -47,6 +48,10 @@ END_TIMEOUT_S = 30.0
 """For a goal that has been cancelled to come to rest."""
 
 
+class StoppedError(TactileError):
+    """Somebody else has cancelled the goal: nothing is to move again by itself."""
+
+
 class OperatorNode(Node):  # type: ignore[misc]
     """Blocking calls for a thread that does not spin; the executor runs elsewhere.
 
@@ -57,10 +62,17 @@ class OperatorNode(Node):  # type: ignore[misc]
     """
 
     def __init__(
-        self, classifiers: tuple[str, ...], context: Context, namespace: str = ''
+        self,
+        classifiers: tuple[str, ...],
+        context: Context,
+        namespace: str = '',
+        *,
+        name: str = 'operator',
     ) -> None:
-        super().__init__('operator', context=context, namespace=namespace)
+        super().__init__(name, context=context, namespace=namespace)
         self.trial_config = TrialConfig()
+        self._progress = Health(OK, '', {})
+        self._diagnostics: Diagnostics | None = None
         self._home = ActionClient(self, HomeGuide, 'linear_guide/home')
         self._run = ActionClient(self, RunTrial, 'trial_runner/run_trial')
         self._arrived = threading.Condition()
@@ -70,6 +82,17 @@ class OperatorNode(Node):  # type: ignore[misc]
             topic = classification_topic(name).name
             on_message = guard.wrap(topic, self._on_classification)
             self.create_subscription(Classification, topic, on_message, RESULTS)
+
+    def tell_progress(self, number: int, count: int, request: TrialRequest) -> None:
+        """Say on ``/diagnostics`` that this is trial ``number`` of ``count``."""
+        self._progress = Health(
+            OK,
+            f'trial {number} of {count}',
+            {'trial': number, 'trials': count, 'trial_id': request.trial_id},
+        )
+        if self._diagnostics is None:
+            self._diagnostics = Diagnostics(self, lambda: '', lambda: self._progress)
+        self._diagnostics.publish()
 
     def _on_classification(self, message: Classification) -> None:
         answer = classification_from_msg(message)
@@ -154,6 +177,8 @@ class OperatorNode(Node):  # type: ignore[misc]
             send(self, handle.cancel_goal_async)
             self._wait_for_rest(result, INTERRUPT_TIMEOUT_S)
             raise
+        if reply.status == GoalStatus.STATUS_CANCELED:
+            raise StoppedError(f'{what}: {reply.result.message}')
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
             raise TactileError(f'{what}: {reply.result.message}')
         return reply.result

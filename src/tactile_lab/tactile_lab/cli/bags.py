@@ -23,7 +23,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.cli.options import check_paths, JsonOption, refusals
+from tactile_lab.cli.options import check_paths, JsonOption, refusals, WatchOption
 
 
 def replay(
@@ -38,18 +38,22 @@ def replay(
     times: Annotated[
         int, typer.Option(min=1, max=100_000, help='How often; ends at the first difference.')
     ] = 1,
+    watch: WatchOption = False,
     json_output: JsonOption = False,
 ) -> None:
     """Run a recording through features and classification again, and compare.
 
     Prints *equal*, or the first difference from what was recorded; exits with 1 when
     there is one. Then says whether samples of the recording are missing, doubled or out of
-    order.
+    order. With ``--watch`` it first plays the recording in its own time on a live page.
     """
     with refusals():
         check_paths(bag, models)
-        from tactile_lab.commands.replay import run_replay
+        from tactile_lab.commands.replay import play_and_watch, run_replay
+        from tactile_lab.watch.options import WatchOptions
 
+        if watch:
+            play_and_watch(bag, models, WatchOptions(), as_json=json_output)
         equal = run_replay(bag, models, through_nodes=nodes, times=times, as_json=json_output)
     raise typer.Exit(0 if equal else 1)
 

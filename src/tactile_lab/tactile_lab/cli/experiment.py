@@ -35,6 +35,7 @@ from tactile_lab.cli.options import (
     SensorOption,
     SimulatedOption,
     TendonOption,
+    WatchOption,
 )
 
 
@@ -74,6 +75,7 @@ def run(
             'times; outliers are kept and marked.',
         ),
     ] = False,
+    watch: WatchOption = False,
     seed: SeedOption = 1,
     json_output: JsonOption = False,
 ) -> None:
@@ -91,6 +93,7 @@ def run(
     with refusals():
         from tactile_lab.commands.experiment import ExperimentRequest, run_plan
         from tactile_lab.commands.rig import PortArguments
+        from tactile_lab.watch.options import WatchOptions
 
         is_well = run_plan(
             ExperimentRequest(
@@ -101,6 +104,7 @@ def run(
                 ports=PortArguments(guide, tendon, sensor, simulated, seed),
                 params=params,
                 yes=yes,
+                watch=WatchOptions() if watch else None,
             ),
             as_json=json_output,
         )

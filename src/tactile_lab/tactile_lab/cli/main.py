@@ -32,6 +32,7 @@ from tactile_lab.cli.bags import repair, replay
 from tactile_lab.cli.calibrate import calibrate
 from tactile_lab.cli.data import evaluate, robustness, simulate, train
 from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
+from tactile_lab.cli.watch import watch
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import held_signals
 from tactile_ros.programs.transports import choose_transports
@@ -77,7 +78,7 @@ def tactile(
     """Touch through the tendon of a soft robotic finger: texture and stiffness from tension."""
 
 
-UNTIL_A_SIGNAL = (rig, sense, hand)
+UNTIL_A_SIGNAL = (rig, sense, hand, watch)
 """These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
 
 
@@ -124,6 +125,7 @@ for command in (
     rig,
     sense,
     hand,
+    watch,
     devices,
     check,
     calibrate,

@@ -69,6 +69,13 @@ NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
 RecordOption = Annotated[
     Optional[Path], typer.Option(help='Record into this bag; must not exist yet.')
 ]
+WatchOption = Annotated[
+    bool,
+    typer.Option(
+        '--watch', help='Serve a live page; its address is printed. See `tactile watch`.'
+    ),
+]
+QuietOption = Annotated[bool, typer.Option('--quiet', help='Print no line for each answer.')]
 ParamsOption = Annotated[
     Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
 ]

@@ -37,6 +37,7 @@ from tactile_lab.cli.options import (
     Phases,
     PhasesOption,
     Protocol,
+    QuietOption,
     RecalibrateOption,
     RecordOption,
     refusals,
@@ -46,6 +47,7 @@ from tactile_lab.cli.options import (
     SimulatedOption,
     SlipOption,
     TendonOption,
+    WatchOption,
 )
 
 
@@ -61,6 +63,7 @@ def demo(
         bool,
         typer.Option(help='Few trials: a quick check that the chain holds, no useful accuracy.'),
     ] = False,
+    watch: WatchOption = False,
     json_output: JsonOption = False,
 ) -> None:
     """The whole chain on the **simulated** rig, in under three minutes.
@@ -73,8 +76,10 @@ def demo(
     """
     with refusals():
         from tactile_lab.commands.demo import run_demo
+        from tactile_lab.watch.options import WatchOptions
 
-        ok = run_demo(output, seed=seed, short=short, as_json=json_output)
+        options = WatchOptions() if watch else None
+        ok = run_demo(output, seed=seed, short=short, as_json=json_output, watch=options)
     raise typer.Exit(0 if ok else 1)
 
 
@@ -108,6 +113,7 @@ def trials(
     sensor: SensorOption = '',
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
+    watch: WatchOption = False,
     seed: SeedOption = 1,
     json_output: JsonOption = False,
 ) -> None:
@@ -125,6 +131,7 @@ def trials(
         check_paths(models, params)
         from tactile_lab.commands.rig import PortArguments
         from tactile_lab.commands.trials import run_trials, TrialsRequest
+        from tactile_lab.watch.options import WatchOptions
 
         run_trials(
             TrialsRequest(
@@ -138,6 +145,7 @@ def trials(
                 params=params,
                 session=session,
                 mounting=mounting,
+                watch=WatchOptions() if watch else None,
             ),
             as_json=json_output,
         )
@@ -153,9 +161,11 @@ def rig(
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
     record: RecordOption = None,
+    watch: WatchOption = False,
+    quiet: QuietOption = False,
     seed: SeedOption = 1,
 ) -> None:
-    """Run all nodes of the rig in this process until Ctrl-C.
+    """Run all nodes of the rig in this process until Ctrl-C; print each answer.
 
     Sensor, guide, tendon, trial runner, features and one classifier for each model.
     Trials are then asked for with the action ``trial_runner/run_trial``; to run some
@@ -163,7 +173,8 @@ def rig(
     """
     with refusals():
         check_paths(models, params)
-        from tactile_lab.commands.rig import PortArguments, RigRequest, run_rig
+        from tactile_lab.commands.rig import PortArguments, RigRequest, run_rig, View
+        from tactile_lab.watch.options import WatchOptions
 
         run_rig(
             RigRequest(
@@ -173,6 +184,7 @@ def rig(
                 namespace=namespace,
                 record=record,
                 recalibrate=recalibrate,
+                view=View(WatchOptions() if watch else None, quiet),
             )
         )
 
@@ -189,16 +201,21 @@ def sense(
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
     record: RecordOption = None,
+    watch: WatchOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Run the nodes of one finger that something else moves, in this process until Ctrl-C.
 
     Sensor, features and classifiers, as ``ros2 launch tactile_bringup sense.launch.py`` starts
-    them in processes of their own. Whoever moves the finger publishes trial events on
-    ``trial_runner/events``; or ``--phases`` has them found in the tension.
+    them in processes of their own. Prints a line for each answer. Whoever moves the finger
+    publishes trial events on ``trial_runner/events``; or ``--phases`` has them found in the
+    tension.
     """
     with refusals():
         check_paths(model, params)
+        from tactile_lab.commands.rig import View
         from tactile_lab.commands.sense import run_sensing
+        from tactile_lab.watch.options import WatchOptions
 
         run_sensing(
             'sense',
@@ -209,6 +226,7 @@ def sense(
                     model, recalibrate, phases, contact, slip, simulated, params, namespace, record
                 ),
             },
+            View(WatchOptions() if watch else None, quiet),
         )
 
 
@@ -232,6 +250,8 @@ def hand(
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
     record: RecordOption = None,
+    watch: WatchOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Run the nodes of any number of fingers, in this process until Ctrl-C.
 
@@ -241,7 +261,9 @@ def hand(
     """
     with refusals():
         check_paths(hand_file, model, params)
+        from tactile_lab.commands.rig import View
         from tactile_lab.commands.sense import run_sensing
+        from tactile_lab.watch.options import WatchOptions
 
         run_sensing(
             'hand',
@@ -253,6 +275,7 @@ def hand(
                     model, recalibrate, phases, contact, slip, simulated, params, namespace, record
                 ),
             },
+            View(WatchOptions() if watch else None, quiet),
         )
 
 

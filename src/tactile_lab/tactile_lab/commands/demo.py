@@ -44,6 +44,7 @@ from tactile_lab.commands.train import (
 from tactile_lab.datasets.traces import read_trace
 from tactile_lab.plots import plot_spectra, plot_strain
 from tactile_lab.simulation.simulated_bags import paper_plans
+from tactile_lab.watch.options import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
@@ -59,7 +60,14 @@ STIFFNESS_FEATURES = 'stiffness_relaxation'
 """What the demo learns from holds: it withstands a new mounting better than the paper's set."""
 
 
-def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> bool:
+def run_demo(
+    folder: Path | None,
+    *,
+    seed: int,
+    short: bool,
+    as_json: bool,
+    watch: WatchOptions | None = None,
+) -> bool:
     """Run the demo; return whether the replays agree with the recording."""
     started = time.monotonic()
     output = Output(as_json)
@@ -88,6 +96,7 @@ def run_demo(folder: Path | None, *, seed: int, short: bool, as_json: bool) -> b
             models=folder / 'models',
             simulated=True,
             domain_id=int(domain),
+            watch=watch,
         )
         live = run_live_trials(setup, choose_trials(seed, short=short), output, hand=rig)
 

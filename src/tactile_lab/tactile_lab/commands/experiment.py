@@ -38,6 +38,7 @@ from tactile_lab.experiment.plan import (
     read_plan,
 )
 from tactile_lab.experiment.progress import FAILED, OUTLIER, Progress
+from tactile_lab.watch.options import WatchOptions
 
 MOST_FAILURES = 3
 """Failures in a row after which an experiment ends, with ``--yes``."""
@@ -54,6 +55,7 @@ class ExperimentRequest:
     ports: PortArguments
     params: Path | None
     yes: bool
+    watch: WatchOptions | None = None
 
 
 class Terminal:
@@ -197,9 +199,10 @@ def _run(
             bag=folder.bags,
             models=request.models,
             simulated=request.ports.simulated,
+            watch=request.watch,
             parameters=read_rig_parameters(request.params, request.models, ''),
         )
-        run_experiment(folder, plan, LiveBench(setup, plan, hand), operator, journal)
+        run_experiment(folder, plan, LiveBench(setup, plan, hand, output), operator, journal)
 
 
 def _summarise(folder: ExperimentFolder, progress: Progress, output: Output) -> None:

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 import time
@@ -28,7 +28,7 @@ from rclpy.node import Node
 
 from tactile_bags.auditing.audit import Audit
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
-from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import (
     feature_parameters_of,
@@ -40,6 +40,9 @@ from tactile_bringup.wiring.model_folder import find_models, models_for
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits
+from tactile_lab.commands.watch import say_address
+from tactile_lab.watch.options import WatchOptions
+from tactile_lab.watch.watching import Watch, watching
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
 
@@ -96,6 +99,8 @@ class LiveSetup:
     simulated : bool
     domain_id : int or None
         ROS domain; None takes the environment's.
+    watch : WatchOptions or None
+        Serve a live page meanwhile.
     """
 
     ports: Ports
@@ -104,6 +109,7 @@ class LiveSetup:
     simulated: bool
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     domain_id: int | None = None
+    watch: WatchOptions | None = None
 
 
 @dataclass(frozen=True)
@@ -118,12 +124,15 @@ class LiveRig:
         Model file by classifier name.
     others : tuple of Node
         The further nodes.
+    watch : Watch or None
+        The live page, if one is served.
     """
 
     operator: OperatorNode
     recorder: Any
     models: Mapping[str, str]
     others: tuple[Node, ...] = ()
+    watch: Watch | None = None
 
     def run(self, request: TrialRequest) -> LiveTrial:
         """Run a trial to its end, its audit and its answer.
@@ -132,7 +141,11 @@ class LiveRig:
         ------
         TactileError
             When the trial or the recording fails.
+        StoppedError
+            When somebody has pressed Stop on the live page.
         """
+        if self.watch is not None and self.watch.was_stopped:
+            raise StoppedError('stopped from the live page')
         check_recording(self.recorder)
         try:
             self.operator.run_trial(request)
@@ -158,7 +171,9 @@ class LiveRig:
 
 @contextmanager
 def live_rig(
-    setup: LiveSetup, others: Sequence[Callable[[Context], Node]] = ()
+    setup: LiveSetup,
+    others: Sequence[Callable[[Context], Node]] = (),
+    output: Output | None = None,
 ) -> Iterator[LiveRig]:
     """Start the rig's nodes and its recorder, home the guide, and end them after the block.
 
@@ -167,6 +182,8 @@ def live_rig(
     setup : LiveSetup
     others : sequence of callable
         Each makes a further node for the context that it is given.
+    output : Output, optional
+        Prints the address of the live page.
 
     Raises
     ------
@@ -184,7 +201,12 @@ def live_rig(
             simulated=setup.simulated,
         )
     )
-    with ros_context(setup.domain_id) as context:
+    with ExitStack() as stack:
+        context = stack.enter_context(ros_context(setup.domain_id))
+        watch = None
+        if setup.watch is not None:
+            watch = stack.enter_context(watching(context, setup.watch, simulated=setup.simulated))
+            say_address(watch, output or Output(as_json=True))
         operator = OperatorNode(tuple(models), context)
         made = [make(context) for make in others]
         with running_graph(graph, context, others=[operator, *made], quiet=True) as nodes:
@@ -192,7 +214,7 @@ def live_rig(
             operator.trial_config = nodes['trial_runner'].config
             wait_until_matched(recorder)
             operator.home_guide()
-            yield LiveRig(operator, recorder, models, tuple(made))
+            yield LiveRig(operator, recorder, models, tuple(made), watch)
 
 
 def run_live_trials(
@@ -231,8 +253,9 @@ def run_live_trials(
             hand.check_mount(request.protocol, request.object_label, request.contact)
     rig = None
     try:
-        with live_rig(setup) as rig:
-            for request in requests:
+        with live_rig(setup, output=output) as rig:
+            for number, request in enumerate(requests, 1):
+                rig.operator.tell_progress(number, len(requests), request)
                 if hand is not None:
                     hand.mount(request.protocol, request.object_label, request.contact)
                 live.append(run_with_second_try(rig, request, output))
@@ -244,9 +267,11 @@ def run_live_trials(
 
 
 def run_with_second_try(rig: LiveRig, request: TrialRequest, output: Output) -> LiveTrial:
-    """Run a trial, once more if it fails."""
+    """Run a trial, once more if it fails, and not if somebody has stopped it."""
     try:
         return rig.run(request)
+    except StoppedError:
+        raise
     except TactileError as error:
         check_recording(rig.recorder)
         output.say(f'   {error}; once more')

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+import time
 from typing import Any
 
 from tactile_bags.auditing.audit import Audit, audit_open_bag, summarise_audits
@@ -35,7 +36,13 @@ from tactile_bags.replaying.replay import (
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_features.config import FeatureConfig
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.watch import say_address
+from tactile_lab.watch.options import WatchOptions
 from tactile_ros.errors import TactileError
+
+POLL_S = 0.1
+LINGER_S = 3.0
+"""How long the page stays after a recording has been played."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +91,40 @@ def run_replay(
     equal = all(report.is_equal for report in reports)
     output.result({'bag': str(path), 'equal': equal, 'fingers': [r.to_dict() for r in reports]})
     return equal
+
+
+def play_and_watch(
+    path: Path, model_folder: Path | None, options: WatchOptions, *, as_json: bool
+) -> None:
+    """Play a bag in its own time through fresh nodes, on a domain of their own, on a live page.
+
+    Raises
+    ------
+    TactileError
+        When the bag or the models cannot be used, or the page cannot be served.
+    """
+    from domain_coordinator import domain_id
+
+    from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
+    from tactile_bringup.wiring.launch_plans import plan_launch
+    from tactile_lab.watch.watching import watching
+
+    output = Output(as_json)
+    given = {'bag': str(path), 'model': str(model_folder or '')}
+    plan = plan_launch('replay', {key: value for key, value in given.items() if value}, path)
+    with (
+        domain_id() as domain,
+        ros_context(int(domain)) as context,
+        watching(context, options) as watch,
+        running_graph(plan.nodes, context, quiet=True) as nodes,
+    ):
+        say_address(watch, output)
+        player = nodes[plan.ends_with]
+        while not player.is_finished:
+            player.ending.wait(POLL_S)
+        if player.has_failed:
+            raise TactileError(f'{path} cannot be played; the log says why')
+        time.sleep(LINGER_S)  # the last answer is still to be seen
 
 
 def print_report(report: ReplayReport, output: Output) -> None:

@@ -18,11 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 import threading
 from typing import Any
 
+from tactile_bringup.records import PROTOCOLS
+from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import (
     feature_parameters_of,
     NodeDescription,
@@ -35,8 +37,11 @@ from tactile_bringup.wiring.graph import (
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_bringup.wiring.parameter_files import read_parameters
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.watch import answer_line, say_address
+from tactile_lab.watch.options import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import hold_signals
+from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
 
 
@@ -52,6 +57,22 @@ class PortArguments:
 
 
 @dataclass(frozen=True)
+class View:
+    """What is shown of the running nodes.
+
+    Attributes
+    ----------
+    watch : WatchOptions or None
+        Serve a live page.
+    quiet : bool
+        Print no line for each answer.
+    """
+
+    watch: WatchOptions | None = None
+    quiet: bool = False
+
+
+@dataclass(frozen=True)
 class RigRequest:
     """The arguments of `tactile rig`; see its ``--help``."""
 
@@ -61,6 +82,7 @@ class RigRequest:
     namespace: str
     record: Path | None
     recalibrate: int = 0
+    view: View = field(default_factory=View)
 
 
 def run_rig(request: RigRequest) -> None:
@@ -79,7 +101,7 @@ def run_rig(request: RigRequest) -> None:
         parameters[name] = {**known, **parameters.get(name, {})}
     simulated = request.ports.simulated
     with ExitStack() as stack:
-        ports, _ = open_ports(request.ports, stack)
+        ports, simulated_rig = open_ports(request.ports, stack)
         nodes = rig_graph(ports, models, parameters, simulated=simulated)
         if request.record:
             nodes.append(
@@ -92,11 +114,29 @@ def run_rig(request: RigRequest) -> None:
                     simulated=simulated,
                 )
             )
-        run_nodes(nodes, request.namespace, 'SIMULATED rig' if simulated else 'rig')
+        run_nodes(nodes, request.namespace, 'rig', request.view, simulated_rig)
 
 
-def run_nodes(nodes: Sequence[NodeDescription], namespace: str, title: str) -> None:
+def run_nodes(
+    nodes: Sequence[NodeDescription],
+    namespace: str,
+    title: str,
+    view: View,
+    simulated_rig: SimulatedRig | None = None,
+    *,
+    simulated: bool = False,
+) -> None:
     """Run nodes in this process until SIGINT or SIGTERM, or until one of them fails.
+
+    Parameters
+    ----------
+    nodes : sequence of NodeDescription
+    namespace, title : str
+    view : View
+    simulated_rig : SimulatedRig, optional
+        It gets what a trial of the live page names under its finger.
+    simulated : bool
+        Some sensor is simulated.
 
     Raises
     ------
@@ -104,22 +144,51 @@ def run_nodes(nodes: Sequence[NodeDescription], namespace: str, title: str) -> N
         When a node cannot be started, or one fails later.
     """
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
+    from tactile_lab.watch.watching import watching
 
-    signals, ended = hold_signals(), threading.Event()
+    signals, ended, output = hold_signals(), threading.Event(), Output(as_json=False)
+    simulated = simulated or simulated_rig is not None
+    title = f'SIMULATED {title}' if simulated else title
 
     def end() -> None:
         ended.set()
         signals.wake()
 
-    with (
-        ros_context() as context,
-        running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals),
-    ):
+    with ExitStack() as stack:
+        context = stack.enter_context(ros_context())
+        if view.watch or not view.quiet:
+            watch = stack.enter_context(
+                watching(
+                    context,
+                    view.watch,
+                    simulated=simulated,
+                    objects=simulated_objects() if simulated_rig else {},
+                    before_trial=lambda request: mount(simulated_rig, request),
+                    answers_only=view.watch is None,
+                )
+            )
+            if not view.quiet:
+                watch.state.on_answer = lambda *answer: output.say(answer_line(*answer))
+            say_address(watch, output)
+        stack.enter_context(
+            running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals)
+        )
         if not signals.received:
             names = ', '.join(node.path for node in nodes)
-            Output(as_json=False).say(f'{title} running: {names}. Ctrl-C ends it.')
+            output.say(f'{title} running: {names}. Ctrl-C ends it.')
         while not (signals.wait() or ended.is_set()):
             pass
+
+
+def mount(simulated_rig: SimulatedRig | None, request: TrialRequest) -> None:
+    """Put what a trial names under the finger of a simulated rig."""
+    if simulated_rig is not None and request.object_label:
+        simulated_rig.mount(request.protocol, request.object_label, request.contact)
+
+
+def simulated_objects() -> dict[str, list[str]]:
+    """Return what can lie under the simulated finger, by protocol."""
+    return {protocol: list(list_objects(protocol)) for protocol in PROTOCOLS}
 
 
 def read_rig_parameters(

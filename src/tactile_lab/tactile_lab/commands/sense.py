@@ -22,12 +22,12 @@ from pathlib import Path
 import tempfile
 
 from tactile_bringup.wiring.launch_plans import plan_launch
-from tactile_lab.commands.rig import run_nodes
+from tactile_lab.commands.rig import run_nodes, View
 from tactile_ros.programs.signals import hold_signals
 from tactile_sim.rig_process import SimulatedRig
 
 
-def run_sensing(name: str, values: Mapping[str, str]) -> None:
+def run_sensing(name: str, values: Mapping[str, str], view: View) -> None:
     """Run in this process what the launch file of this name starts, until a signal comes.
 
     Parameters
@@ -36,6 +36,7 @@ def run_sensing(name: str, values: Mapping[str, str]) -> None:
         ``sense`` or ``hand``.
     values : mapping of str to str
         Arguments of the launch file; empty ones count as left out.
+    view : View
 
     Raises
     ------
@@ -50,5 +51,4 @@ def run_sensing(name: str, values: Mapping[str, str]) -> None:
         plan = plan_launch(name, given, Path(scratch))
         for rig in plan.rigs:
             stack.enter_context(SimulatedRig(rig.seed, rig.links))
-        title = 'SIMULATED sensing' if given.get('rig') == 'simulated' else 'sensing'
-        run_nodes(plan.nodes, '', title)
+        run_nodes(plan.nodes, '', 'sensing', view, simulated=given.get('rig') == 'simulated')

@@ -25,6 +25,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.rig import open_ports, PortArguments, read_rig_parameters
+from tactile_lab.watch.options import WatchOptions
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class TrialsRequest:
     params: Path | None
     session: str
     mounting: str = ''
+    watch: WatchOptions | None = None
 
 
 def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
@@ -71,6 +73,7 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
                 bag=request.bag,
                 models=request.models,
                 simulated=request.ports.simulated,
+                watch=request.watch,
                 parameters=read_rig_parameters(request.params, request.models, ''),
             )
             if setup.simulated:

@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from tactile_bringup.nodes.operator_node import StoppedError
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import (
     GuideStep,
@@ -32,6 +33,7 @@ from tactile_bringup.trial_protocols import (
 from tactile_classifier.records import Outcome as AnswerOutcome
 from tactile_features.records import FeatureWindow, Outcome
 from tactile_lab.commands.live_trials import live_rig, LiveRig, LiveSetup, LiveTrial
+from tactile_lab.commands.output import Output
 from tactile_lab.experiment.loop import TrialOrder, TrialResult
 from tactile_lab.experiment.observer_node import ObserverNode
 from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan
@@ -54,11 +56,14 @@ class LiveBench:
     plan : ExperimentPlan
     hand : SimulatedRig or None
         Puts each object under the simulated finger.
+    output : Output, optional
+        Prints the address of the live page.
     """
 
     setup: LiveSetup
     plan: ExperimentPlan
     hand: SimulatedRig | None
+    output: Output | None = None
 
     @property
     def trial_s(self) -> float:
@@ -67,7 +72,8 @@ class LiveBench:
 
     @contextmanager
     def session(self, bag: Path) -> Iterator[RunningLiveBench]:
-        with live_rig(replace(self.setup, bag=bag), [ObserverNode]) as rig:
+        setup = replace(self.setup, bag=bag)
+        with live_rig(setup, [ObserverNode], self.output) as rig:
             yield RunningLiveBench(self, rig)
 
 
@@ -102,8 +108,11 @@ class RunningLiveBench:
         observer: ObserverNode = self.rig.others[0]
         observer.begin()
         try:
+            self.rig.operator.tell_progress(order.number, order.count, request)
             trial = self.rig.run(request)
             window, tension_n = observer.end(order.trial_id)
+        except StoppedError as error:  # a person said so: it is not offered again by itself
+            raise ExperimentError(f'{error}; the same command goes on from here') from error
         finally:
             self._save()
         return judge(trial, window, summarise_tension(tension_n))

@@ -50,13 +50,18 @@ AGAIN, KEEP, STOP = 'again', 'keep', 'stop'
 
 @dataclass(frozen=True)
 class TrialOrder:
-    """What a bench is to do: a planned trial under the names that it has this time."""
+    """What a bench is to do: a planned trial under the names that it has this time.
+
+    It is trial ``number`` of ``count``.
+    """
 
     planned: PlannedTrial
     trial_id: str
     mounting_id: str
     mounting_number: int
     number_in_mounting: int
+    number: int = 0
+    count: int = 0
 
 
 @dataclass(frozen=True)
@@ -183,6 +188,8 @@ class _Run:
                 mounting_id,
                 len(self.progress.mounting_ids),
                 count,
+                self.progress.done_count + 1,
+                len(self.progress.order),
             )
             if not self._run_trial(order, running):
                 return False

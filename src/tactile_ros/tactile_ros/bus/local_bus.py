@@ -209,6 +209,9 @@ class RecordSubscription:
         return the same for the same data.
     profile : QoSProfile
         Its depth bounds the inbox, too.
+    poll_s : float, optional
+        The worker looks for messages this often, instead of the executor waking for each. Cheaper
+        for a stream that may come late, such as one that is only looked at.
 
     Attributes
     ----------
@@ -226,12 +229,15 @@ class RecordSubscription:
         from_message: Callable[[Any], Any],
         from_record: Callable[[Any], Any],
         profile: QoSProfile,
+        poll_s: float | None = None,
     ) -> None:
         self._node = node
         self._profile = profile
+        self._is_polled = poll_s is not None
         self._message_type = message_type
         self._name = topic
         self._on_message = lambda message: callback(from_message(message))
+        self._on_taken = node.message_guard.wrap(topic, self._on_message)
         self._on_record = node.message_guard.wrap(
             topic, lambda record: callback(from_record(record))
         )
@@ -243,19 +249,22 @@ class RecordSubscription:
         self._observer = lambda: node.worker.submit(self._choose)
         self._topic = BUS.add(self._key, 'observers', self._observer)
         self._look = node.worker.every(LOOK_PERIOD_S, self._choose)
+        self._poll = node.worker.every(poll_s, self._take_messages) if poll_s else None
         self._choose()
 
     def close(self) -> None:
         """Take the subscription away; what is in its inbox is dropped."""
         self._is_closed = True
         self._look.cancel()
+        if self._poll is not None:
+            self._poll.cancel()
         BUS.remove(self._key, 'observers', self._observer)
         BUS.remove(self._key, 'inboxes', self._inbox)
         self._node.destroy_subscription(self._subscription)
 
     def _subscribe(self) -> None:
         self._gate = _Gate()
-        self._gate.is_open = not self.is_local
+        self._gate.is_open = not (self.is_local or self._is_polled)
         self._subscription = self._node.create_subscription(
             self._message_type,
             self._name,
@@ -268,6 +277,15 @@ class RecordSubscription:
         record = self._inbox.take()
         if not self._is_closed:
             self._on_record(record)
+
+    def _take_messages(self) -> None:
+        """Take the messages that have come, as the executor would."""
+        while not (self.is_local or self._is_closed):
+            with self._subscription.handle:
+                taken = self._subscription.handle.take_message(self._message_type, False)
+            if taken is None:
+                return
+            self._on_taken(taken[0])
 
     def _choose(self) -> None:
         """Take records if all publishers are in this process, and messages if one is not."""
@@ -292,7 +310,7 @@ class RecordSubscription:
         self._node.destroy_subscription(before)
         BUS.remove(self._key, 'inboxes', self._inbox)
         self.is_local = False
-        self._gate.is_open = True
+        self._gate.is_open = not self._is_polled
         self._node.wake_executor()
 
 

@@ -165,6 +165,19 @@ def test_cancel_reaches_the_worker_at_once(rig):
     assert server.cancel_calls == 1
 
 
+def test_a_goal_that_fails_while_it_is_cancelled_counts_as_cancelled(rig):
+    def work(goal):
+        assert goal.wait(DEADLINE_S)
+        raise GoalAborted('the motor has stopped')
+
+    _, client = rig(work)
+    handle = client.send()
+    client.ask(handle.cancel_goal_async)
+    status, result = client.result(handle)
+    assert status == GoalStatus.STATUS_CANCELED
+    assert result.message == 'the motor has stopped'
+
+
 def test_second_goal_is_aborted_and_the_first_goes_on(rig):
     release = threading.Event()
 

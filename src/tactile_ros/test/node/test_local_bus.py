@@ -75,12 +75,13 @@ class Source(DataNode):
 class Sink(DataNode):
     """Takes numbers; notes each record and the thread that it came on."""
 
-    def __init__(self, name='sink', **options):
+    def __init__(self, name='sink', poll_s=None, **options):
         super().__init__(name, Nothing, **options)
         self.records = []
         self.threads = set()
         self.numbers = None
         self.hold = None
+        self.poll_s = poll_s
 
     @property
     def values(self):
@@ -94,6 +95,7 @@ class Sink(DataNode):
             from_message=lambda message: check(Number(message.data)),
             from_record=check,
             profile=STREAM,
+            poll_s=self.poll_s,
         )
 
     def tear_down(self):
@@ -216,6 +218,28 @@ def test_a_publisher_of_another_context_sends_messages(context, run):
         assert not sink.numbers.is_local
         assert source.built == [1, 2]
     rclpy.try_shutdown(context=other)
+
+
+def test_a_polled_subscription_takes_messages_on_its_worker(context, run):
+    sink, peer = Sink(context=context, poll_s=0.02), Node('p', context=context)
+    outside = peer.create_publisher(Int32, 'numbers', STREAM)
+    run(sink, peer)
+    wait_until(lambda: outside.get_subscription_count() == 1)
+    for value in (1, -2, 3, 4):
+        outside.publish(Int32(data=value))
+    wait_until(lambda: sink.values == [1, 3, 4])
+    assert sink.threads == {'worker of sink'}
+    assert sink.message_guard.refused_count == 1
+    source = Source(context=context)
+    run(source)
+    wait_until(lambda: source.numbers._publisher.get_subscription_count() == 1)
+    source.send(5)
+    wait_until(lambda: sink.values == [1, 3, 4, 5])
+    peer.destroy_publisher(outside)
+    wait_until(lambda: sink.numbers.is_local)
+    source.send(6)
+    wait_until(lambda: sink.values == [1, 3, 4, 5, 6])
+    assert source.built == [5]
 
 
 def test_namespaces_and_remapping_decide_who_hears_whom(context, run):

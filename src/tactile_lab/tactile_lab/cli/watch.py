@@ -1,0 +1,60 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Arguments and help of `tactile watch`; the work is in `tactile_lab.commands`.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
+"""
+
+from typing import Annotated
+
+import typer
+
+from tactile_lab.cli.options import refusals
+
+
+def watch(
+    host: Annotated[
+        str,
+        typer.Option(
+            help='Address to listen on. With another than the default, everybody who reaches it '
+            'can look at the page and press Stop; docs/security.md says more.'
+        ),
+    ] = '127.0.0.1',
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, help='Port of the page. Default: 8642, or a free one.'),
+    ] = 0,
+    terminal: Annotated[
+        bool, typer.Option('--terminal', help='Draw in this terminal; serve no page.')
+    ] = False,
+) -> None:
+    """Show live what every finger feels, in a browser, until Ctrl-C.
+
+    Run it beside `tactile rig`, `tactile sense`, `tactile hand` or any launch file: it finds
+    fingers by their topics on the same ROS domain. Those commands also take ``--watch``, which
+    costs less than a process of its own.
+
+    For each finger the page shows tension with the phases of the trial, the spectrum of the
+    running window, the answer with its probabilities or *unknown*, slip, and the health of each
+    device with its remedy. Its buttons tare the sensor, home the guide and run a trial. The
+    address that is printed holds a token for these; without the token a page can look and
+    **stop** only. Stop is no replacement for the switch of your rig.
+    """
+    with refusals():
+        from tactile_lab.commands.watch import run_watch
+        from tactile_lab.watch.options import WatchOptions
+
+        run_watch(WatchOptions(host, port), terminal=terminal)

@@ -1,0 +1,168 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who may see the page, and who may move the rig: rules free of any server."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import ipaddress
+import json
+import secrets
+from urllib.parse import urlsplit
+
+from tactile_bringup.trial_protocols import ProtocolError, TrialRequest
+from tactile_ros.errors import TactileError
+
+ACTIONS = ('stop', 'tare', 'home', 'trial')
+LONGEST_COMMAND = 4096
+LONGEST_NAME = 200
+
+HEADERS = {
+    'Content-Security-Policy': "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "connect-src 'self'; img-src 'self' data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    'X-Content-Type-Options': 'nosniff',
+    'Cross-Origin-Resource-Policy': 'same-origin',
+    'Referrer-Policy': 'no-referrer',
+    'Cache-Control': 'no-store',
+}
+"""Headers of every answer: nothing is loaded from elsewhere, no other page shows this one."""
+
+
+class CommandError(TactileError):
+    """A page sent what is no command; the message says why."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a page asks for.
+
+    Attributes
+    ----------
+    action : str
+        One of `ACTIONS`.
+    finger : str
+        Namespace; empty: the root. A stop is for all fingers.
+    trial : TrialRequest or None
+        Of the action ``trial``.
+    token : str
+        What the page knows from its address.
+    """
+
+    action: str
+    finger: str = ''
+    trial: TrialRequest | None = None
+    token: str = ''
+
+
+def read_command(text: str) -> Command:
+    """Return the command in a page's message.
+
+    Raises
+    ------
+    CommandError
+        When it is none.
+    """
+    if len(text) > LONGEST_COMMAND:
+        raise CommandError(f'a command has at most {LONGEST_COMMAND} characters')
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError):
+        raise CommandError('a command must be JSON') from None
+    if not isinstance(document, dict):
+        raise CommandError('a command must be a JSON object')
+
+    def text_of(key: str) -> str:
+        value = document.get(key, '')
+        if not isinstance(value, str) or len(value) > LONGEST_NAME or not value.isprintable():
+            raise CommandError(f'{key} must be a string of at most {LONGEST_NAME} letters')
+        return value
+
+    action = text_of('do')
+    if action not in ACTIONS:
+        raise CommandError(f'"{action}" is no command; there are {", ".join(ACTIONS)}')
+    trial = None
+    if action == 'trial':
+        try:
+            trial = TrialRequest(
+                text_of('protocol'),
+                text_of('contact'),
+                text_of('object'),
+                trial_id='',
+                session_id=text_of('session'),
+            )
+        except ProtocolError as error:
+            raise CommandError(str(error)) from error
+    return Command(action, text_of('finger'), trial, text_of('token'))
+
+
+@dataclass(frozen=True)
+class Access:
+    """The rules of one server.
+
+    Attributes
+    ----------
+    port : int
+        That it listens on.
+    name : str
+        Name of the computer that pages may be addressed to, beside addresses and ``localhost``.
+    token : str
+        Needed for what moves.
+    """
+
+    port: int
+    name: str
+    token: str
+
+    def refuse_request(self, host: str, origin: str | None, *, is_socket: bool) -> str:
+        """Return why a request is refused; empty when it is not.
+
+        A foreign name in ``Host`` is what DNS rebinding needs, and an address cannot be rebound.
+        Browsers send the ``Origin`` of the page with every WebSocket.
+        """
+        if not self._is_ours(host):
+            return 'this host name is not served; open the address that the command has printed'
+        if origin is None:
+            return 'a socket needs an Origin' if is_socket else ''
+        if origin != f'http://{host}':
+            return 'requests of other pages are refused'
+        return ''
+
+    def _is_ours(self, host: str) -> bool:
+        try:
+            parts = urlsplit(f'//{host}')
+            name, port = parts.hostname or '', parts.port
+        except ValueError:
+            return False
+        if (port or 80) != self.port or '@' in host or '/' in host:
+            return False
+        if name in ('localhost', self.name.lower()):
+            return bool(name)
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+    def refuse_command(self, command: Command) -> str:
+        """Return why a command is refused; empty when it is not.
+
+        A stop needs no token: whoever can see that something goes wrong must be able to stop it.
+        """
+        if command.action == 'stop' or secrets.compare_digest(
+            command.token.encode(), self.token.encode()
+        ):
+            return ''
+        return 'this page may look and stop only; open the full address that the command printed'

@@ -1,0 +1,97 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Samples of any rate as points of a plot, so that no spike is lost."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_features.records import StrainBlock
+
+BUCKET_NS = 10_000_000
+"""Time that two points stand for, where samples come faster: a pixel of a plot of 10 s."""
+
+
+class Point(NamedTuple):
+    """One point of a plot. Without a tension, the line breaks there: samples were lost."""
+
+    stamp_ns: int
+    tension_n: float | None
+
+
+class Decimator:
+    """Turns blocks of samples into points of a plot.
+
+    Up to two samples in a bucket of time are passed on as they are. Of more samples, the smallest
+    and the largest are passed on, each at its own time. Where a bucket begins does not depend on
+    how samples are grouped in blocks.
+
+    Parameters
+    ----------
+    bucket_ns : int
+        Width of a bucket [ns].
+    """
+
+    def __init__(self, bucket_ns: int = BUCKET_NS) -> None:
+        self._bucket_ns = bucket_ns
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the samples of the bucket that still fills."""
+        self._open: list[tuple[int, float]] = []
+        self._next_sequence: int | None = None
+        self.last_ns: int | None = None
+
+    def add(self, block: StrainBlock) -> list[Point]:
+        """Return the points that a block completes, in order of time.
+
+        A block that is older than the samples before it gives none.
+        """
+        count = len(block.tension_n)
+        if not count or (self.last_ns is not None and block.stamp_ns <= self.last_ns):
+            return []
+        points: list[Point] = []
+        if self._next_sequence is not None and block.sequence != self._next_sequence:
+            points += self._close()
+            points.append(Point(block.stamp_ns - 1, None))
+        stamps_ns = block.stamp_ns + np.arange(count, dtype=np.int64) * block.period_ns
+        buckets = stamps_ns // self._bucket_ns
+        starts = np.flatnonzero(np.diff(buckets, prepend=buckets[0] - 1))
+        for start, end in zip(starts, [*starts[1:], count], strict=True):
+            if self._open and self._open[0][0] // self._bucket_ns != buckets[start]:
+                points += self._close()
+            self._take(stamps_ns[start:end], block.tension_n[start:end])
+        if block.period_ns * 2 > self._bucket_ns:  # slow: each sample is a point, at once
+            points += self._close()
+        self._next_sequence = block.sequence + count
+        self.last_ns = int(stamps_ns[-1])
+        return points
+
+    def _take(self, stamps_ns: NDArray[np.int64], tension_n: NDArray[np.float64]) -> None:
+        """Add samples of one bucket; keep two of those that it has."""
+        known = [*self._open, *zip(stamps_ns.tolist(), tension_n.tolist(), strict=True)]
+        if len(known) > 2:
+            smallest = min(known, key=lambda sample: sample[1])
+            largest = max(known, key=lambda sample: sample[1])
+            known = sorted({smallest, largest})
+        self._open = known
+
+    def _close(self) -> list[Point]:
+        points = [Point(*sample) for sample in self._open]
+        self._open = []
+        return points

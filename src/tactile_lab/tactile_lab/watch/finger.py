@@ -1,0 +1,405 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the live page knows of one finger, from the records that came."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import Outcome as Answered
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
+from tactile_features.records import (
+    FeatureWindow,
+    Outcome,
+    PHASE_ABORTED,
+    PHASE_DONE,
+    PHASE_GLIDE,
+    PHASE_HOLD,
+    PHASE_PULL,
+    SET_TEXTURE_SPECTRUM,
+    STATUS_CLOCK_STEP,
+    STATUS_DEVICE_ERROR,
+    STATUS_SATURATED,
+    STATUS_STUCK,
+    StrainBlock,
+    TrialEvent,
+)
+from tactile_lab.watch.decimation import BUCKET_NS, Decimator, Point
+
+SHOWN_S = 12.0
+"""Time that points are kept for; a page shows a little less."""
+
+SPECTRUM_S = 3.0
+"""Longest window of the spectrum, as in the paper."""
+
+FEWEST_SAMPLES = 16
+"""A spectrum of fewer samples says nothing."""
+
+HIGHEST_HZ = 60.0
+"""The spectrum of a fast sensor is shown up to here."""
+
+MOST_POINTS = round(SHOWN_S * 1e9 / BUCKET_NS) * 3
+MOST_SAMPLES = 32_768
+MOST_ANSWERS = 12
+
+SIGNAL_FAULTS = (
+    (STATUS_SATURATED, 'The sensor is saturated: the tension is beyond its range.'),
+    (STATUS_STUCK, 'The tension has not changed for too long: check the sensor and its cable.'),
+    (STATUS_DEVICE_ERROR, 'The sensor reports an error of its own.'),
+    (STATUS_CLOCK_STEP, "The computer's clock was set: times before and after do not compare."),
+)
+
+MEASURED = (PHASE_GLIDE, PHASE_HOLD, PHASE_PULL)
+"""Phases that a window is cut from."""
+
+
+class Finger:
+    """The samples, phases and answers of one finger of the last seconds.
+
+    Attributes
+    ----------
+    name : str
+        Its namespace; empty: the root.
+    version : int
+        Grows with every change but new samples.
+    epoch : int
+        Grows when the time begins anew: what was drawn before is to be forgotten.
+    arrived_s : float or None
+        When the last samples came, on the caller's clock [s].
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.version = 0
+        self.epoch = 0
+        self.arrived_s: float | None = None
+        self.rate_hz = 0.0
+        self.lost_count = 0
+        self.status = 0
+        self.simulated = False
+        self._points: deque[Point] = deque(maxlen=MOST_POINTS)
+        self._point_count = 0  # all that there have been
+        self._base_ns = 0
+        self._decimator = Decimator()
+        self._samples = np.empty(2 * MOST_SAMPLES)
+        self._sample_end = 0
+        self._sample_ns = 0  # time of the last sample
+        self._spans: deque[TrialEvent] = deque(maxlen=64)
+        self._answers: dict[str, tuple[ClassificationResult, str]] = {}
+        self._window: FeatureWindow | None = None
+        self._slip: dict[str, Any] | None = None
+        self._tare: dict[str, Any] | None = None
+
+    # -- what comes ----------------------------------------------------------------
+
+    def take_block(self, block: StrainBlock, arrived_s: float) -> None:
+        """Take samples that came at ``arrived_s``."""
+        count = len(block.tension_n)
+        if not count:
+            return
+        last_ns = self._decimator.last_ns
+        if last_ns is None or block.stamp_ns <= last_ns:
+            if last_ns is not None and self._is_repeated(block, last_ns):
+                return
+            self._begin_anew(block.stamp_ns)
+        points = self._decimator.add(block)
+        self._points.extend(points)
+        self._point_count += len(points)
+        self._keep(block)
+        self.arrived_s = arrived_s
+        self.lost_count += block.lost_before
+        if block.period_ns > 0:
+            rate_hz = 1e9 / block.period_ns
+            if rate_hz != self.rate_hz:
+                self.rate_hz = rate_hz
+                self.version += 1
+        if block.status != self.status:
+            self.status = block.status
+            self.version += 1
+
+    @staticmethod
+    def _is_repeated(block: StrainBlock, last_ns: int) -> bool:
+        """Return whether a block only repeats the last seconds, as a late message does."""
+        return last_ns - block.stamp_ns < 1_000_000_000 and not block.status & STATUS_CLOCK_STEP
+
+    def _begin_anew(self, stamp_ns: int) -> None:
+        self.epoch += 1
+        self.version += 1
+        self._points.clear()
+        self._point_count = 0
+        self._decimator.clear()
+        self._base_ns = stamp_ns
+        self._sample_end = 0
+        self._spans = deque(
+            (e for e in self._spans if abs(e.stamp_ns - stamp_ns) < SHOWN_S * 1e9), maxlen=64
+        )
+
+    def _keep(self, block: StrainBlock) -> None:
+        new = block.tension_n[-MOST_SAMPLES:]
+        if block.lost_before:
+            self._sample_end = 0  # a spectrum over a gap would be wrong
+        if self._sample_end + len(new) > len(self._samples):
+            kept = self._samples[self._sample_end - MOST_SAMPLES : self._sample_end].copy()
+            self._samples[: len(kept)] = kept
+            self._sample_end = len(kept)
+        self._samples[self._sample_end : self._sample_end + len(new)] = new
+        self._sample_end += len(new)
+        self._sample_ns = block.stamp_ns + (len(block.tension_n) - 1) * block.period_ns
+
+    def take_event(self, event: TrialEvent) -> None:
+        """Take the start of a phase."""
+        if self._spans and self._spans[-1].trial_id != event.trial_id:
+            self._window = None
+        self._spans.append(event)
+        self.simulated = self.simulated or event.simulated
+        self.version += 1
+
+    def take_answer(self, source: str, answer: ClassificationResult) -> None:
+        """Take what a classifier says; ``source`` is its node's name."""
+        true_label = self._true_label(answer.trial_id)
+        self._answers.pop(source, None)
+        self._answers[source] = (answer, true_label)
+        while len(self._answers) > MOST_ANSWERS:
+            del self._answers[next(iter(self._answers))]
+        self.simulated = self.simulated or answer.simulated
+        self.version += 1
+
+    def _true_label(self, trial_id: str) -> str:
+        stated = (e.object_label for e in reversed(self._spans) if e.trial_id == trial_id)
+        return next(stated, '')
+
+    def take_window(self, window: FeatureWindow) -> None:
+        """Take the features of a window."""
+        self._window = window
+        self.simulated = self.simulated or window.simulated
+        self.version += 1
+
+    def take_slip(self, motion: str, onset_ns: int, statistic: float, tension_n: float) -> None:
+        """Take a change of what a held object does."""
+        self._slip = {
+            'motion': motion,
+            'at': onset_ns,
+            'statistic': _rounded(statistic),
+            'tension_n': _rounded(tension_n),
+        }
+        self.version += 1
+
+    def take_tare(self, is_set: bool, bias_n: float) -> None:
+        """Take what the sensor subtracts from every sample."""
+        self._tare = {'is_set': is_set, 'bias_n': _rounded(bias_n)}
+        self.version += 1
+
+    # -- what is shown ---------------------------------------------------------------
+
+    @property
+    def point_count(self) -> int:
+        """Number of all points since the epoch began."""
+        return self._point_count
+
+    def points_since(self, count: int) -> tuple[list[float], list[float | None]]:
+        """Return times [s] since the epoch began, and tensions [N], of the points after some.
+
+        Parameters
+        ----------
+        count : int
+            `point_count` of what is known already.
+        """
+        known = max(0, min(len(self._points), len(self._points) - (self._point_count - count)))
+        new = list(islice(self._points, known, None))
+        return (
+            [round((p.stamp_ns - self._base_ns) * 1e-9, 4) for p in new],
+            [p.tension_n if p.tension_n is None else _rounded(p.tension_n) for p in new],
+        )
+
+    @property
+    def tension_n(self) -> float | None:
+        """The last tension [N]."""
+        return float(self._samples[self._sample_end - 1]) if self._sample_end else None
+
+    def faults(self) -> list[str]:
+        """Return what is wrong with the last samples, a sentence each."""
+        return [sentence for bit, sentence in SIGNAL_FAULTS if self.status & bit]
+
+    @property
+    def event(self) -> TrialEvent | None:
+        """The phase that began last."""
+        return self._spans[-1] if self._spans else None
+
+    @property
+    def is_in_trial(self) -> bool:
+        """Whether a trial runs."""
+        return self.event is not None and self.event.phase not in (PHASE_DONE, PHASE_ABORTED)
+
+    def last_answer(self) -> tuple[ClassificationResult, str] | None:
+        """Return the newest answer, and the stated label of what lay under the finger."""
+        return next(reversed(self._answers.values()), None)
+
+    def describe(self) -> dict[str, Any]:
+        """Return all but samples and spectrum, as what JSON can hold."""
+        event = self.event
+        return {
+            'name': self.name,
+            'rate_hz': _rounded(self.rate_hz),
+            'faults': self.faults(),
+            'lost': self.lost_count,
+            'simulated': self.simulated,
+            'trial': event and self._describe_event(event),
+            'spans': self._describe_spans(),
+            'answers': [
+                describe_answer(source, *answer) for source, answer in self._answers.items()
+            ],
+            'window': self._describe_window(),
+            'slip': self._slip and {**self._slip, 'at': self._seconds(self._slip['at'])},
+            'tare': self._tare,
+        }
+
+    def _seconds(self, stamp_ns: int) -> float:
+        return round((stamp_ns - self._base_ns) * 1e-9, 3)
+
+    def _describe_event(self, event: TrialEvent) -> dict[str, Any]:
+        return {
+            'id': event.trial_id,
+            'protocol': event.protocol,
+            'contact': event.contact,
+            'object': event.object_label,
+            'phase': event.phase,
+            'message': event.message,
+            'detected': event.detected,
+            'runs': self.is_in_trial,
+        }
+
+    def _describe_spans(self) -> list[dict[str, Any]]:
+        """Return the phases of the last seconds, in order; the last one may be open."""
+        events = list(self._spans)
+        ends: list[int | None] = [*(event.stamp_ns for event in events[1:]), None]
+        oldest_ns = self._sample_ns - round(2 * SHOWN_S * 1e9)
+        return [
+            {
+                'phase': event.phase,
+                'from': self._seconds(event.stamp_ns),
+                'to': None if end_ns is None else self._seconds(end_ns),
+            }
+            for event, end_ns in zip(events, ends, strict=False)
+            if event.phase not in (PHASE_DONE, PHASE_ABORTED)
+            and (end_ns is None or end_ns > oldest_ns)
+        ]
+
+    def _describe_window(self) -> dict[str, Any] | None:
+        window = self._window
+        if window is None:
+            return None
+        return {
+            'set': window.feature_set,
+            'running': window.running,
+            'reason': window.reason,
+            'from': self._seconds(window.window_start_ns),
+            'to': self._seconds(window.window_end_ns),
+            'measures': [
+                {'name': m.name, 'unit': m.unit, 'value': _rounded(m.value)}
+                for m in window.measures
+                if not m.reason
+            ],
+        }
+
+    def spectrum(self) -> dict[str, Any] | None:
+        """Return amplitudes [N] and what they are of; None without enough samples.
+
+        During a trial and after it they are those of the trial's window, as the classifier got
+        them. Without one, they are those of the last seconds, within the phase that runs.
+        """
+        window = self._window
+        is_spectrum = window is not None and window.feature_set == SET_TEXTURE_SPECTRUM
+        if window is not None and is_spectrum and window.outcome == Outcome.OK:
+            part = 'running window' if window.running else 'window of the trial'
+            step_hz = window.rate_hz / (2 * (len(window.values) - 1))
+            return _describe_spectrum(window.values, step_hz, part)
+        if not self.rate_hz:
+            return None
+        count = min(round(SPECTRUM_S * self.rate_hz), self._sample_end)
+        part = f'last {SPECTRUM_S:g} s'
+        event = self.event
+        if event is not None and event.phase in MEASURED:
+            since_s = (self._sample_ns - event.stamp_ns) * 1e-9
+            if 0 <= since_s < SPECTRUM_S:
+                count = min(count, round(since_s * self.rate_hz))
+                part = f'{event.phase} so far'
+        if count < FEWEST_SAMPLES:
+            return None
+        samples = self._samples[self._sample_end - count : self._sample_end]
+        return _describe_spectrum(
+            compute_spectrum(samples, 'linear', 'none'), self.rate_hz / count, part
+        )
+
+
+def describe_answer(source: str, answer: ClassificationResult, true_label: str) -> dict[str, Any]:
+    """Return an answer as what JSON can hold, with the likeliest labels first."""
+    scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
+    is_right = None
+    if true_label and answer.outcome == Answered.LABEL and not answer.running:
+        is_right = answer.label == true_label
+    return {
+        'source': source,
+        'task': answer.task,
+        'contact': answer.contact,
+        'trial': answer.trial_id,
+        'outcome': answer.outcome.name.lower(),
+        'label': answer.label,
+        'true': true_label,
+        'right': is_right,
+        'reason': answer.reason,
+        'scores': [[label, _rounded(score)] for label, score in scores],
+        'kind': answer.score_kind,
+        'running': answer.running,
+        'decided': answer.decided,
+        'model': answer.model_id,
+        'simulated': answer.simulated,
+    }
+
+
+def describe_line(finger: str, answer: ClassificationResult, true_label: str) -> str:
+    """Return one line about an answer: finger, task, label with its score or *unknown*."""
+    parts = [finger] if finger else []
+    parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
+    if answer.outcome == Answered.LABEL:
+        score = f'({max(answer.scores):.2f} {answer.score_kind})' if answer.scores else ''
+        parts.append(f'{answer.label:13} {score}')
+        if true_label:
+            parts.append('right' if answer.label == true_label else f'wrong, it is {true_label}')
+    elif answer.outcome == Answered.UNKNOWN:
+        parts.append(f'unknown: {answer.reason}')
+    else:
+        parts.append(f'no answer: {answer.reason}')
+    if answer.simulated:
+        parts.append('SIMULATED')
+    return '  '.join(parts)
+
+
+def _describe_spectrum(values: NDArray[np.float64], step_hz: float, part: str) -> dict[str, Any]:
+    shown = values[: int(HIGHEST_HZ / step_hz) + 1]
+    return {
+        'step_hz': step_hz,
+        'values': [_rounded(v) for v in shown.tolist()],
+        'part': part,
+    }
+
+
+_rounded: Callable[[float], float] = lambda value: float(f'{value:.4g}')  # noqa: E731

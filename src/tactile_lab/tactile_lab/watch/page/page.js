@@ -1,0 +1,282 @@
+'use strict';
+/* The live page: frames come in over one WebSocket, commands go out. */
+
+(() => {
+  const $ = (id) => document.getElementById(id);
+  const token = location.hash.slice(1);
+  const fingers = new Map();
+  const SILENT_MS = 1500;
+  let state = null;
+  let socket = null;
+  let dirty = false;
+
+  function set(element, text) {
+    if (element.textContent !== text) element.textContent = text;
+  }
+
+  function make(tag, text, className) {
+    const element = document.createElement(tag);
+    if (text !== undefined) element.textContent = text;
+    if (className) element.className = className;
+    return element;
+  }
+
+  /* ---- one finger ---- */
+
+  class Finger {
+    constructor(name) {
+      this.name = name;
+      this.root = $('finger').content.firstElementChild.cloneNode(true);
+      this.find = (selector) => this.root.querySelector(selector);
+      set(this.find('.name'), name || 'Finger');
+      $('fingers').append(this.root);
+      this.tension = new TensionPlot(this.find('.tension-plot'));
+      this.spectrum = new SpectrumPlot(this.find('.spectrum-plot'));
+      this.epoch = null;
+      this.heard = null;
+    }
+
+    takeLive(live) {
+      if (live.epoch !== this.epoch) this.tension.begin();
+      this.epoch = live.epoch;
+      this.tension.add(live.x, live.y);
+      this.heard = performance.now();
+      if (live.spectrum !== undefined) this.newSpectrum = live.spectrum;
+    }
+
+    takeState(finger) {
+      this.state = finger;
+      const trial = finger.trial;
+      const phase = this.find('.phase');
+      const name = trial ? trial.phase : 'no trial';
+      phase.className = `phase ${trial ? name : ''}`;
+      set(phase, trial && trial.detected ? `${name} (found)` : name);
+      set(this.find('.rate'), finger.rate_hz ? `${finger.rate_hz} Hz` : '');
+      this.tension.spans = finger.spans;
+      this.tension.window = finger.window;
+      this.showAnswer(finger, trial);
+      this.showSlip(finger.slip);
+    }
+
+    showAnswer(finger, trial) {
+      const answer = finger.answers[finger.answers.length - 1];
+      const panel = this.find('.answer');
+      const label = this.find('.label');
+      const verdict = this.find('.verdict');
+      if (!answer) {
+        set(this.find('.task'), 'Answer');
+        set(label, '\u2013');
+        set(verdict, trial && trial.runs ? 'a trial runs' : 'no answer yet');
+        return;
+      }
+      const old = Boolean(trial && trial.runs && trial.id !== answer.trial);
+      panel.classList.toggle('old', old);
+      const words = [answer.task, answer.contact, answer.running ? 'early answer' : ''];
+      set(this.find('.task'), (old ? 'Before: ' : '') + words.filter(Boolean).join(', '));
+      label.classList.toggle('unknown', answer.outcome !== 'label');
+      set(label, { label: answer.label, unknown: 'unknown', no_features: 'no answer' }[answer.outcome]);
+      verdict.className = `verdict ${answer.right === true ? 'right' : answer.right === false ? 'wrong' : ''}`;
+      if (answer.right === true) set(verdict, '\u2713 as stated for the trial');
+      else if (answer.right === false) set(verdict, `\u2717 stated for the trial: ${answer.true}`);
+      else set(verdict, answer.outcome === 'label' ? '' : answer.reason);
+      this.showScores(answer);
+      const notes = [];
+      for (const m of (finger.window ? finger.window.measures : [])) {
+        notes.push(`${m.name.replaceAll('_', ' ')} ${m.value} ${m.unit}`);
+      }
+      notes.push(`model ${answer.model}${answer.simulated ? ', SIMULATED' : ''}`);
+      set(this.find('.note'), notes.join(' \u00b7 '));
+    }
+
+    showScores(answer) {
+      const body = this.find('.scores tbody');
+      const shown = answer.scores.slice(0, 5);
+      const high = answer.kind === 'margin' ? Math.max(...shown.map((s) => Math.abs(s[1])), 1e-9) : 1;
+      body.replaceChildren(...shown.map(([name, score]) => {
+        const row = make('tr');
+        const track = make('div', '', 'track');
+        const fill = make('div', '', 'fill');
+        fill.style.width = `${100 * Math.max(0, Math.min(1, score / high))}%`;
+        track.append(fill);
+        const middle = make('td');
+        middle.append(track);
+        const value = answer.kind === 'margin' ? score.toFixed(2) : `${(100 * score).toFixed(0)} %`;
+        row.append(make('td', name), middle, make('td', value));
+        return row;
+      }));
+    }
+
+    showSlip(slip) {
+      const element = this.find('.slip');
+      element.hidden = !slip;
+      if (slip) set(element, `Slip: the object is ${slip.motion} since ${slip.at.toFixed(1)} s, at ${slip.tension_n} N`);
+    }
+
+    draw() {
+      this.tension.draw();
+      if (this.newSpectrum !== undefined) {
+        this.spectrum.draw(this.newSpectrum);
+        set(this.find('.part'), this.newSpectrum ? this.newSpectrum.part : 'too few samples yet');
+        this.newSpectrum = undefined;
+      }
+      const last = this.tension.last;
+      set(this.find('.tension'), last === null ? '\u2013' : last.toFixed(2));
+    }
+
+    /* What is wrong with the signal, with its remedy; the health of the sensor says it best. */
+    showFault(devices) {
+      const sentences = [...(this.state ? this.state.faults : [])];
+      if (this.heard === null || performance.now() - this.heard > SILENT_MS) {
+        const path = this.name ? `${this.name}/tendon_sensor` : 'tendon_sensor';
+        const sensor = devices.find((d) => d.name === path);
+        const seconds = this.heard === null ? '' : ` for ${((performance.now() - this.heard) / 1000).toFixed(0)} s`;
+        sentences.push(`Waiting for samples${seconds}: ` + (sensor && sensor.level !== 'ok'
+          ? sensor.message : 'is the sensor plugged in? `tactile devices` lists what answers.'));
+      }
+      const element = this.find('.fault');
+      element.hidden = !sentences.length;
+      set(element, sentences.join(' '));
+    }
+  }
+
+  /* ---- everything else ---- */
+
+  function takeState(next) {
+    state = next;
+    const names = new Set(state.fingers.map((f) => f.name));
+    for (const [name, finger] of fingers) {
+      if (!names.has(name)) { finger.root.remove(); fingers.delete(name); }  // of an earlier server
+    }
+    for (const finger of state.fingers) {
+      if (!fingers.has(finger.name)) fingers.set(finger.name, new Finger(finger.name));
+      fingers.get(finger.name).takeState(finger);
+    }
+    $('waiting').hidden = state.fingers.length > 0;
+    $('below').hidden = !(state.devices.length || state.said.length);
+    $('simulated').hidden = !state.simulated;
+    set($('where'), state.where ? `No finger on ${state.where}.` : 'No finger yet.');
+    const progress = state.progress;
+    $('progress').hidden = !progress;
+    if (progress) set($('progress'), progress.text);
+    showDevices();
+    showSaid();
+    showButtons();
+  }
+
+  function showDevices() {
+    $('devices').replaceChildren(...state.devices.map((device) => {
+      const row = make('li', undefined, device.level);
+      const text = make('div');
+      text.append(make('b', device.name), ' ', make('span', device.message));
+      if (device.level === 'ok') text.lastChild.textContent = device.message;
+      for (const missing of device.missing) {
+        if (!device.message.includes(missing.replace(/\.$/, ''))) text.append(make('em', missing));
+      }
+      const mark = make('i');
+      mark.title = device.level;
+      row.append(mark, text);
+      return row;
+    }));
+  }
+
+  function showSaid() {
+    $('said').replaceChildren(...state.said.slice().reverse().map((line) => {
+      const row = make('li', undefined, line.level);
+      row.append(make('time', new Date(1000 * line.at).toLocaleTimeString([], { hour12: false })), line.text);
+      return row;
+    }));
+  }
+
+  function chosen() {
+    return state && (state.fingers.find((f) => f.name === $('which').value) || state.fingers[0]);
+  }
+
+  function showButtons() {
+    const movable = state.fingers.filter((f) => f.can.length);
+    const which = $('which');
+    const names = movable.map((f) => f.name);
+    if ([...which.options].map((o) => o.value).join('\n') !== names.join('\n')) {
+      which.replaceChildren(...names.map((name) => new Option(name || 'Finger', name)));
+    }
+    which.hidden = names.length < 2;
+    const can = (chosen() || { can: [] }).can;
+    for (const action of ['tare', 'home', 'trial']) {
+      $(action).hidden = !(token && can.includes(action));
+    }
+  }
+
+  function send(command) {
+    if (!socket || socket.readyState !== WebSocket.OPEN) return;
+    socket.send(JSON.stringify({ ...command, token }));
+  }
+
+  function ask(action) {
+    const finger = chosen();
+    if (finger) send({ do: action, finger: finger.name });
+  }
+
+  $('stop').addEventListener('click', () => send({ do: 'stop' }));
+  document.addEventListener('keydown', (event) => {
+    if (event.key === 'Escape') send({ do: 'stop' });
+  });
+  $('tare').addEventListener('click', () => ask('tare'));
+  $('home').addEventListener('click', () => ask('home'));
+  $('which').addEventListener('change', () => state && showButtons());
+
+  function offerObjects() {
+    const labels = (state && state.objects[$('protocol').value]) || [];
+    $('objects').replaceChildren(...labels.map((label) => new Option(label, label)));
+  }
+  $('protocol').addEventListener('change', offerObjects);
+  $('trial').addEventListener('click', () => { offerObjects(); $('ask').showModal(); });
+  $('cancel').addEventListener('click', () => $('ask').close());
+  $('go').addEventListener('click', () => {
+    $('ask').close();
+    const finger = chosen();
+    if (!finger) return;
+    send({
+      do: 'trial', finger: finger.name, protocol: $('protocol').value, contact: $('contact').value,
+      object: $('object').value.trim(),
+    });
+  });
+
+  function showLink(isOn) {
+    const link = $('link');
+    link.className = `link ${isOn ? 'on' : 'off'}`;
+    set(link.querySelector('span'), isOn ? 'connected' : 'not connected');
+    $('cut').hidden = isOn;
+    for (const button of document.querySelectorAll('.bar button')) button.disabled = !isOn;
+  }
+
+  function connect() {
+    socket = new WebSocket(`ws://${location.host}/live`);
+    socket.addEventListener('open', () => showLink(true));
+    socket.addEventListener('message', (event) => {
+      const frame = JSON.parse(event.data);
+      if (frame.begin) for (const finger of fingers.values()) finger.epoch = null;
+      if (frame.state) takeState(frame.state);
+      for (const [name, live] of Object.entries(frame.live || {})) {
+        const finger = fingers.get(name);
+        if (finger) finger.takeLive(live);
+      }
+      dirty = true;
+    });
+    socket.addEventListener('close', () => { showLink(false); setTimeout(connect, 1000); });
+  }
+
+  function draw() {
+    if (dirty && !document.hidden) for (const finger of fingers.values()) finger.draw();
+    dirty = false;
+    requestAnimationFrame(draw);
+  }
+
+  setInterval(() => {
+    for (const finger of fingers.values()) finger.showFault(state ? state.devices : []);
+  }, 250);
+  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
+    for (const finger of fingers.values()) { finger.tension.build(); finger.spectrum.build(); }
+  });
+  addEventListener('hashchange', () => location.reload());  // another token
+  connect();
+  requestAnimationFrame(draw);
+})();

@@ -1,0 +1,156 @@
+'use strict';
+/* The two plots of a finger. Times on the page are seconds before the newest sample. */
+
+const SHOWN_S = 10;
+
+function colour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+function axis(extra) {
+  return {
+    stroke: colour('--soft'), grid: { stroke: colour('--grid'), width: 1 },
+    ticks: { stroke: colour('--grid'), width: 1, size: 4 }, font: '12px system-ui, sans-serif',
+    gap: 4, ...extra,
+  };
+}
+
+/* Returns options that both plots share; no cursor, no legend: nothing on them can be clicked. */
+function options(element, more) {
+  return {
+    width: Math.max(120, element.clientWidth), height: element.clientHeight,
+    cursor: { show: false }, legend: { show: false }, ...more,
+  };
+}
+
+function follow(element, plot) {
+  const observer = new ResizeObserver(() => {
+    plot.setSize({ width: Math.max(120, element.clientWidth), height: element.clientHeight });
+  });
+  observer.observe(element);
+  return observer;
+}
+
+/* At least 0.2 N high, so that the noise of a free finger does not look like a signal. */
+function tensionRange(low, high) {
+  if (low === null || high === null || !isFinite(low) || !isFinite(high)) return [-0.1, 0.1];
+  const missing = Math.max(0, 0.2 - (high - low)) / 2;
+  const margin = 0.06 * (high - low + 2 * missing);
+  return [low - missing - margin, high + missing + margin];
+}
+
+class TensionPlot {
+  constructor(element) {
+    this.element = element;
+    this.x = [];
+    this.y = [];
+    this.spans = [];
+    this.window = null;
+    this.build();
+  }
+
+  build() {
+    if (this.plot) { this.observer.disconnect(); this.plot.destroy(); }
+    this.plot = new uPlot(options(this.element, {
+      scales: { x: { time: false, range: [-SHOWN_S, 0] }, y: { range: (u, low, high) => tensionRange(low, high) } },
+      axes: [
+        axis({ values: (u, ticks) => ticks.map((t) => (t === 0 ? 'now' : `${t} s`)), space: 60, size: 28 }),
+        axis({ size: 48 }),
+      ],
+      series: [{}, { stroke: colour('--trace'), width: 1.5, points: { show: false }, spanGaps: false }],
+      hooks: { drawClear: [(u) => this.shade(u)] },
+    }), [[], []], this.element);
+    this.observer = follow(this.element, this.plot);
+    this.draw();
+  }
+
+  /* The phases of the trial as coloured ground, and a bracket under the window that was classified. */
+  shade(u) {
+    const { ctx, bbox } = u;
+    const place = (t) => Math.min(bbox.left + bbox.width, Math.max(bbox.left, u.valToPos(t, 'x', true)));
+    ctx.save();
+    ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.textBaseline = 'top';
+    ctx.textAlign = 'left';
+    for (const span of this.spans) {
+      const left = place(span.from - this.now);
+      const right = place(span.to === null ? 0 : span.to - this.now);
+      if (right - left < 1) continue;
+      ctx.fillStyle = colour(`--${span.phase}`) || 'transparent';
+      ctx.fillRect(left, bbox.top, right - left, bbox.height);
+      const name = span.phase;
+      if (ctx.measureText(name).width + 8 < right - left) {
+        ctx.fillStyle = colour('--soft');
+        ctx.fillText(name, left + 4 * devicePixelRatio, bbox.top + 3 * devicePixelRatio);
+      }
+    }
+    if (this.window) {
+      const left = place(this.window.from - this.now);
+      const right = place(this.window.to - this.now);
+      if (right - left > 2) {
+        ctx.fillStyle = colour('--spectrum');
+        ctx.fillRect(left, bbox.top + bbox.height - 3 * devicePixelRatio, right - left, 3 * devicePixelRatio);
+      }
+    }
+    ctx.restore();
+  }
+
+  begin() { this.x = []; this.y = []; }
+
+  add(x, y) {
+    this.x.push(...x);
+    this.y.push(...y);
+    const oldest = this.x[this.x.length - 1] - SHOWN_S - 1;
+    let old = 0;
+    while (old < this.x.length && this.x[old] < oldest) old += 1;
+    if (old > 200) { this.x.splice(0, old); this.y.splice(0, old); }
+  }
+
+  get now() { return this.x.length ? this.x[this.x.length - 1] : 0; }
+
+  get last() {
+    for (let i = this.y.length - 1; i >= 0; i -= 1) if (this.y[i] !== null) return this.y[i];
+    return null;
+  }
+
+  draw() {
+    const now = this.now;
+    const from = this.x.findIndex((t) => t >= now - SHOWN_S);
+    const start = Math.max(0, from - 1);
+    this.plot.setData([this.x.slice(start).map((t) => t - now), this.y.slice(start)]);
+  }
+}
+
+class SpectrumPlot {
+  constructor(element) {
+    this.element = element;
+    this.spectrum = null;
+    this.high = 0;
+    this.build();
+  }
+
+  build() {
+    if (this.plot) { this.observer.disconnect(); this.plot.destroy(); }
+    this.plot = new uPlot(options(this.element, {
+      scales: {
+        x: { time: false, range: (u, low, high) => [0, high || 30] },
+        y: { range: () => [0, this.high || 10] },
+      },
+      axes: [axis({ space: 60, size: 28 }), axis({ size: 48, space: 28 })],
+      series: [{}, {
+        stroke: colour('--spectrum'), fill: `${colour('--spectrum')}33`, width: 1.5, points: { show: false },
+      }],
+    }), [[], []], this.element);
+    this.observer = follow(this.element, this.plot);
+    this.draw(this.spectrum);
+  }
+
+  draw(spectrum) {
+    const isOther = !spectrum || !this.spectrum || spectrum.part !== this.spectrum.part;
+    this.spectrum = spectrum;
+    const values = (spectrum ? spectrum.values : []).map((v) => 1000 * v);
+    const high = Math.max(2, ...values) * 1.1;
+    this.high = isOther ? high : Math.max(high, 0.8 * this.high);  // it falls slowly: the eye can follow
+    this.plot.setData([values.map((_, k) => k * spectrum.step_hz), values]);
+  }
+}

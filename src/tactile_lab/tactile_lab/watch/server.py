@@ -1,0 +1,303 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Serves the live page: one page, its files, one WebSocket. Free of ROS."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable
+import errno
+import json
+from pathlib import Path
+import secrets
+import socket
+import threading
+from typing import Any, Protocol
+
+from aiohttp import web, WSMsgType
+
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.watch.access import (
+    Access,
+    Command,
+    HEADERS,
+    LONGEST_COMMAND,
+    read_command,
+)
+from tactile_lab.watch.state import Frames, WatchState
+from tactile_ros.errors import TactileError
+
+PAGE = Path(__file__).parent / 'page'
+FILES = {
+    '/': ('index.html', 'text/html'),
+    '/page.css': ('page.css', 'text/css'),
+    '/page.js': ('page.js', 'text/javascript'),
+    '/plots.js': ('plots.js', 'text/javascript'),
+    '/uPlot.iife.min.js': ('uPlot.iife.min.js', 'text/javascript'),
+    '/uPlot.min.css': ('uPlot.min.css', 'text/css'),
+}
+
+PORT = 8642
+"""Taken if it is free; another one otherwise."""
+
+FRAMES_HZ = 20.0
+"""Frames a second that pages get, whatever the sensor's rate."""
+
+MOST_PAGES = 16
+SEND_TIMEOUT_S = 5.0
+START_TIMEOUT_S = 10.0
+
+
+class Controls(Protocol):
+    """What the page's buttons do. Each returns a sentence or raises `TactileError`."""
+
+    def stop(self) -> Awaitable[str]:
+        """Stop everything that moves."""
+        ...
+
+    def tare(self, finger: str) -> Awaitable[str]:
+        """Set the tension to zero."""
+        ...
+
+    def home(self, finger: str) -> Awaitable[str]:
+        """Home the guide."""
+        ...
+
+    def trial(self, finger: str, request: TrialRequest) -> Awaitable[str]:
+        """Run a trial."""
+        ...
+
+
+class WatchServer:
+    """A web server on a thread of its own; a context manager.
+
+    Parameters
+    ----------
+    state : WatchState
+    controls : Controls
+    host : str
+        Address to listen on.
+    port : int
+        0 takes `PORT`, or any free one.
+    token : str
+        Needed for what moves; empty: one is made.
+
+    Attributes
+    ----------
+    address : str
+        Of the page, with the token for what moves.
+    frame_count : int
+        Frames that were made; none while no page is open.
+
+    Raises
+    ------
+    TactileError
+        When the address cannot be listened on.
+    """
+
+    def __init__(
+        self,
+        state: WatchState,
+        controls: Controls,
+        *,
+        host: str = '127.0.0.1',
+        port: int = 0,
+        token: str = '',
+    ) -> None:
+        self._state = state
+        self._controls = controls
+        self._sockets = _listen(host, port)
+        self.port = int(self._sockets.getsockname()[1])
+        self._access = Access(self.port, socket.gethostname(), token or secrets.token_urlsafe(16))
+        is_everywhere = host in ('0.0.0.0', '::', '')  # noqa: S104 - asked for by the user
+        shown = socket.gethostname() if is_everywhere else f'[{host}]' if ':' in host else host
+        self.address = f'http://{shown}:{self.port}/#{self._access.token}'
+        self.frame_count = 0
+        self._pages: set[_Page] = set()
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._loop = asyncio.new_event_loop()
+        self._started = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name='watch server', daemon=True)
+
+    def __enter__(self) -> WatchServer:
+        self._thread.start()
+        self._started.wait(START_TIMEOUT_S)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the server. Harmless when called twice."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._ending.set)
+            self._thread.join(START_TIMEOUT_S)
+
+    def _serve(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._ending = asyncio.Event()
+        try:
+            self._loop.run_until_complete(self._run())
+        finally:
+            self._loop.close()
+
+    async def _run(self) -> None:
+        app = web.Application(client_max_size=LONGEST_COMMAND, middlewares=[self._guard])
+        app.router.add_get('/live', self._handle_page)
+        for path in FILES:
+            app.router.add_get(path, self._handle_file)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await runner.setup()
+        await web.SockSite(runner, self._sockets).start()
+        self._started.set()
+        await self._ending.wait()
+        for page in list(self._pages):
+            await page.socket.close(code=1001, message=b'the program has ended')
+        await runner.cleanup()
+
+    # -- requests ----------------------------------------------------------------------
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
+        refusal = self._access.refuse_request(
+            request.headers.get('Host', ''),
+            request.headers.get('Origin'),
+            is_socket=request.path == '/live',
+        )
+        if refusal:
+            return web.Response(status=403, text=f'{refusal}\n', headers=HEADERS)
+        try:
+            response: web.StreamResponse = await handler(request)
+        except web.HTTPException as error:
+            return web.Response(status=error.status, text=f'{error.reason}\n', headers=HEADERS)
+        return response
+
+    async def _handle_file(self, request: web.Request) -> web.Response:
+        name, content_type = FILES[request.path]
+        body = (PAGE / name).read_bytes()
+        return web.Response(body=body, content_type=content_type, charset='utf-8', headers=HEADERS)
+
+    async def _handle_page(self, request: web.Request) -> web.StreamResponse:
+        if len(self._pages) >= MOST_PAGES:
+            raise web.HTTPServiceUnavailable(reason=f'{MOST_PAGES} pages are open; close one')
+        page = _Page()
+        await page.socket.prepare(request)
+        self._pages.add(page)
+        if len(self._pages) == 1:
+            self._keep(self._send_frames())
+        try:
+            async for message in page.socket:
+                if message.type == WSMsgType.TEXT:
+                    self._keep(self._obey(page, message.data))
+        finally:
+            self._pages.discard(page)
+        return page.socket
+
+    # -- what goes out ------------------------------------------------------------------
+
+    async def _send_frames(self) -> None:
+        """Send frames as long as a page is open. A page that gets none must not look connected."""
+        frames = Frames(self._state)
+        try:
+            while self._pages:
+                if any(page.needs_all and page.is_ready for page in self._pages):
+                    frames.restart()
+                    self._send_to_all(frames.next(), begin=True)
+                elif frame := frames.next():
+                    self._send_to_all(frame)
+                await asyncio.sleep(1.0 / FRAMES_HZ)
+        finally:
+            for page in list(self._pages):
+                await page.socket.close(code=1011)
+
+    def _send_to_all(self, frame: dict[str, Any] | None, *, begin: bool = False) -> None:
+        """Send a frame to all pages that keep up; the others begin anew when they are ready."""
+        if begin:
+            frame = {**(frame or {}), 'begin': True}
+        self.frame_count += 1
+        text = json.dumps(frame, separators=(',', ':'), allow_nan=False)
+        for page in self._pages:
+            if not page.is_ready:
+                page.needs_all = True
+            if not page.is_ready or (page.needs_all and not begin):
+                continue
+            page.needs_all = False
+            page.sending = self._keep(page.send(text))
+
+    # -- what comes in -------------------------------------------------------------------
+
+    async def _obey(self, page: _Page, text: str) -> None:
+        try:
+            command = read_command(text)
+            if refusal := self._access.refuse_command(command):
+                raise TactileError(refusal)
+            sentence, level = await self._carry_out(command), 'ok'
+        except Exception as error:  # whatever it is, the page must hear of it
+            sentence, level = str(error) or type(error).__name__, 'error'
+        self._state.say(sentence, level)
+
+    async def _carry_out(self, command: Command) -> str:
+        controls = self._controls
+        if command.action == 'stop':
+            return await controls.stop()
+        if command.action == 'tare':
+            return await controls.tare(command.finger)
+        if command.action == 'home':
+            return await controls.home(command.finger)
+        assert command.trial is not None
+        return await controls.trial(command.finger, command.trial)
+
+    def _keep(self, work: Any) -> asyncio.Task[Any]:
+        """Run a coroutine beside the others; the loop itself keeps only weak references."""
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+
+class _Page:
+    """One open page."""
+
+    def __init__(self) -> None:
+        self.socket = web.WebSocketResponse(
+            heartbeat=5.0, max_msg_size=LONGEST_COMMAND, compress=False
+        )
+        self.needs_all = True  # it has nothing yet, or has missed a frame
+        self.sending: asyncio.Task[Any] | None = None
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the last frame is out."""
+        return self.sending is None or self.sending.done()
+
+    async def send(self, text: str) -> None:
+        try:
+            await asyncio.wait_for(self.socket.send_str(text), SEND_TIMEOUT_S)
+        except (ConnectionError, asyncio.TimeoutError, RuntimeError):
+            await self.socket.close()
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """Return a listening socket."""
+    family = socket.AF_INET6 if ':' in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port or PORT), family=family)
+    except OSError as error:
+        if port or error.errno != errno.EADDRINUSE:
+            raise TactileError(
+                f'cannot serve the live page on {host}, port {port or PORT}: {error.strerror}; '
+                'choose another --port or --host'
+            ) from error
+    return socket.create_server((host, 0), family=family)

@@ -1,0 +1,260 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What all pages show: fingers, devices, progress and the last sentences. Free of ROS."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+import threading
+import time
+from typing import Any
+
+from tactile_classifier.records import ClassificationResult
+from tactile_features.records import FeatureWindow, StrainBlock, TrialEvent
+from tactile_lab.watch.finger import describe_line, Finger, SHOWN_S
+
+MOST_FINGERS = 16
+MOST_DEVICES = 64
+MOST_SENTENCES = 30
+STALE_S = 5.0
+"""A device whose health has not come for so long counts as silent."""
+
+SPECTRUM_PERIOD_S = 0.2
+"""Least time between two spectra of a finger."""
+
+LEVELS = ('ok', 'warning', 'error', 'stale')
+"""Names of the levels of diagnostics, by number."""
+
+
+class WatchState:
+    """What is known now. Records come from any thread; frames are taken by one.
+
+    Parameters
+    ----------
+    where : str
+        Where is looked for fingers, such as ``ROS domain 3``; shown while there are none.
+    objects : mapping of str to sequence of str
+        Labels that can be chosen for a trial, by protocol; empty: they are typed in.
+    clock : callable
+        Monotonic time [s].
+    simulated : bool
+        The rig is known to be simulated.
+
+    Attributes
+    ----------
+    on_answer : callable
+        Given finger, answer and the stated label for every answer on a whole window.
+    """
+
+    def __init__(
+        self,
+        where: str = '',
+        objects: Mapping[str, Sequence[str]] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        simulated: bool = False,
+    ) -> None:
+        self._lock = threading.RLock()
+        self._clock = clock
+        self._where = where
+        self._simulated = simulated
+        self._objects = {k: list(v) for k, v in (objects or {}).items()}
+        self._fingers: dict[str, Finger] = {}
+        self._controls: dict[str, tuple[str, ...]] = {}
+        self._devices: dict[str, tuple[float, dict[str, Any]]] = {}
+        self._missing: dict[str, tuple[str, ...]] = {}
+        self._sentences: deque[tuple[float, str, str]] = deque(maxlen=MOST_SENTENCES)
+        self._progress: dict[str, Any] | None = None
+        self._version = 0
+        self.on_answer: Callable[[str, ClassificationResult, str], None] = lambda *_: None
+
+    # -- what comes ------------------------------------------------------------------
+
+    def finger(self, name: str) -> Finger | None:
+        """Return the finger in a namespace, a new one if need be; None beyond the limit."""
+        with self._lock:
+            if name not in self._fingers and len(self._fingers) < MOST_FINGERS:
+                self._fingers[name] = Finger(name)
+                self._version += 1
+            return self._fingers.get(name)
+
+    def take_block(self, name: str, block: StrainBlock) -> None:
+        """Take samples of a finger."""
+        with self._lock:
+            if finger := self.finger(name):
+                finger.take_block(block, self._clock())
+
+    def take_event(self, name: str, event: TrialEvent) -> None:
+        """Take the start of a phase."""
+        with self._lock:
+            if finger := self.finger(name):
+                finger.take_event(event)
+
+    def take_window(self, name: str, window: FeatureWindow) -> None:
+        """Take the features of a window."""
+        with self._lock:
+            if finger := self.finger(name):
+                finger.take_window(window)
+
+    def take_answer(self, name: str, source: str, answer: ClassificationResult) -> None:
+        """Take what a classifier says."""
+        with self._lock:
+            finger = self.finger(name)
+            if finger is None:
+                return
+            finger.take_answer(source, answer)
+            _, true_label = finger.last_answer() or (answer, '')
+            if not answer.running:
+                self.say(describe_line(name, answer, true_label))
+        if not answer.running:
+            self.on_answer(name, answer, true_label)
+
+    def take_health(
+        self, device: str, level: int, message: str, values: Mapping[str, str]
+    ) -> None:
+        """Take the health of a device or node; ``level`` is that of diagnostics."""
+        with self._lock:
+            if device not in self._devices and len(self._devices) >= MOST_DEVICES:
+                return
+            name = LEVELS[level] if 0 <= level < len(LEVELS) else 'error'
+            health = {'level': name, 'message': message, 'values': dict(values)}
+            if self._devices.get(device, (0.0, {}))[1] != health:
+                self._version += 1
+            self._devices[device] = (self._clock(), health)
+            if 'trials' in values:
+                self._progress = {
+                    'trial': values.get('trial', ''),
+                    'trials': values['trials'],
+                    'text': message,
+                }
+
+    def take_readiness(self, device: str, missing: Sequence[str]) -> None:
+        """Take what keeps a device from accepting a goal, a sentence with its remedy each."""
+        with self._lock:
+            if device in self._missing or len(self._missing) < MOST_DEVICES:
+                self._missing[device] = tuple(missing)
+                self._version += 1
+
+    def set_controls(self, name: str, controls: Sequence[str]) -> None:
+        """Set what can be asked of a finger: ``stop``, ``tare``, ``home``, ``trial``."""
+        with self._lock:
+            if self._controls.get(name) != tuple(controls):
+                self._controls[name] = tuple(controls)
+                self._version += 1
+
+    def say(self, text: str, level: str = 'ok') -> None:
+        """Add a sentence to those that every page shows."""
+        with self._lock:
+            self._sentences.append((time.time(), level, text))
+            self._version += 1
+
+    # -- what is shown ------------------------------------------------------------------
+
+    @property
+    def fingers(self) -> list[Finger]:
+        """The fingers, by name."""
+        with self._lock:
+            return [self._fingers[name] for name in sorted(self._fingers)]
+
+    def describe(self) -> dict[str, Any]:
+        """Return all but samples and spectra, as what JSON can hold."""
+        with self._lock:
+            return {
+                'shown_s': SHOWN_S,
+                'where': self._where,
+                'simulated': self._simulated or any(f.simulated for f in self.fingers),
+                'objects': self._objects,
+                'fingers': [
+                    {**finger.describe(), 'can': list(self._controls.get(finger.name, ()))}
+                    for finger in self.fingers
+                ],
+                'devices': self.describe_devices(),
+                'progress': self._progress,
+                'said': [
+                    {'at': at, 'level': level, 'text': text} for at, level, text in self._sentences
+                ],
+            }
+
+    def describe_devices(self) -> list[dict[str, Any]]:
+        """Return the health of each device, by name."""
+        with self._lock:
+            now_s = self._clock()
+            rows = []
+            for name in sorted(self._devices):
+                at_s, health = self._devices[name]
+                row = {'name': name, **health, 'missing': list(self._missing.get(name, ()))}
+                if now_s - at_s > STALE_S:
+                    row['level'] = 'stale'
+                    row['message'] = 'says nothing any more; start its node again'
+                rows.append(row)
+            return rows
+
+    def _versions(self) -> tuple[Any, ...]:
+        now_s = self._clock()
+        stale = sum(now_s - at_s > STALE_S for at_s, _ in self._devices.values())
+        return self._version, stale, *(f.version for f in self.fingers)
+
+    def silences(self) -> dict[str, float]:
+        """Return for how long no samples have come [s], by finger; none before the first."""
+        with self._lock:
+            now_s = self._clock()
+            return {f.name: now_s - f.arrived_s for f in self._fingers.values() if f.arrived_s}
+
+
+class Frames:
+    """Makes the frames that pages get, one after the other.
+
+    The first frame after `restart` holds everything. Each later one holds the new points of each
+    finger, and the rest only if it has changed.
+    """
+
+    def __init__(self, state: WatchState) -> None:
+        self._state = state
+        self.restart()
+
+    def restart(self) -> None:
+        """Let the next frame hold everything."""
+        self._known: dict[str, tuple[int, int]] = {}
+        self._versions: tuple[Any, ...] | None = None
+        self._spectra_s: dict[str, float] = {}
+
+    def next(self) -> dict[str, Any] | None:
+        """Return the next frame, as what JSON can hold; None if nothing is new."""
+        state = self._state
+        with state._lock:
+            now_s = state._clock()
+            frame: dict[str, Any] = {}
+            versions = state._versions()
+            if versions != self._versions:
+                self._versions = versions
+                frame['state'] = state.describe()
+            live = {}
+            for finger in state.fingers:
+                epoch, count = self._known.get(finger.name, (-1, 0))
+                if finger.epoch != epoch:
+                    count = 0
+                is_new = finger.epoch != epoch or finger.point_count != count
+                self._known[finger.name] = (finger.epoch, finger.point_count)
+                if not is_new:
+                    continue
+                times_s, tensions_n = finger.points_since(count)
+                live[finger.name] = {'epoch': finger.epoch, 'x': times_s, 'y': tensions_n}
+                if now_s - self._spectra_s.get(finger.name, -1.0) >= SPECTRUM_PERIOD_S:
+                    self._spectra_s[finger.name] = now_s
+                    live[finger.name]['spectrum'] = finger.spectrum()
+            if live:
+                frame['live'] = live
+            return frame or None

@@ -1,0 +1,112 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The live page beside running nodes: what every command calls in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, ExitStack
+import os
+
+from rclpy.context import Context
+
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_lab.watch.node import WatchControls, WatchNode
+from tactile_lab.watch.options import WatchOptions
+from tactile_lab.watch.server import WatchServer
+from tactile_lab.watch.state import WatchState
+from tactile_ros.programs.node_group import NodeGroup
+
+
+class Watch:
+    """A live page that is served.
+
+    Attributes
+    ----------
+    state : WatchState
+    address : str
+        Empty where no page is served.
+    server : WatchServer or None
+    was_stopped : bool
+        Whether somebody has pressed Stop.
+    """
+
+    def __init__(self, state: WatchState) -> None:
+        self.state = state
+        self.address = ''
+        self.server: WatchServer | None = None
+        self.was_stopped = False
+
+    def note_stop(self) -> None:
+        """Remember that somebody has pressed Stop."""
+        self.was_stopped = True
+
+
+@contextmanager
+def watching(
+    context: Context,
+    options: WatchOptions | None = None,
+    *,
+    simulated: bool = False,
+    objects: Mapping[str, Sequence[str]] | None = None,
+    before_trial: Callable[[TrialRequest], object] = lambda request: None,
+    answers_only: bool = False,
+) -> Iterator[Watch]:
+    """Watch the fingers of a ROS context until the block ends.
+
+    Parameters
+    ----------
+    context : rclpy.context.Context
+    options : WatchOptions, optional
+        Serve a page; without, only the state is kept.
+    simulated : bool
+        Say from the beginning that the rig is simulated; its trials say it by themselves.
+    objects : mapping of str to sequence of str
+        Labels that a page offers for a trial, by protocol.
+    before_trial : callable
+        Given the request of a trial that a page starts, before it starts.
+    answers_only : bool
+        Take events and answers alone, for lines in the terminal.
+
+    Raises
+    ------
+    TactileError
+        When the page cannot be served there.
+    """
+    watch = Watch(WatchState(describe_place(context), objects, simulated=simulated))
+    with ExitStack() as stack:
+        node = WatchNode(watch.state, context, answers_only=answers_only)
+        stack.enter_context(NodeGroup([node], context))
+        if options is not None:
+            controls = WatchControls(node, context, before_trial)
+            controls.on_stop = watch.note_stop
+            stack.callback(controls.close)
+            watch.server = stack.enter_context(
+                WatchServer(
+                    watch.state,
+                    controls,
+                    host=options.host,
+                    port=options.port,
+                    token=options.token,
+                )
+            )
+            watch.address = watch.server.address
+        yield watch
+
+
+def describe_place(context: Context) -> str:
+    """Return where fingers are looked for."""
+    reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
+    return f'ROS domain {context.get_domain_id()}, range {reach}'

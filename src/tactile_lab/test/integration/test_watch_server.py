@@ -1,0 +1,279 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The server of the live page, over real HTTP and WebSockets."""
+
+import asyncio
+import contextlib
+import json
+import time
+
+import aiohttp
+import numpy as np
+import pytest
+
+from tactile_features.records import StrainBlock
+from tactile_lab.watch.server import FILES, FRAMES_HZ, MOST_PAGES, WatchServer
+from tactile_lab.watch.state import WatchState
+from tactile_ros.errors import TactileError
+
+DEADLINE_S = 10.0
+TRIAL = {'do': 'trial', 'protocol': 'texture', 'contact': 'flexion', 'object': 'R1'}
+
+
+class Controls:
+    """Notes what it is asked for."""
+
+    def __init__(self):
+        self.calls = []
+
+    async def stop(self):
+        self.calls.append('stop')
+        return 'stopped'
+
+    async def tare(self, finger):
+        self.calls.append(f'tare {finger}')
+        raise TactileError('tare: the finger is loaded')
+
+    async def home(self, finger):
+        self.calls.append(f'home {finger}')
+        return 'homed'
+
+    async def trial(self, finger, request):
+        self.calls.append(f'trial {finger} {request.protocol} {request.object_label}')
+        raise RuntimeError('a fault of the program')
+
+
+@pytest.fixture
+def served():
+    state, controls = WatchState(), Controls()
+    with WatchServer(state, controls) as server:
+        yield state, controls, server
+
+
+def token_of(server):
+    return server.address.split('#')[1]
+
+
+def run(work):
+    return asyncio.run(asyncio.wait_for(work, 6 * DEADLINE_S))
+
+
+@contextlib.asynccontextmanager
+async def page(server, origin=None, host=None):
+    """Give a socket as a page opens it."""
+    own = f'127.0.0.1:{server.port}'
+    headers = {'Origin': origin or f'http://{own}', 'Host': host or own}
+    async with (
+        aiohttp.ClientSession() as session,
+        session.ws_connect(f'http://{own}/live', headers=headers) as socket,
+    ):
+        yield socket
+
+
+async def until(socket, condition):
+    """Return the first frame that fulfils a condition."""
+    while True:
+        frame = json.loads(await asyncio.wait_for(socket.receive_str(), DEADLINE_S))
+        if condition(frame):
+            return frame
+
+
+def sentences(frame):
+    return [s['text'] for s in frame.get('state', {}).get('said', [])]
+
+
+def block(number, count=1, rate_hz=60.0):
+    period_ns = round(1e9 / rate_hz)
+    return StrainBlock(10**18 + number * period_ns, number, period_ns, np.full(count, 1.0))
+
+
+@pytest.mark.parametrize('path', sorted(FILES))
+def test_every_file_is_served_with_a_policy(served, path):
+    async def work():
+        async with (
+            aiohttp.ClientSession() as session,
+            session.get(f'http://127.0.0.1:{served[2].port}{path}') as answer,
+        ):
+            assert answer.status == 200
+            assert (await answer.read()).strip()
+            return answer.headers
+
+    headers = run(work())
+    policy = headers['Content-Security-Policy']
+    assert "default-src 'none'" in policy
+    assert 'unsafe' not in policy
+    assert "frame-ancestors 'none'" in policy
+    assert headers['X-Content-Type-Options'] == 'nosniff'
+    assert 'Access-Control-Allow-Origin' not in headers
+
+
+@pytest.mark.parametrize('path', ['/page.py', '/../server.py', '/%2e%2e/server.py', '/page/'])
+def test_nothing_else_is_served(served, path):
+    async def work():
+        async with (
+            aiohttp.ClientSession() as session,
+            session.get(f'http://127.0.0.1:{served[2].port}{path}') as answer,
+        ):
+            return answer.status
+
+    assert run(work()) == 404
+
+
+@pytest.mark.parametrize(
+    ('origin', 'host'),
+    [
+        ('http://evil.example', None),
+        ('null', None),
+        ('http://rebound.example:8642', 'rebound.example:8642'),
+    ],
+)
+def test_foreign_pages_get_no_socket(served, origin, host):
+    async def work():
+        async with page(served[2], origin, host):
+            pass
+
+    with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+        run(work())
+    assert refused.value.status == 403
+
+
+def test_a_rebound_name_gets_no_page(served):
+    async def work():
+        address = f'http://127.0.0.1:{served[2].port}/'
+        async with (
+            aiohttp.ClientSession() as session,
+            session.get(address, headers={'Host': 'evil.example'}) as answer,
+        ):
+            return answer.status, await answer.text()
+
+    status, text = run(work())
+    assert status == 403
+    assert 'this host name is not served' in text
+
+
+def test_without_the_token_a_page_can_stop_and_not_move(served):
+    _, controls, server = served
+
+    async def work():
+        async with page(server) as socket:
+            await socket.send_json({'do': 'home', 'finger': 'index'})
+            await until(socket, lambda f: any('look and stop only' in s for s in sentences(f)))
+            await socket.send_json({'do': 'stop'})
+            await until(socket, lambda f: 'stopped' in sentences(f))
+            await socket.send_json({'do': 'home', 'finger': 'index', 'token': token_of(server)})
+            await until(socket, lambda f: 'homed' in sentences(f))
+
+    run(work())
+    assert controls.calls == ['stop', 'home index']
+
+
+def test_what_fails_and_what_is_no_command_is_said_to_all_pages(served):
+    _, controls, server = served
+    token = token_of(server)
+
+    async def work():
+        async with page(server) as one, page(server) as other:
+            for command, said in (
+                ({'do': 'tare', 'token': token}, 'tare: the finger is loaded'),
+                ({**TRIAL, 'token': token}, 'a fault of the program'),
+                ({'do': 'trial', 'token': token}, 'no protocol ""'),
+                ({'do': 'dance'}, '"dance" is no command'),
+            ):
+                await one.send_json(command)
+                for socket in (one, other):
+                    await until(socket, lambda f, said=said: any(said in s for s in sentences(f)))
+
+    run(work())
+    assert controls.calls == ['tare ', 'trial  texture R1']
+
+
+def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served):
+    state, _, server = served
+    state.take_block('', block(0))
+    assert server.frame_count == 0
+
+    async def work():
+        async with page(server) as one, page(server) as other:
+            begun = time.monotonic()
+            for number in range(1, 2001):
+                state.take_block('', block(number, rate_hz=1000.0))
+                if number % 20 == 0:
+                    await asyncio.sleep(0.01)
+            for socket in (one, other):
+                await until(socket, lambda f: (f.get('live', {}).get('') or {}).get('y'))
+            return time.monotonic() - begun
+
+    seconds = run(work())
+    assert 2 <= server.frame_count <= FRAMES_HZ * seconds + 5
+    for _ in range(200):
+        if not server._pages:
+            break
+        time.sleep(0.05)
+    count = server.frame_count
+    state.take_block('', block(3000, rate_hz=1000.0))
+    assert server._pages == set()
+    assert server.frame_count == count
+
+
+def test_a_page_that_comes_late_gets_everything(served):
+    state, _, server = served
+    for number in range(100):
+        state.take_block('', block(number))
+
+    async def work():
+        async with page(server) as one:
+            first = await until(one, lambda f: f.get('live'))
+            async with page(server) as other:
+                second = await until(other, lambda f: f.get('live'))
+        return first, second
+
+    for frame in run(work()):
+        assert frame['begin']
+        assert len(frame['live']['']['y']) == 100
+
+
+def test_pages_are_limited(served):
+    async def work():
+        async with contextlib.AsyncExitStack() as stack:
+            for _ in range(MOST_PAGES):
+                socket = await stack.enter_async_context(page(served[2]))
+                await until(socket, lambda f: True)
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await stack.enter_async_context(page(served[2]))
+            return refused.value.status
+
+    assert run(work()) == 503
+
+
+def test_a_second_server_takes_another_port_and_a_taken_one_is_refused(served):
+    server = served[2]
+    with WatchServer(WatchState(), Controls()) as second:
+        assert second.port != server.port
+        assert token_of(second) != token_of(server)
+    with pytest.raises(TactileError, match=f'port {server.port}.*choose another --port'):
+        WatchServer(WatchState(), Controls(), port=server.port)
+
+
+def test_the_end_of_the_server_closes_its_pages():
+    async def work():
+        with WatchServer(WatchState(), Controls()) as server:
+            async with page(server) as socket:
+                await until(socket, lambda f: True)
+                await asyncio.to_thread(server.close)
+                while (message := await socket.receive()).type == aiohttp.WSMsgType.TEXT:
+                    pass
+                return message.type
+
+    assert run(work()) in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)

@@ -1,0 +1,244 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The live page in a real Chromium, beside the simulated rig and real nodes."""
+
+from contextlib import ExitStack
+import threading
+import time
+
+from chromium import Chromium, find_chromium
+import pytest
+
+from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_bringup.wiring.graph import Ports, rig_graph
+from tactile_bringup.wiring.model_folder import find_models
+from tactile_lab.commands.live_trials import LiveRig, run_with_second_try
+from tactile_lab.commands.output import Output
+from tactile_lab.watch.options import WatchOptions
+from tactile_lab.watch.watching import watching
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_sim.rig_process import SimulatedRig
+
+needs_chromium = pytest.mark.skipif(
+    find_chromium() is None, reason='no Chromium is installed; apt install chromium'
+)
+DEADLINE_S = 30.0
+NO_OVERFLOW = 'document.documentElement.scrollWidth <= innerWidth'
+
+
+@pytest.fixture(scope='module')
+def chromium():
+    with Chromium() as chromium:
+        yield chromium
+
+
+@pytest.fixture
+def browser(chromium):
+    """Return the browser without the page of an earlier test, which would try to reconnect."""
+    chromium.open('about:blank')
+    chromium.console.clear()
+    return chromium
+
+
+@pytest.fixture
+def rig(context, trained):
+    """Return the simulated rig, its nodes and a live page beside it."""
+    with ExitStack() as stack:
+        simulated = stack.enter_context(SimulatedRig(seed=3))
+        models = find_models(trained)
+        graph = rig_graph(Ports(*simulated.ports), models, {}, simulated=True)
+        watch = stack.enter_context(
+            watching(
+                context,
+                WatchOptions(),
+                simulated=True,
+                before_trial=lambda r: simulated.mount(r.protocol, r.object_label, r.contact),
+            )
+        )
+        nodes = stack.enter_context(running_graph(graph, context, quiet=True))
+        yield simulated, nodes, watch
+
+
+class Recorder:
+    """Of a rig that is not recorded."""
+
+    has_failed = False
+    failure = ''
+    audits = ()
+
+
+def click(browser, button):
+    browser.wait_for(f'(b => b && !b.hidden && !b.disabled)(document.getElementById("{button}"))')
+    browser.evaluate(f'document.getElementById("{button}").click()')
+
+
+def wait_for_log(browser, text):
+    browser.wait_for(f'document.getElementById("said").innerText.includes({text!r})')
+
+
+def start_trial(browser, protocol, label):
+    click(browser, 'trial')
+    browser.evaluate(
+        f'document.getElementById("protocol").value = "{protocol}";'
+        f'document.getElementById("object").value = "{label}"'
+    )
+    click(browser, 'go')
+
+
+def text_of(browser, selector):
+    return browser.evaluate(f'document.querySelector("{selector}").textContent')
+
+
+@needs_chromium
+def test_a_trial_is_seen_from_contact_to_label(rig, browser):
+    _, _, watch = rig
+    browser.open(watch.address)
+    click(browser, 'home')
+    wait_for_log(browser, 'homed')
+    browser.evaluate(
+        'window.phases = [];'
+        'new MutationObserver(() => window.phases.push('
+        'document.querySelector(".phase").textContent)).observe('
+        'document.querySelector(".phase"), {childList: true, characterData: true, subtree: true})'
+    )
+    start_trial(browser, 'stiffness', 'none')
+    browser.wait_for('/done$/.test(document.querySelector("#said li").innerText)', 60.0)
+    browser.wait_for('document.querySelector(".phase").textContent === "done"')
+    phases = browser.evaluate('window.phases')
+    assert [p for p in phases if p in ('contact', 'hold', 'release')] == [
+        'contact',
+        'hold',
+        'release',
+    ]
+    assert text_of(browser, '.label') == 'none'
+    assert 'as stated for the trial' in text_of(browser, '.verdict')
+    assert browser.evaluate('document.querySelectorAll(".scores tr").length') == 5
+    assert browser.evaluate('document.getElementById("simulated").hidden') is False
+    assert 'linear_guide' in browser.evaluate('document.getElementById("devices").innerText')
+    # Something is drawn in the colour of the trace, and the phases behind it.
+    assert (
+        browser.evaluate(
+            '(() => { const c = document.querySelector(".tension-plot canvas");'
+            'const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;'
+            'const seen = new Set(); for (let i = 0; i < d.length; i += 4) '
+            'if (d[i + 3]) seen.add(d[i] << 16 | d[i + 1] << 8 | d[i + 2]); return seen.size })()'
+        )
+        > 20
+    )
+    for scheme in ('light', 'dark'):
+        browser.set_scheme(scheme)
+        for width in (1280, 390):
+            browser.resize(width, 844)
+            assert browser.evaluate(NO_OVERFLOW)
+            assert browser.evaluate(CONTRAST) >= 4.5, f'{scheme}, {width} pixels'
+            assert browser.evaluate(STOP_IS_SEEN)
+    browser.set_scheme('light')
+    browser.resize(1280, 900)
+    assert browser.console == []
+
+
+CONTRAST = """(() => {
+  const light = (c) => { const [r, g, b] = c.match(/[\\d.]+/g).map(Number).map((v) => v / 255)
+    .map((v) => (v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const ground = (e) => { while (e) { const c = getComputedStyle(e).backgroundColor;
+    if (!/, 0(\\.\\d+)?\\)$/.test(c) && c !== 'rgba(0, 0, 0, 0)') return c; e = e.parentElement; }
+    return 'rgb(255, 255, 255)'; };
+  let least = 21;
+  for (const e of document.querySelectorAll('h1, h2, h3, p, span, b, td, li, time, button')) {
+    if (!e.offsetParent || e.disabled || e.closest('.old') || !e.innerText.trim()) continue;
+    const [a, b] = [light(getComputedStyle(e).color), light(ground(e))].sort((x, y) => y - x);
+    least = Math.min(least, (a + 0.05) / (b + 0.05));
+  }
+  return least; })()"""
+"""The least contrast of a text with its ground; WCAG AA wants 4.5."""
+
+STOP_IS_SEEN = """(() => { const r = document.getElementById('stop').getBoundingClientRect();
+  return r.top >= 0 && r.bottom <= innerHeight && r.width >= 190 && r.height >= 55
+    && document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2).id === 'stop'; })()"""
+
+
+@needs_chromium
+def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
+    simulated, nodes, watch = rig
+    browser.open(watch.address.split('#')[0])  # without the token
+    browser.wait_for('document.querySelector(".tension")')
+    assert browser.evaluate('document.getElementById("home").hidden')
+    operator = OperatorNode((), nodes['trial_runner'].context)
+    with NodeGroup([operator], nodes['trial_runner'].context):
+        operator.home_guide()
+        simulated.mount('texture', 'R1', 'flexion')
+        request = TrialRequest('texture', 'flexion', 'R1', 'first')
+        stopped = []
+        live = LiveRig(operator, Recorder(), {}, watch=watch)
+
+        def run():
+            try:
+                run_with_second_try(live, request, Output(as_json=True))
+            except StoppedError as error:
+                stopped.append(str(error))
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        browser.wait_for('document.querySelector(".phase").textContent === "glide"')
+        click(browser, 'stop')
+        browser.wait_for('document.querySelector(".phase").textContent === "aborted"')
+        thread.join(DEADLINE_S)
+        wait_for_log(browser, 'stopped')
+    assert len(stopped) == 1, 'the trial was cancelled, so it is not run again'
+    assert 'cancelled' in stopped[0]
+    assert watch.was_stopped
+    deadline = time.monotonic() + DEADLINE_S
+    while (before := simulated.truth()) and time.monotonic() < deadline:
+        time.sleep(0.1)
+        after = simulated.truth()
+        keys = ('guide_position_m', 'tendon_displacement_m')
+        if all(before[k] == after[k] for k in keys):
+            break
+    assert after['guide_position_m'] == before['guide_position_m']
+    assert abs(after['tendon_displacement_m']) < 1e-3, 'the tendon is let out'
+    assert browser.console == []
+
+
+@needs_chromium
+def test_a_page_without_fingers_says_what_to_do_and_that_it_is_cut_off(context, browser):
+    with watching(context, WatchOptions()) as watch:
+        browser.open(watch.address)
+        browser.wait_for('document.getElementById("where").textContent.includes("ROS domain")')
+        text = browser.evaluate('document.querySelector("main").innerText')
+        assert 'Waiting for samples' in text
+        assert f'ROS domain {context.get_domain_id()}' in text
+        assert browser.console == []
+    browser.wait_for('!document.getElementById("cut").hidden')
+    assert browser.evaluate('document.getElementById("stop").disabled')
+
+
+def test_a_silent_sensor_is_told_with_its_remedy(rig):
+    simulated, _, watch = rig
+
+    def is_told():
+        devices = {d['name']: d for d in watch.state.describe_devices()}
+        return devices.get('tendon_sensor', {}).get('level') in ('warning', 'error')
+
+    deadline = time.monotonic() + DEADLINE_S
+    while not watch.state.silences():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    simulated.fault('sensor', 'unplug')
+    while not (is_told() and watch.state.silences()[''] > 1.0):
+        assert time.monotonic() < deadline, watch.state.describe_devices()
+        time.sleep(0.05)

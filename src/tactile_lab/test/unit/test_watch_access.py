@@ -1,0 +1,116 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who may look at the live page and who may move the rig."""
+
+import json
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from tactile_lab.watch.access import Access, ACTIONS, Command, CommandError, read_command
+
+ACCESS = Access(8642, 'Lab-PC', 'secret')
+
+
+@given(st.text(max_size=300) | st.recursive(st.none() | st.integers() | st.text(), st.lists))
+def test_any_text_is_a_command_or_refused(text):
+    try:
+        command = read_command(text if isinstance(text, str) else json.dumps(text))
+    except CommandError:
+        return
+    assert command.action in ACTIONS
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(['do', 'finger', 'token', 'protocol', 'contact', 'object', 'more']),
+        st.sampled_from([*ACTIONS, 'texture', 'flexion']) | st.text(max_size=8) | st.none(),
+    )
+)
+def test_any_object_is_a_command_or_refused(document):
+    try:
+        command = read_command(json.dumps(document))
+    except CommandError:
+        return
+    assert command.action == document['do']
+    assert (command.trial is not None) == (command.action == 'trial')
+    if command.action != 'stop':
+        assert bool(ACCESS.refuse_command(command)) == (command.token != 'secret')
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['', 'stop', '[]', '{}', '{"do": "shutdown"}', '{"do": "stop", "finger": "\\u0000"}'],
+)
+def test_what_is_no_command_is_refused(text):
+    with pytest.raises(CommandError):
+        read_command(text)
+
+
+def test_deep_and_long_texts_are_refused():
+    for text in ('[' * 4000, '"' + 'x' * 5000 + '"', json.dumps({'do': 'x' * 201})):
+        with pytest.raises(CommandError):
+            read_command(text)
+
+
+def test_a_stop_needs_no_token_and_what_moves_does():
+    assert ACCESS.refuse_command(Command('stop')) == ''
+    for action in ('tare', 'home', 'trial'):
+        assert 'look and stop only' in ACCESS.refuse_command(Command(action))
+        assert 'look and stop only' in ACCESS.refuse_command(Command(action, token='Secret'))
+        assert ACCESS.refuse_command(Command(action, token='secret')) == ''
+
+
+@pytest.mark.parametrize(
+    'host', ['127.0.0.1:8642', 'localhost:8642', '[::1]:8642', 'LAB-PC:8642', '10.0.0.7:8642']
+)
+def test_our_own_hosts_and_origins_are_served(host):
+    assert ACCESS.refuse_request(host, None, is_socket=False) == ''
+    assert ACCESS.refuse_request(host, f'http://{host}', is_socket=True) == ''
+
+
+@pytest.mark.parametrize(
+    'host',
+    [
+        '',
+        'evil.example:8642',
+        'localhost.evil.example:8642',
+        '127.0.0.1.evil.example:8642',
+        'localhost:8643',
+        '127.0.0.1',
+        'localhost:8642@evil.example',
+        'evil.example/localhost:8642',
+        '[::1',
+        'localhost:x',
+    ],
+)
+def test_foreign_hosts_are_refused(host):
+    assert ACCESS.refuse_request(host, None, is_socket=False)
+    assert ACCESS.refuse_request(host, f'http://{host}', is_socket=True)
+
+
+@pytest.mark.parametrize(
+    'origin',
+    [None, 'null', 'http://evil.example', 'https://localhost:8642', 'http://localhost:8643', ''],
+)
+def test_foreign_origins_get_no_socket(origin):
+    assert ACCESS.refuse_request('localhost:8642', origin, is_socket=True)
+
+
+@given(st.text(max_size=60), st.none() | st.text(max_size=60))
+def test_any_headers_are_judged(host, origin):
+    if not ACCESS.refuse_request(host, origin, is_socket=True):
+        assert origin == f'http://{host}'

@@ -1,0 +1,98 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The points of the live plot: no spike is lost, however samples come in blocks."""
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+
+from tactile_features.records import StrainBlock
+from tactile_lab.watch.decimation import BUCKET_NS, Decimator
+
+RATES_HZ = st.sampled_from([1.0, 60.0, 150.0, 199.0, 200.0, 201.0, 1000.0, 7000.0])
+
+
+def blocks_of(tension_n, period_ns, cuts, *, start_ns=0, lost=()):
+    """Return the samples in blocks that end at ``cuts``, without those whose index is lost."""
+    stamps = start_ns + np.arange(len(tension_n)) * period_ns
+    ends = sorted({*cuts, *lost, *(i + 1 for i in lost), len(tension_n)} - {0})
+    blocks, begin = [], 0
+    for end in ends:
+        if begin not in lost:
+            values = np.array(tension_n[begin:end])
+            blocks.append(StrainBlock(int(stamps[begin]), begin, period_ns, values))
+        begin = end
+    return blocks
+
+
+def points_of(blocks):
+    decimator = Decimator()
+    points = [point for block in blocks for point in decimator.add(block)]
+    return points + decimator._close()
+
+
+@st.composite
+def signals(draw):
+    count = draw(st.integers(1, 300))
+    tension_n = draw(st.lists(st.integers(-99, 99), min_size=count, max_size=count))
+    cuts = draw(st.lists(st.integers(1, count), max_size=20))
+    start_ns = draw(st.integers(0, 3 * BUCKET_NS))
+    return [float(t) for t in tension_n], round(1e9 / draw(RATES_HZ)), cuts, start_ns
+
+
+@given(signals())
+def test_blocks_do_not_matter_and_every_bucket_keeps_its_extremes(signal):
+    tension_n, period_ns, cuts, start_ns = signal
+    points = points_of(blocks_of(tension_n, period_ns, cuts, start_ns=start_ns))
+    assert points == points_of(blocks_of(tension_n, period_ns, [], start_ns=start_ns))
+    stamps = [p.stamp_ns for p in points]
+    assert stamps == sorted(set(stamps))
+    samples = {start_ns + i * period_ns: t for i, t in enumerate(tension_n)}
+    assert all(samples[p.stamp_ns] == p.tension_n for p in points)
+    buckets = {}
+    for stamp_ns, tension in samples.items():
+        buckets.setdefault(stamp_ns // BUCKET_NS, []).append(tension)
+    for bucket, expected in buckets.items():
+        kept = [p.tension_n for p in points if p.stamp_ns // BUCKET_NS == bucket]
+        assert len(kept) <= 2
+        assert (min(kept), max(kept)) == (min(expected), max(expected))
+
+
+@given(signals(), st.sets(st.integers(0, 299), max_size=5))
+def test_the_line_breaks_at_each_run_of_lost_samples(signal, lost):
+    tension_n, period_ns, cuts, _ = signal
+    lost = {i for i in lost if 0 < i < len(tension_n) - 1}
+    points = points_of(blocks_of(tension_n, period_ns, cuts, lost=lost))
+    runs = sum(i - 1 not in lost for i in lost)
+    assert sum(p.tension_n is None for p in points) == runs
+    stamps = [p.stamp_ns for p in points]
+    assert stamps == sorted(stamps)
+
+
+def test_a_spike_of_one_sample_at_7_khz_is_seen():
+    tension_n = [math.sin(i / 500) for i in range(7000)]
+    tension_n[3456] = 25.0
+    points = points_of(blocks_of(tension_n, round(1e9 / 7000), range(7, 7000, 7)))
+    assert max(p.tension_n for p in points) == 25.0
+    assert len(points) <= 202
+
+
+def test_an_older_block_gives_nothing():
+    decimator = Decimator()
+    new = StrainBlock(10**9, 60, 16_666_667, np.array([1.0]))
+    assert len(decimator.add(new)) == 1
+    assert decimator.add(StrainBlock(10**9 - 16_666_667, 59, 16_666_667, np.array([1.0]))) == []

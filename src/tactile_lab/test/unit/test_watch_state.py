@@ -1,0 +1,346 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the live page shows, from records alone."""
+
+import json
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from rich.console import Console
+
+from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import Outcome as Answered
+from tactile_features.feature_sets.texture_spectrum import compute_spectrum
+from tactile_features.records import (
+    FeatureWindow,
+    Outcome,
+    STATUS_CLOCK_STEP,
+    STATUS_SATURATED,
+    StrainBlock,
+    TrialEvent,
+)
+from tactile_lab.watch.finger import Finger
+from tactile_lab.watch.state import Frames, MOST_FINGERS, SPECTRUM_PERIOD_S, WatchState
+from tactile_lab.watch.terminal import draw, sparkline
+
+PERIOD_NS = 16_666_667
+START_NS = 1_700_000_000 * 10**9
+
+
+class Clock:
+    def __init__(self):
+        self.now_s = 100.0
+
+    def __call__(self):
+        return self.now_s
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture
+def state(clock):
+    return WatchState('ROS domain 3', clock=clock)
+
+
+def block(number, tension_n=(1.0,), status=0, **fields):
+    stamp_ns = START_NS + number * PERIOD_NS
+    return StrainBlock(stamp_ns, number, PERIOD_NS, np.array(tension_n), status=status, **fields)
+
+
+def event(number, phase, label='R1', trial='t1'):
+    stamp_ns = START_NS + number * PERIOD_NS
+    return TrialEvent(stamp_ns, trial, 's', 'texture', 'flexion', label, phase, simulated=True)
+
+
+def answer(label='R1', outcome=Answered.LABEL, trial='t1', **fields):
+    return ClassificationResult(
+        task='texture',
+        trial_id=trial,
+        contact='flexion',
+        model_id='m',
+        simulated=True,
+        outcome=outcome,
+        label=label if outcome == Answered.LABEL else '',
+        reason='' if outcome == Answered.LABEL else 'unlike all that the model was trained on',
+        labels=('C1', 'R1'),
+        scores=(0.1, 0.9),
+        score_kind='probability',
+        novelty=-1.0,
+        novelty_threshold=-1.0,
+        window_start_ns=START_NS,
+        window_end_ns=START_NS + 1,
+        frame_id='',
+        **fields,
+    )
+
+
+def window(values, feature_set='texture_spectrum', running=False):
+    return FeatureWindow(
+        feature_set=feature_set,
+        feature_set_version=2,
+        trial_id='t1',
+        contact='flexion',
+        simulated=True,
+        outcome=Outcome.OK,
+        reason='',
+        values=np.array(values),
+        window_start_ns=START_NS,
+        window_end_ns=START_NS + 10**9,
+        first_sequence=0,
+        rate_hz=60.0,
+        sample_count=180,
+        interpolated_count=0,
+        status=0,
+        frame_id='',
+        running=running,
+    )
+
+
+def test_frames_hold_each_point_once_and_the_state_when_it_changes(state, clock):
+    frames = Frames(state)
+    first = frames.next()
+    assert first['state']['fingers'] == []
+    assert frames.next() is None
+    for number in range(5):
+        state.take_block('index', block(number))
+    frame = frames.next()
+    assert [f['name'] for f in frame['state']['fingers']] == ['index']
+    assert frame['live']['index']['y'] == [1.0] * 5
+    state.take_block('index', block(5, (2.0,)))
+    frame = frames.next()
+    assert 'state' not in frame
+    assert frame['live']['index']['y'] == [2.0]
+    assert frame['live']['index']['x'] == [pytest.approx(5 * PERIOD_NS * 1e-9, abs=1e-4)]
+    assert frames.next() is None
+    frames.restart()
+    assert frames.next()['live']['index']['y'] == [1.0] * 5 + [2.0]
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 2), st.integers(1, 70)), max_size=30))
+def test_pages_that_follow_and_pages_that_come_late_see_the_same(steps):
+    state = WatchState(clock=Clock())
+    frames, seen, number = Frames(state), [], 0
+    for kind, count in steps:
+        if kind:
+            state.take_block('', block(number, np.arange(number, number + count, dtype=float)))
+            number += count
+        else:
+            frame = frames.next()
+            seen += ((frame or {}).get('live') or {}).get('', {}).get('y', [])
+    seen += ((frames.next() or {}).get('live') or {}).get('', {}).get('y', [])
+    frame = Frames(state).next() or {}
+    late = (frame.get('live') or {}).get('', {}).get('y', [])
+    assert seen == [float(i) for i in range(number)]
+    assert late == seen[len(seen) - len(late) :]
+    json.dumps(frame, allow_nan=False)
+
+
+def test_a_trial_is_followed_from_contact_to_label(state):
+    state.take_block('', block(0, np.zeros(600)))
+    for number, phase in ((60, 'approach'), (120, 'contact'), (180, 'glide')):
+        state.take_event('', event(number, phase))
+    (finger,) = state.describe()['fingers']
+    assert finger['trial']['phase'] == 'glide'
+    assert finger['trial']['runs']
+    assert [(s['phase'], s['from'], s['to']) for s in finger['spans']] == [
+        ('approach', 1.0, 2.0),
+        ('contact', 2.0, 3.0),
+        ('glide', 3.0, None),
+    ]
+    state.take_event('', event(420, 'release'))
+    state.take_answer('', 'texture_flexion_classifier', answer())
+    state.take_event('', event(480, 'done'))
+    (finger,) = state.describe()['fingers']
+    assert not finger['trial']['runs']
+    assert finger['spans'][-1] == {'phase': 'release', 'from': 7.0, 'to': 8.0}
+    (said,) = finger['answers']
+    assert said['scores'] == [['R1', 0.9], ['C1', 0.1]]
+    assert said['true'] == 'R1'
+    assert said['right'] is True
+    assert state.describe()['simulated']
+
+
+@pytest.mark.parametrize(
+    ('result', 'right', 'line'),
+    [
+        (answer('C1'), False, 'wrong, it is R1'),
+        (answer(outcome=Answered.UNKNOWN), None, 'unknown: unlike all'),
+        (answer(outcome=Answered.NO_FEATURES), None, 'no answer: '),
+        (answer(trial='another'), None, 'R1            (0.90 probability)'),
+        (answer(running=True), None, None),
+    ],
+)
+def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, right, line):
+    lines = []
+    state.on_answer = lambda *what: lines.append(what)
+    state.take_event('', event(0, 'glide'))
+    state.take_answer('', 'c', result)
+    (said,) = state.describe()['fingers'][0]['answers']
+    assert said['right'] is right
+    sentences = [s['text'] for s in state.describe()['said']]
+    if line is None:
+        assert sentences == []
+        assert lines == []
+    else:
+        assert line in sentences[0]
+        assert 'SIMULATED' in sentences[0]
+        assert len(lines) == 1
+
+
+def test_the_newest_answer_comes_last(state):
+    state.take_answer('', 'a', answer('C1'))
+    state.take_answer('', 'b', answer('R1'))
+    state.take_answer('', 'a', answer('R1'))
+    (finger,) = state.describe()['fingers']
+    assert [a['source'] for a in finger['answers']] == ['b', 'a']
+
+
+def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_window():
+    finger = Finger('')
+    assert finger.spectrum() is None
+    tension_n = 3.0 + 0.1 * np.sin(2 * np.pi * 10.0 * np.arange(600) / 60.0)
+    finger.take_block(block(0, tension_n), 0.0)
+    spectrum = finger.spectrum()
+    assert spectrum['part'] == 'last 3 s'
+    expected = compute_spectrum(tension_n[-180:], 'linear', 'none')
+    assert spectrum['values'] == pytest.approx(expected, rel=1e-3, abs=1e-4)
+    assert np.argmax(spectrum['values']) * spectrum['step_hz'] == pytest.approx(10.0, rel=1e-6)
+    finger.take_event(event(540, 'glide'))
+    spectrum = finger.spectrum()
+    assert spectrum['part'] == 'glide so far'
+    assert len(spectrum['values']) == 59 // 2 + 1
+    finger.take_window(window(np.arange(91) / 100.0))
+    spectrum = finger.spectrum()
+    assert spectrum['part'] == 'window of the trial'
+    assert spectrum['step_hz'] == pytest.approx(1 / 3)
+    assert spectrum['values'][-1] == 0.9
+    finger.take_event(event(700, 'approach', trial='t2'))
+    assert finger.spectrum()['part'] == 'last 3 s'
+
+
+def test_other_feature_sets_leave_the_spectrum_of_the_samples():
+    finger = Finger('')
+    finger.take_block(block(0, np.zeros(600)), 0.0)
+    finger.take_window(window([1.0, 2.0, 3.0], 'stiffness_regression'))
+    assert finger.spectrum()['part'] == 'last 3 s'
+
+
+def test_spectra_come_five_times_a_second(state, clock):
+    frames, count = Frames(state), 0
+    for number in range(60):
+        clock.now_s += 1 / 60
+        state.take_block('', block(number))
+        frame = frames.next()
+        count += 'spectrum' in frame['live']['']
+    assert count <= 1 / SPECTRUM_PERIOD_S + 1
+
+
+def test_a_fast_sensor_fills_its_buffers_again_and_again():
+    finger = Finger('')
+    period_ns = round(1e9 / 7000)
+    generator = np.random.default_rng(1)
+    tension_n = generator.normal(size=200_000)
+    for begin in range(0, len(tension_n), 70):
+        part = tension_n[begin : begin + 70]
+        finger.take_block(StrainBlock(START_NS + begin * period_ns, begin, period_ns, part), 0.0)
+    expected = compute_spectrum(tension_n[-21_000:], 'linear', 'none')
+    spectrum = finger.spectrum()
+    assert spectrum['values'] == pytest.approx(expected[: len(spectrum['values'])], rel=1e-2)
+    assert len(finger.points_since(0)[0]) <= 3600
+
+
+def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
+    frames = Frames(state)
+    for number in range(600, 610):
+        state.take_block('', block(number))
+    epoch = frames.next()['live']['']['epoch']
+    state.take_block('', block(605))
+    assert frames.next() is None
+    state.take_block('', block(0, (5.0,), status=STATUS_CLOCK_STEP))
+    live = frames.next()['live']['']
+    assert live['epoch'] == epoch + 1
+    assert live['y'] == [5.0]
+
+
+def test_silent_sensors_and_devices_are_told(state, clock):
+    state.take_block('', block(0, status=STATUS_SATURATED))
+    state.take_health('tendon_sensor', 0, 'samples arrive', {})
+    state.take_readiness('linear_guide', ['Home the guide.'])
+    state.take_health('linear_guide', 1, 'not homed; home the guide', {})
+    (finger,) = state.describe()['fingers']
+    assert 'saturated' in finger['faults'][0]
+    frames = Frames(state)
+    frames.next()
+    clock.now_s += 6.0
+    assert state.silences() == {'': pytest.approx(6.0)}
+    guide, sensor = frames.next()['state']['devices']
+    assert guide['missing'] == ['Home the guide.']
+    assert sensor['level'] == 'stale'
+    assert 'start its node again' in sensor['message']
+    assert frames.next() is None
+
+
+def test_progress_comes_from_the_operator(state):
+    state.take_health('operator', 0, 'trial 3 of 10', {'trial': '3', 'trials': '10'})
+    assert state.describe()['progress'] == {'trial': '3', 'trials': '10', 'text': 'trial 3 of 10'}
+
+
+def test_strangers_cannot_fill_the_memory(state):
+    for number in range(200):
+        state.take_block(f'f{number}', block(0))
+        state.take_health(f'd{number}', 9, '', {})
+        state.take_readiness(f'd{number}', [])
+        state.take_answer('f0', f'c{number}', answer())
+        state.take_event('f0', event(number, 'glide'))
+    description = state.describe()
+    assert len(description['fingers']) == MOST_FINGERS
+    assert len(description['devices']) <= 64
+    assert len(description['fingers'][0]['answers']) <= 12
+    assert len(description['said']) <= 30
+
+
+def test_the_terminal_shows_the_same(state, clock):
+    console = Console(width=100, record=True, file=open('/dev/null', 'w'))  # noqa: SIM115
+    console.print(draw(state, 100))
+    state.take_block('index', block(0, np.sin(np.arange(300))))
+    state.take_event('index', event(0, 'glide'))
+    state.take_answer('index', 'c', answer())
+    state.take_health('index/tendon_sensor', 2, 'The link is silent. Plug it in.', {})
+    clock.now_s += 3.0
+    console.print(draw(state, 100))
+    text = console.export_text()
+    for part in (
+        'Waiting for samples: no finger on ROS domain 3',
+        'index, SIMULATED',
+        'glide',
+        '60 Hz',
+        'R1',
+        '(0.90 probability)  right',
+        'The link is silent. Plug it in.',
+        'Waiting for samples for 3 s',
+    ):
+        assert part in text
+
+
+def test_a_sparkline_shows_the_largest_of_each_part():
+    assert sparkline([], 10) == ''
+    assert sparkline([0.0, 0.0], 10) == '  '
+    assert sparkline([0.0] * 50 + [1.0] + [0.0] * 49, 10) == ' ' * 5 + '█' + ' ' * 4
