@@ -84,7 +84,7 @@ class TendonSensorConfig:
     )
     offset_n: float = _option(
         0.0,
-        'added to value times scale by a line sensor, beneath any tare; see tactile calibrate',
+        'added to value times scale, of lines and topics, beneath any tare; see tactile calibrate',
         unit='N',
         range=(-1e6, 1e6),
     )

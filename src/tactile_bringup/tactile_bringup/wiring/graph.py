@@ -33,6 +33,7 @@ from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.slip import SlipConfig
 from tactile_ros.errors import TactileError
+from tendon_sensor_driver.records import AXES, NORM
 
 FEATURES_NODE = 'tactile_features'
 """Name of the node that computes features."""
@@ -157,6 +158,15 @@ def recalibration_parameters(
     except ValueError:
         raise TactileError(f'recalibrate is "{trials}"; it must be a number of trials') from None
     return {name: {'recalibration_trials': count} for name in models} if count else {}
+
+
+def sensor_on_topic(text: str, rate_hz: float = 0.0) -> dict[str, Any]:
+    """Return the parameters of a sensor for ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``."""
+    topic, _, part = text.partition(':')
+    parameters: dict[str, Any] = {'sensor': 'topic', 'topic': topic, 'rate_hz': rate_hz}
+    if part:
+        parameters['axis' if part in (*AXES, NORM) else 'joint'] = part
+    return parameters
 
 
 def slip_node(

@@ -44,6 +44,7 @@ from tactile_bringup.wiring.graph import (
     RIG_NODES,
     sensing_graph,
     SENSING_NODES,
+    sensor_on_topic,
     SLIP_NODE,
     slip_node,
 )
@@ -55,7 +56,6 @@ from tactile_bringup.wiring.parameter_files import read_parameters
 from tactile_classifier.names import parse_classifier_name
 from tactile_features.records import PHASES_STATED
 from tactile_ros.errors import TactileError
-from tendon_sensor_driver.records import AXES, NORM
 
 DEVICES = Path('/dev/tactile')
 """Where the udev rules of this package put the names of the devices."""
@@ -276,16 +276,12 @@ def _finger_nodes(
 def _sensor_on_topic(
     topic: str, models: Mapping[str, str], stated: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Return the parameters of a sensor for ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``."""
+    """Return the parameters of a sensor on a topic; empty without one."""
     if not topic:
         return {}
-    name, _, part = topic.partition(':')
     of_features = stated.get(FEATURES_NODE, {})
-    rate_hz = {**wanted_features(models, of_features), **of_features}.get('rate_hz', 0.0)
-    parameters: dict[str, Any] = {'sensor': 'topic', 'topic': name, 'rate_hz': float(rate_hz)}
-    if part:
-        parameters['axis' if part in (*AXES, NORM) else 'joint'] = part
-    return parameters
+    wanted = {**wanted_features(models, of_features), **of_features}
+    return sensor_on_topic(topic, float(wanted.get('rate_hz', 0.0)))
 
 
 def _models_of_contact(models: Mapping[str, str], contact: str) -> Mapping[str, str]:

@@ -328,6 +328,12 @@ def devices(
             'opening its port needs two.',
         ),
     ] = 2.5,
+    topics: Annotated[
+        bool,
+        typer.Option(
+            '--topics', help='List topics on which other nodes publish a force, instead of ports.'
+        ),
+    ] = False,
     quiet: Annotated[
         bool, typer.Option('--quiet', help='Send nothing to serial ports: listen only.')
     ] = False,
@@ -337,7 +343,8 @@ def devices(
 
     Every serial port with its USB numbers and the names that stay, and what answers there:
     a linear guide (Grbl), a Dynamixel servo, a load cell that sends lines, or an ATI Net F/T
-    at an address that you give. Beside it stand the parameters of the node that fit.
+    at an address that you give. Beside it stand the parameters of the node that fit. With
+    ``--topics``, the forces that other nodes publish on this ROS domain.
 
     Nothing is moved. A port that speaks by itself is only listened to; a silent one is sent a
     question mark, which Grbl answers and others ignore, and then a Dynamixel ping at each usual
@@ -349,13 +356,21 @@ def devices(
     with refusals():
         from tactile_lab.commands.devices import run_devices
 
-        run_devices(port or [], net_ft or [], listen_s=listen, is_quiet=quiet, as_json=json_output)
+        run_devices(
+            port or [],
+            net_ft or [],
+            topics=topics,
+            listen_s=listen,
+            is_quiet=quiet,
+            as_json=json_output,
+        )
 
 
 def check(
     guide: GuideOption = '',
     tendon: TendonOption = '',
     sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
     namespace: Annotated[str, typer.Option(help='Namespace of the nodes in --params.')] = '',
@@ -374,8 +389,8 @@ def check(
 ) -> None:
     """Exercise each device and print what it found; exit with 1 when something is wrong.
 
-    Devices are those whose port is given here, or whose ``port`` (of a Net F/T: ``sensor``)
-    stands in ``--params``. No node of the rig may run meanwhile: a port has one user.
+    Devices are those whose port or topic is given here, or whose ``port`` (without one:
+    ``sensor``) stands in ``--params``. No node of the rig may run meanwhile: a port has one user.
 
     **Sensor**: rate against ``rate_hz``, noise, lost samples, error of the time stamps, status
     bits. Leave the tendon alone while it listens.
@@ -401,6 +416,7 @@ def check(
                 namespace=namespace,
                 seconds=seconds,
                 may_move=move,
+                sensor_topic=sensor_topic,
             ),
             as_json=json_output,
         )

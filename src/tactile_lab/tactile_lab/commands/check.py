@@ -27,17 +27,19 @@ from rich.markup import escape
 from rich.table import Table
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
+from tactile_bringup.wiring.graph import PORTLESS_SENSORS, sensor_on_topic
 from tactile_bringup.wiring.parameter_files import read_parameters
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.rig import open_ports, PortArguments
 from tactile_lab.devices.device_checks import (
     check_guide,
-    check_sensor,
     check_tendon,
     CheckReport,
 )
+from tactile_lab.devices.sensor_checks import check_sensor, MakeSensor
 from tactile_ros.errors import TactileError
 from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.sensors import make_sensor
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
 _Config = TypeVar('_Config')
@@ -52,6 +54,7 @@ class CheckRequest:
     namespace: str
     seconds: float
     may_move: bool
+    sensor_topic: str = ''
 
 
 def run_check(request: CheckRequest, *, as_json: bool) -> bool:
@@ -98,21 +101,30 @@ def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], C
         name: {**of_node, **({'port': given[name]} if given[name] else {})}
         for name, of_node in wanted.items()
     }
+    if request.sensor_topic:
+        stated = wanted['sensor']
+        wanted['sensor'] = {**sensor_on_topic(request.sensor_topic), **stated}
     # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
     named = [
         name
         for name, of_node in wanted.items()
-        if 'port' in of_node or of_node.get('sensor') == 'net_ft'
+        if 'port' in of_node or of_node.get('sensor') in PORTLESS_SENSORS
     ]
     if not named:
         raise TactileError(
-            'name what to check: --sensor, --guide or --tendon with a port, --params with a file '
-            'that names ports, or --simulated; "tactile devices" lists what is plugged in'
+            'name what to check: --sensor, --guide or --tendon with a port, --sensor-topic, '
+            '--params with a file that names ports, or --simulated; "tactile devices" lists what '
+            'is plugged in'
         )
     checks: dict[str, Callable[[], CheckReport]] = {}
     if 'sensor' in named:
         sensor = _make_config(TendonSensorConfig, 'tendon_sensor', wanted['sensor'])
-        checks['sensor'] = lambda: check_sensor(sensor, request.seconds)
+        make: MakeSensor = make_sensor
+        if sensor.sensor == 'topic':
+            from tactile_lab.commands.force_topics import sensors_on_topics
+
+            make = stack.enter_context(sensors_on_topics(request.namespace))
+        checks['sensor'] = lambda: check_sensor(sensor, request.seconds, make)
     if 'guide' in named:
         guide = _make_config(LinearGuideConfig, 'linear_guide', wanted['guide'])
         checks['guide'] = lambda: check_guide(guide, request.may_move)

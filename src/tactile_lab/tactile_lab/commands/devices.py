@@ -36,6 +36,7 @@ def run_devices(
     ports: Sequence[str],
     hosts: Sequence[str],
     *,
+    topics: bool = False,
     listen_s: float,
     is_quiet: bool,
     as_json: bool,
@@ -48,6 +49,8 @@ def run_devices(
         Ask these only; empty: all of the computer, unless there are hosts.
     hosts : sequence of str
         Addresses of Net F/T boxes.
+    topics : bool
+        Look for topics with a force, and at ports and hosts only where they are named.
     listen_s : float
         How long to wait for a line that speaks by itself [s].
     is_quiet : bool
@@ -57,12 +60,18 @@ def run_devices(
     output = Output(as_json)
     known = {port.port: port for port in find_ports()}
     wanted = [known.get(port, FoundDevice(port, names=find_names(port))) for port in ports]
-    if not ports and not hosts:
+    if not ports and not hosts and not topics:
         wanted = list(known.values())
     found = probe_ports(wanted, listen_s=listen_s, is_quiet=is_quiet)
     found += [probe_net_ft(host) for host in hosts]
+    if topics:
+        from tactile_lab.commands.force_topics import find_force_topics
+
+        found += find_force_topics(listen_s)
     if found:
         output.say(_as_table(found))
+    elif topics:
+        output.say('Nobody publishes a force on this ROS domain; see "ros2 topic list -t".')
     else:
         output.say(
             'No serial port is there. Check cables and power; adapters show up in the output of '

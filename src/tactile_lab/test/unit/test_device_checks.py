@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from tactile_lab.devices.device_checks import judge_blocks
+from tactile_lab.devices.sensor_checks import judge_blocks
 from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
 
 PERIOD_NS = 16_666_667

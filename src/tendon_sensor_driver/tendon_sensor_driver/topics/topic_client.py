@@ -113,7 +113,8 @@ class TopicClient(BlockClient):
                 f'{self._topic} is published by this node itself; set "topic" to that of the force'
             )
         self._note_heard()
-        self._look()
+        with self._node.worker.lock:
+            self._look()
         self._looks = self._node.call_every(LOOK_PERIOD_S, self._look)
 
     def close(self) -> None:
@@ -122,9 +123,10 @@ class TopicClient(BlockClient):
         if self._looks is not None:
             self._looks.cancel()
             self._looks = None
-        self._unsubscribe()
-        self._is_connected = False
-        self._deliver(self._stream.flush())
+        with self._node.worker.held():
+            self._unsubscribe()
+            self._is_connected = False
+            self._deliver(self._stream.flush())
 
     def health(self) -> Health:
         """Return the state of the topic now."""

@@ -89,7 +89,7 @@ class TopicStream:
                 self._begin(dataclasses.replace(self._config, rate_hz=self.meter.rate_hz))
             return []
         status = StrainStatus.OK if stamp_ns is not None else StrainStatus.HOST_TIME
-        tension_n = reading.tension_n
+        tension_n = reading.tension_n + self._config.offset_n
         self.is_value_finite = abs(tension_n) <= LARGEST_TENSION_N
         if not self.is_value_finite:
             tension_n = math.nan

@@ -179,6 +179,11 @@ def test_without_a_stamp_the_arrival_is_the_time_and_says_so():
     assert {block.stamp_error_s for block in blocks} == {-1.0}
 
 
+def test_the_offset_is_added_to_what_was_scaled():
+    (block,) = TopicStream(configure(offset_n=0.25)).add(TopicReading(None, 1.5), START_NS)
+    assert block.tension_n[0] == 1.75
+
+
 def test_arrival_is_taken_where_it_is_wanted():
     stream = TopicStream(configure(topic_stamps='arrival'))
     (block,) = stream.add(TopicReading(START_NS, 1.0), START_NS + 7)

@@ -1,0 +1,98 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Forces that other nodes publish, for the commands that look at devices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import time
+from typing import Any
+
+from tactile_bringup.nodes.graph_runner import ros_context
+from tactile_lab.devices.device_probe import FoundDevice
+from tactile_lab.devices.sensor_checks import MakeSensor
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.message_classes import message_class
+from tactile_ros.programs.node_group import NodeGroup
+from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.topics.readings import READERS
+from tendon_sensor_driver.topics.topic_client import BEST_EFFORT, TopicClient
+
+_OWN = '/tendon_sensor/wrench'  # made of a sensor that is there already
+
+
+@contextmanager
+def sensors_on_topics(namespace: str = '') -> Iterator[MakeSensor]:
+    """Give what makes the client of a topic, while a node of its own runs."""
+    with listening_node(namespace) as node:
+        yield lambda config, on_block, now_ns: TopicClient(node, config, on_block, now_ns)
+
+
+@contextmanager
+def listening_node(namespace: str = '') -> Iterator[DataNode]:
+    """Give a node that is spun, on the domain of the environment."""
+    with ros_context() as context:
+        node = DataNode(
+            'tactile_listener', TendonSensorConfig, context=context, namespace=namespace
+        )
+        with NodeGroup([node], context):
+            yield node
+
+
+def find_force_topics(listen_s: float) -> list[FoundDevice]:
+    """Return the topics of the graph that can hold a tension, with what comes on them.
+
+    Parameters
+    ----------
+    listen_s : float
+        How long to listen [s].
+    """
+    heard: dict[str, list[Any]] = {}
+    types: dict[str, str] = {}
+    with listening_node() as node:
+        until_s = time.monotonic() + listen_s
+        while time.monotonic() < until_s:
+            for topic, names in node.get_topic_names_and_types():
+                known = [name for name in names if name in READERS]
+                if known and topic not in types and not topic.endswith(_OWN):
+                    types[topic] = known[0]
+                    messages = heard.setdefault(topic, [])
+                    node.create_subscription(
+                        message_class(known[0]), topic, messages.append, BEST_EFFORT
+                    )
+            time.sleep(0.1)
+        publishers = {
+            topic: [info.node_name for info in node.get_publishers_info_by_topic(topic)]
+            for topic in types
+        }
+    return [
+        _describe(topic, types[topic], publishers[topic], messages)
+        for topic, messages in sorted(heard.items())
+        if publishers[topic]
+    ]
+
+
+def _describe(topic: str, type_name: str, nodes: list[str], messages: list[Any]) -> FoundDevice:
+    what = f'{type_name.rpartition("/")[2]} of {", ".join(sorted(set(nodes)))}'
+    parameters: dict[str, Any] = {'sensor': 'topic', 'topic': topic}
+    what += f', {len(messages)} messages' if messages else ', silent'
+    if messages and hasattr(messages[-1], 'effort'):
+        message = messages[-1]
+        joints = list(message.name)[: len(message.effort)]
+        what += f'; joints with effort: {", ".join(joints) or "none"}'
+        if len(joints) == 1:
+            parameters['joint'] = joints[0]
+    return FoundDevice(topic, 'sensor' if messages else '', what, parameters=parameters)

@@ -1,0 +1,119 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile check` and `tactile devices` on forces that another node publishes, over real DDS."""
+
+from contextlib import contextmanager
+import json
+import math
+import time
+
+from geometry_msgs.msg import WrenchStamped
+import pytest
+from rclpy.node import Node
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from typer.testing import CliRunner
+
+from tactile_lab.cli.main import app
+from tactile_ros.programs.node_group import NodeGroup
+
+
+class Hand(Node):
+    """Publishes a wrench, or the efforts of two joints, 100 times a second."""
+
+    def __init__(self, context, topic, kind, offset_ns=0):
+        super().__init__('their_hand', context=context)
+        self.kind, self.offset_ns, self.count = kind, offset_ns, 0
+        self.publisher = self.create_publisher(kind, topic, 10)
+        self.start_ns = time.time_ns()
+        self.create_timer(0.01, self.send)
+
+    def send(self):
+        value = math.sin(self.count / 7)
+        stamp_ns = self.start_ns + self.count * 10_000_000 + self.offset_ns
+        self.count += 1
+        message = self.kind()
+        message.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
+        if self.kind is WrenchStamped:
+            message.wrench.force.x = value
+        else:
+            message.name, message.effort = ['thumb', 'index'], [value, 2 * value]
+        self.publisher.publish(message)
+
+
+@pytest.fixture(autouse=True)
+def _domain(context, monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(context.get_domain_id()))
+
+
+@contextmanager
+def publishing(context, *nodes):
+    with NodeGroup([Hand(context, *options) for options in nodes], context):
+        yield
+
+
+def tactile(*arguments):
+    """Exit code and JSON."""
+    done = CliRunner().invoke(app, [*map(str, arguments), '--json'])
+    out = done.stdout
+    return done.exit_code, json.loads(out[out.index('{\n') : out.rindex('}') + 1])
+
+
+def check(*arguments, seconds=4):
+    code, document = tactile('check', '--seconds', seconds, *arguments)
+    (report,) = document['devices']
+    return code, report['facts'], ' '.join(p['what'] + p['remedy'] for p in report['problems'])
+
+
+def test_a_sound_topic_is_fit_and_its_rate_is_measured(context):
+    with publishing(context, ('/ft/wrench', WrenchStamped)):
+        _, facts, problems = check('--sensor-topic', '/ft/wrench:fx', seconds=10)
+    assert 'rate [Hz]' in facts, problems
+    assert facts['rate [Hz]'] == pytest.approx(100.0, rel=0.02)
+    assert facts['samples'] > 50
+    for fault in ('no reading', 'rate_hz', 'publishers', 'no effort'):
+        assert fault not in problems
+
+
+def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context, tmp_path):
+    params = tmp_path / 'params.yaml'
+    params.write_text('tendon_sensor: {ros__parameters: {rate_hz: 60.0}}')
+    nodes = (
+        ('/wrench', WrenchStamped),
+        ('/late', WrenchStamped, -(5 * 10**9)),
+        ('/joints', JointState),
+    )
+    with publishing(context, *nodes):
+        code, _, problems = check('--sensor-topic', '/nothing')
+        assert code == 1
+        assert 'nobody publishes /nothing' in problems
+        _, _, problems = check('--sensor-topic', '/wrench:fx', '--params', params)
+        assert 'rate_hz is 60' in problems
+        _, _, problems = check('--sensor-topic', '/late:fx')
+        assert 'behind the time of this node' in problems
+        _, _, problems = check('--sensor-topic', '/joints:ring')
+        assert 'there is no joint ring, only thumb, index' in problems
+
+
+def test_topics_with_a_force_are_listed_with_their_parameters(context):
+    with publishing(context, ('/ft/wrench', WrenchStamped), ('/joint_states', JointState)):
+        _, document = tactile('devices', '--topics')
+    wrench, joints = document['devices']
+    assert wrench['parameters'] == {'sensor': 'topic', 'topic': '/ft/wrench'}
+    assert 'WrenchStamped of their_hand' in wrench['what']
+    assert 'joints with effort: thumb, index' in joints['what']
+    assert joints['device'] == wrench['device'] == 'sensor'
+    _, document = tactile('devices', '--topics', '--listen', 0.5)
+    assert document['devices'] == []
