@@ -31,7 +31,7 @@ manifest = (ROOT / 'src' / 'tactile_bringup' / 'package.xml').read_text()
 release = version = re.search(r'<version>(.*?)</version>', manifest).group(1)
 
 root_doc = 'docs/index'
-include_patterns = ['*.md', 'docs/*.md', 'docs/*.rst', 'docs/decisions/*.md']
+include_patterns = ['*.md', 'docs/*.md', 'docs/*.rst', 'docs/decisions/*.md', 'docs/examples/*.md']
 exclude_patterns = ['.*', '**/.*', 'src', 'build', 'install', 'log']
 extensions = [
     'myst_parser',

@@ -39,6 +39,7 @@ _HOMES = {
     'compute_spectrum': 'feature_sets.texture_spectrum',
     'features_from_trials': 'extraction.extractor',
     'find_phases': 'phases.signal_phases',
+    'list_feature_sets': 'feature_sets.registry',
     'spec_for': 'spec',
 }
 

@@ -1,0 +1,82 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+# %%
+# # Classify your own recordings
+#
+# From arrays to a model file, in Python and without ROS. SIMULATED trials stand in for yours: two sessions of twelve
+# glides over each of eight plates.
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from tactile_bringup.records import TrialConfig
+from tactile_bringup.trial_protocols import TrialRequest
+from tactile_classifier import TactileModel, evaluate, load_archive, table_from_trials, train, write_model
+from tactile_lab.simulation.simulated_trials import plan_trial
+from tactile_sim.descriptions.catalogue import Catalogue
+from tactile_sim.physics.fast_trials import simulate_trials
+
+catalogue = Catalogue(None)
+planned = plan_trial(TrialConfig(simulated=True), TrialRequest('texture', 'flexion'), catalogue)
+glide_s = dict(planned.phases)['glide']
+parts = [
+    (label, session, simulate_trials('texture', label, 'flexion', planned.timeline, 12, seed=1, session=session))
+    for label in catalogue.labels('texture')
+    for session in (0, 1)
+]
+
+# %%
+# ## The archive
+#
+# One NumPy file with `x` (trials, channels, samples), `label` and `rate_hz`; any other array is a column. Here `session`
+# says which trials belong together.
+tensions, labels, sessions = [], [], []
+for label, session, trials in parts:
+    for tension_n in trials.tension_n:
+        first = np.searchsorted(trials.sample_times_s, glide_s + 0.6)
+        tensions.append(tension_n[first : first + 120])
+        labels.append(label)
+        sessions.append(session)
+scratch = tempfile.TemporaryDirectory()
+folder = Path(scratch.name)
+np.savez(folder / 'trials.npz', x=np.array(tensions)[:, None, :], label=labels, rate_hz=60.0, session=sessions)
+
+# %%
+# ## Features and accuracy
+#
+# Each trial is one window of two seconds. The features are those of the live node.
+trials = load_archive(folder / 'trials.npz')
+table = table_from_trials('texture', trials)
+print(len(table), 'trials,', table.values.shape[1], 'features, such as', table.spec.names[1])
+
+# %%
+# Whole sessions are held out in turn. This is the number to believe: random folds test near copies of what they train on.
+for hold_out in ((), ('session',)):
+    score = evaluate(table, ['knn'], ['none'], hold_out=hold_out).scores[0]
+    print(f'{score.split}: {100 * score.mean:.0f} %')
+
+# %%
+# ## The model file
+#
+# It states its features, its calibration and its limits. It is what the live classifier loads. This one learns from the
+# first session and is asked about the second.
+is_first = table.column('session') == 0
+write_model(folder / 'texture.onnx', train(table.take(is_first), 'knn'))
+model = TactileModel.load(folder / 'texture.onnx')
+later = table.take(~is_first)
+answers = np.array(model.predict(later.values))
+print(model.labels)
+print(f'{np.mean(answers == later.labels):.1%} of {len(later)} trials of the second session named correctly')

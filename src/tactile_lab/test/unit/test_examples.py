@@ -1,0 +1,45 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The examples of the documentation run, and their pages show what they print."""
+
+import importlib
+from pathlib import Path
+import sys
+
+import pytest
+
+from tactile_features.feature_sets.registry import find_feature_set
+
+DOCS = Path(__file__).resolve().parents[4] / 'docs'
+SCRIPTS = sorted((DOCS / 'examples').glob('*.py'))
+
+
+def test_there_are_examples():
+    assert len(SCRIPTS) >= 3 or not DOCS.is_dir()
+
+
+@pytest.mark.parametrize('script', SCRIPTS, ids=lambda script: script.stem)
+def test_the_page_of_an_example_is_what_it_does(script, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, 'path', [str(DOCS), *sys.path])
+    examples = importlib.import_module('examples')
+    try:
+        page = examples.build_page(script, tmp_path)
+    finally:
+        find_feature_set.cache_clear()
+    assert page == script.with_suffix('.md').read_text(), (
+        'renew it: ./tactile run python docs/examples.py'
+    )
+    for image in tmp_path.glob('*.png'):
+        assert (DOCS / 'images' / image.name).is_file()
