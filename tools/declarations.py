@@ -51,6 +51,7 @@ class Library:
 
 LIBRARIES = {
     'aiohttp': Library('python3-aiohttp', 'aiohttp'),
+    'click': Library('python3-click', 'click'),
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'joblib': Library('python3-joblib', 'joblib'),
@@ -60,6 +61,7 @@ LIBRARIES = {
     'numpy': Library('python3-numpy', 'numpy'),
     'onnx': Library('', 'onnx'),
     'onnxruntime': Library('python3-onnxruntime-pip', 'onnxruntime'),
+    'pyarrow': Library('', 'pyarrow'),
     'pynetft': Library('', 'pynetft'),
     'pytest': Library('python3-pytest', 'pytest'),
     'rich': Library('python3-rich', 'rich'),
@@ -77,6 +79,7 @@ LIBRARIES = {
 
 OPTIONAL = {
     'tactile_classifier': {'onnx', 'skl2onnx', 'vision_msgs'},
+    'tactile_lab': {'pyarrow'},
     'tendon_sensor_driver': {'pynetft'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""

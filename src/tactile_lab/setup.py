@@ -28,6 +28,7 @@ setup(
     install_requires=[
         'setuptools',
         'aiohttp',
+        'click',
         'joblib',
         'matplotlib',
         'numpy',
@@ -39,7 +40,7 @@ setup(
         'scipy',
         'typer',
     ],
-    extras_require={'test': ['pytest']},
+    extras_require={'tables': ['pyarrow'], 'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     maintainer_email='maintainers@tendon-tactile.example.org',

@@ -94,6 +94,8 @@ class TactileBag:
     ----------
     path : pathlib.Path
         Folder of the bag, or one data file (``.mcap``, ``.db3``).
+    needs_strain : bool
+        Refuse a bag without strain blocks.
 
     Attributes
     ----------
@@ -109,8 +111,9 @@ class TactileBag:
         When there is no readable bag at ``path``, or none with strain blocks.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, needs_strain: bool = True) -> None:
         self.path = Path(path)
+        self._needs_strain = needs_strain
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
         self._open_bytes = 0
@@ -206,7 +209,7 @@ class TactileBag:
 
     def _check_types(self, metadata: BagMetadata) -> None:
         types = set(metadata.topics.values()) | {t.type_name for t in self.stored_topics}
-        if STRAIN not in types:
+        if self._needs_strain and STRAIN not in types:
             raise BagError('no topic of type tactile_msgs/msg/StrainBlock in it')
         for topic in self.stored_topics:
             if topic.serialization != 'cdr':

@@ -39,16 +39,13 @@ from tactile_classifier.datasets.archive_layout import (
     LAYOUT,
     unpack_signals,
 )
+from tactile_classifier.datasets.archive_quality import describe_doubts, find_unusable
 from tactile_classifier.errors import DatasetError
 
 MAX_ARCHIVE_BYTES = 2**30
 """Archives whose arrays take more than this are not loaded [byte]."""
 
 Array = npt.NDArray[Any]
-
-MAX_MAGNITUDE = 1e100
-"""Largest absolute value in an archive [its unit]."""
-
 
 _MAX_FACTOR = 10_000  # of a resampling: the filter has ten times as many taps on each side
 
@@ -266,16 +263,25 @@ class LabelledTrials:
         )
 
 
-def load_archive(path: str | Path, folds: int = 6, *, skip_bad: bool = False) -> LabelledTrials:
+def load_archive(
+    path: str | Path,
+    folds: int = 6,
+    *,
+    skip_bad: bool = False,
+    rate_hz: float | None = None,
+) -> LabelledTrials:
     """Read a labelled-trials archive.
 
     Parameters
     ----------
     path : str or Path
     folds : int
-        Fewer trials than this are refused: they cannot be cross-validated.
+        Fewer trials than this are refused: they cannot be cross-validated. 0: trials that are
+        not for that, of which one label is enough.
     skip_bad : bool
         Leave out trials that cannot be used, with the reason in ``skipped``.
+    rate_hz : float, optional
+        Sample rate, where the archive states none [Hz].
 
     Raises
     ------
@@ -294,7 +300,7 @@ def load_archive(path: str | Path, folds: int = 6, *, skip_bad: bool = False) ->
         raise
     except Exception as error:  # zipfile, zlib and NumPy each have their own
         raise DatasetError(f'{path} is not a readable .npz archive: {error}') from error
-    return _check_trials(path, arrays, folds, skip_bad)
+    return trials_from_arrays(path, arrays, folds, skip_bad=skip_bad, rate_hz=rate_hz)
 
 
 def _check_headers(path: Path, archive: zipfile.ZipFile) -> None:
@@ -329,10 +335,19 @@ def _read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return shape, dtype
 
 
-def _check_trials(
-    path: Path, arrays: dict[str, Array], folds: int, skip_bad: bool
+def trials_from_arrays(
+    path: Path,
+    arrays: dict[str, Array],
+    folds: int,
+    *,
+    skip_bad: bool,
+    rate_hz: float | None = None,
 ) -> LabelledTrials:
-    x, label, rate = find_arrays(path, arrays)
+    """Return the trials of arrays as an archive holds them; see `load_archive`.
+
+    ``path`` names their source in messages.
+    """
+    x, label, rate, steps = find_arrays(path, arrays, rate_hz)
     x, lengths = unpack_signals(path, x, arrays, MAX_ARCHIVE_BYTES)
     trials = len(x)
     label = decode_text(path, 'label', label)
@@ -358,35 +373,14 @@ def _check_trials(
         lengths,
         np.arange(trials, dtype=np.intp),
         skip_bad,
+        steps=steps,
     )
-    loaded = loaded.drop(_find_unusable(path, x, lengths))
-    if len(np.unique(loaded.label)) < 2:
+    loaded = loaded.drop(find_unusable(path, x, lengths))
+    if folds and len(np.unique(loaded.label)) < 2:
         raise DatasetError(
             f'{path} has one class only, "{loaded.label[0]}": nothing to tell apart'
         )
     if len(loaded) < folds:
         raise DatasetError(f'{path} has {len(loaded)} trials, fewer than the {folds} folds')
-    return loaded
-
-
-def _find_unusable(path: Path, x: Array, lengths: npt.NDArray[np.intp]) -> dict[int, str]:
-    """Return why trials cannot be used, by row; padding does not count."""
-    if x.dtype.kind != 'f':
-        return {}
-    unusable = {}
-    for row, (trial, count) in enumerate(zip(x, lengths.tolist(), strict=True)):
-        # As Python's floats: a limit of 1e100 is beyond float32 and would warn there.
-        low, high = float(trial[:, :count].min()), float(trial[:, :count].max())
-        if not (math.isfinite(low) and math.isfinite(high)):
-            bad = ~np.isfinite(trial[:, :count])
-            channel, sample = (int(i) for i in np.argwhere(bad)[0])
-            unusable[row] = (
-                f'x in {path.name} is not finite at {bad.sum()} of {bad.size} samples, first '
-                f'channel {channel}, sample {sample}'
-            )
-        elif max(-low, high) > MAX_MAGNITUDE:
-            unusable[row] = (
-                f'x in {path.name} goes beyond {MAX_MAGNITUDE:g}, whose squares would overflow; '
-                'scale it'
-            )
-    return unusable
+    doubts = describe_doubts(path, loaded.x, loaded.lengths, loaded.rows)
+    return dataclasses.replace(loaded, steps=(*loaded.steps, *doubts))

@@ -28,9 +28,9 @@ from tactile_classifier.errors import DatasetError
 Array = npt.NDArray[Any]
 
 LAYOUT = """an archive holds, with one entry a trial where not said otherwise:
-  x        numbers of shape (trials, channels, samples)
-  label    strings or integers
-  rate_hz  one number
+  x        numbers of shape (trials, channels, samples), or (trials, samples); or X
+  label    strings or integers; or y
+  rate_hz  one number; or fs, or --rate-hz
   and any further columns
 For trials of unequal length, either pad x with anything and add
   length   samples of each trial that count
@@ -44,28 +44,54 @@ _OTHER_NAMES = {
 }
 
 
-def find_arrays(path: Path, arrays: dict[str, Array]) -> tuple[Array, Array, Array]:
-    """Take ``x``, ``label`` and ``rate_hz`` out of the arrays.
+def find_arrays(
+    path: Path, arrays: dict[str, Array], rate_hz: float | None = None
+) -> tuple[Array, Array, Array, tuple[str, ...]]:
+    """Take signals, labels and rate out of the arrays, under our names or other usual ones.
+
+    Parameters
+    ----------
+    path : Path
+    arrays : dict
+        Loses what is taken.
+    rate_hz : float, optional
+        Where the arrays state none.
+
+    Returns
+    -------
+    x, label, rate : ndarray
+    steps : tuple of str
+        What was taken for what, where the names or shapes are not ours.
 
     Raises
     ------
     DatasetError
-        When one is missing, with the likely name that it has.
+        When one is missing, or the stated rate differs from that of the arrays.
     """
-    wanted = ('x', 'label', 'rate_hz')
-    missing = [key for key in wanted if key not in arrays]
+    named = {key: _find_name(key, arrays) for key in ('x', 'label', 'rate_hz')}
+    if rate_hz is not None and not named['rate_hz']:
+        arrays['rate_hz'], named['rate_hz'] = np.array(rate_hz), 'rate_hz'
+    missing = [key for key, name in named.items() if not name]
     if missing:
-        named = {
-            key: next((name for name in _OTHER_NAMES[key] if name in arrays), '...')
-            for key in missing
-        }
         text = f'{path} has no {" and no ".join(missing)}'
-        if set(named.values()) != {'...'}:
-            given = ', '.join(f'{key}={named.get(key, key)}' for key in wanted)
-            text += f'; save it with these names: np.savez(file, {given})'
+        if missing == ['rate_hz']:
+            text += '; state the sample rate with --rate-hz'
         raise DatasetError(f'{text}\n{LAYOUT}')
-    x, label, rate = (arrays.pop(key) for key in wanted)
-    return x, label, rate
+    x, label, rate = (arrays.pop(name) for name in named.values())
+    steps = [f'took {name} of {path.name} as {key}' for key, name in named.items() if name != key]
+    if rate_hz is not None and (rate.size != 1 or float(rate.item()) != rate_hz):
+        raise DatasetError(
+            f'{path} says {named["rate_hz"]} = {rate}, and --rate-hz says {rate_hz:g}; '
+            'to change the rate, use --resample-hz'
+        )
+    if x.ndim == 2 and 'offsets' not in arrays:
+        steps.append(f'took the {x.shape} numbers of {path.name} as trials x samples, one channel')
+        x = x[:, np.newaxis, :]
+    return x, label, rate, tuple(steps)
+
+
+def _find_name(key: str, arrays: dict[str, Array]) -> str:
+    return next((name for name in (key, *_OTHER_NAMES[key]) if name in arrays), '')
 
 
 def unpack_signals(
@@ -85,12 +111,9 @@ def unpack_signals(
     if 'offsets' in arrays:
         return _unpack_joined(path, x, arrays.pop('offsets'), largest_bytes)
     if x.ndim != 3 or x.dtype.kind not in 'fiub' or 0 in x.shape:
-        hint = ''
-        if x.ndim == 2 and x.dtype.kind in 'fiub':
-            hint = '; for one channel, save x[:, np.newaxis, :]'
         raise DatasetError(
             f'x in {path} is {x.dtype} of shape {x.shape}; '
-            f'it must be numbers of shape (trials, channels, samples){hint}'
+            'it must be numbers of shape (trials, channels, samples) or (trials, samples)'
         )
     trials, _, samples = x.shape
     length = arrays.get('length')

@@ -99,6 +99,31 @@ class Split:
         return [(train[a], train[b]) for a, b in inner]
 
 
+LARGE_TABLE = 2_000_000_000
+"""Trials squared times features above which `choose_repetitions` saves time [1]."""
+
+
+def choose_repetitions(table: FeatureTable, wanted: int | None) -> tuple[int, str]:
+    """Return how often the trials are dealt anew, and a sentence where that is less than usual.
+
+    The time of a fit grows with trials squared times features. With many trials, a repetition
+    changes the mean little against the interval over the trials.
+
+    Parameters
+    ----------
+    table : FeatureTable
+    wanted : int or None
+        As stated; None: `REPETITIONS`, or 1 for a table beyond `LARGE_TABLE`.
+    """
+    trials, features = table.values.shape
+    if wanted is not None or trials**2 * features <= LARGE_TABLE:
+        return wanted or REPETITIONS, ''
+    return 1, (
+        f'large table ({trials} trials x {features} features): folds are dealt once instead of '
+        f'{REPETITIONS} times; --repetitions {REPETITIONS} does all, which takes long'
+    )
+
+
 def stratified_split(
     table: FeatureTable,
     folds: int = FOLDS,

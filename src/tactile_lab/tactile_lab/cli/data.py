@@ -30,11 +30,29 @@ from tactile_lab.cli.options import (
     Design,
     DetrendOption,
     JsonOption,
-    Protocol,
     refusals,
     Scaling,
     SeedOption,
     SimulatedProtocol,
+)
+from tactile_lab.cli.recording_options import (
+    ChannelOption,
+    ColumnOption,
+    CropOption,
+    FieldOption,
+    LabelFromOption,
+    LabelOption,
+    LabelsOption,
+    OverOption,
+    RateOption,
+    RecordingsArgument,
+    RepetitionsOption,
+    ResampleOption,
+    SkipBadOption,
+    SpeedColumnOption,
+    TaskOption,
+    TopicOption,
+    WhereOption,
 )
 
 
@@ -126,10 +144,11 @@ def simulate(
 
 
 def train(
-    bags: Annotated[list[Path], typer.Argument(help='Bags with labelled trials.')],
+    recordings: RecordingsArgument,
     output: Annotated[
         Path, typer.Option('--output', '-o', help='Folder to write the model files into.')
     ],
+    task: TaskOption = None,
     classifier: Annotated[
         Classifier, typer.Option(help='Which one goes into the model file.')
     ] = Classifier.knn,
@@ -164,13 +183,7 @@ def train(
             help='Share of wrong answers among those that are decided before the window is full.',
         ),
     ] = 0.05,
-    over: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Texture: features over this stretch of surface instead of over time, for any '
-            'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
-        ),
-    ] = None,
+    over: OverOption = None,
     detrend: DetrendOption = None,
     recalibrate: Annotated[
         Optional[Path],
@@ -192,27 +205,41 @@ def train(
         bool, typer.Option('--force', help='Replace model files of an earlier training.')
     ] = False,
     folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
-    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
+    repetitions: RepetitionsOption = None,
     seed: SeedOption = 0,
+    channel: ChannelOption = None,
+    where: WhereOption = None,
+    crop: CropOption = None,
+    resample_hz: ResampleOption = None,
+    skip_bad: SkipBadOption = False,
+    speed_column: SpeedColumnOption = None,
+    column: ColumnOption = None,
+    rate_hz: RateOption = None,
+    label: LabelOption = '',
+    label_from: LabelFromOption = '',
+    labels: LabelsOption = None,
+    topic: TopicOption = '',
+    field: FieldOption = '',
     json_output: JsonOption = False,
 ) -> None:
     """Fit the four classifiers, cross-validate them, write a model file.
 
     Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
     classifiers with and without scaling. One ONNX file is written for each task and
-    kind of contact that the bags hold. Its scores are calibrated probabilities, and it
+    kind of contact that the recordings hold. Its scores are calibrated probabilities, and it
     says *unknown* to what is unlike all training trials. Nothing is written over
     files of an earlier training without --force.
     """
     with refusals():
-        check_paths(*bags)
+        check_paths(*recordings)
         from tactile_lab.commands.train import run_recalibrate, run_train, TrainRequest
+        from tactile_lab.datasets.sources.options import SourceOptions
 
         if recalibrate is not None:
-            run_recalibrate(recalibrate, bags, output, force=force, as_json=json_output)
+            run_recalibrate(recalibrate, recordings, output, force=force, as_json=json_output)
             return
         run_train(
-            bags,
+            recordings,
             TrainRequest(
                 folder=output,
                 classifier=classifier.value,
@@ -229,6 +256,22 @@ def train(
                 over=over,
                 detrend=detrend.value if detrend else None,
                 features=features,
+                task=task.value if task else None,
+                channel=channel,
+                where=where,
+                crop=crop,
+                resample_hz=resample_hz,
+                skip_bad=skip_bad,
+                speed_column=speed_column,
+                sources=SourceOptions(
+                    columns=tuple(column or ()),
+                    rate_hz=rate_hz,
+                    label=label,
+                    label_from=label_from,
+                    labels=labels,
+                    topic=topic,
+                    field=field,
+                ),
             ),
             as_json=json_output,
         )
@@ -268,147 +311,5 @@ def robustness(
             description=description,
             seed=seed,
             jobs=jobs,
-            as_json=json_output,
-        )
-
-
-def evaluate(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(help='One labelled-trials archive (.npz), or bags with labelled trials.'),
-    ],
-    task: Annotated[
-        Optional[Protocol],
-        typer.Option(help='Which features to compute. Needed for an archive.'),
-    ] = None,
-    channel: Annotated[
-        Optional[str],
-        typer.Option(help='Channel of the archive, "mean" of all, or "all"; default: 0.'),
-    ] = None,
-    where: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Only trials of which a column of the archive is true, as in --where balanced, '
-            'or has a value, as in --where direction=1.'
-        ),
-    ] = None,
-    train_where: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Train on these trials and test on those of --test-where, beside random folds '
-            'over both. A column that is true, or COLUMN=VALUE, as for --where; bags too.'
-        ),
-    ] = None,
-    test_where: Annotated[
-        Optional[str], typer.Option(help='Trials to test on; see --train-where.')
-    ] = None,
-    crop: Annotated[
-        Optional[str],
-        typer.Option(
-            '--crop',
-            '--static-phase',
-            help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
-            'Default: all of it.',
-        ),
-    ] = None,
-    resample_hz: Annotated[
-        Optional[float],
-        typer.Option(
-            help='Resample the archive to this rate first, with a low-pass against aliasing.'
-        ),
-    ] = None,
-    skip_bad: Annotated[
-        bool,
-        typer.Option(
-            '--skip-bad',
-            help='Leave out trials of the archive that cannot be used, and list them: values '
-            'that are not finite, too short, no features.',
-        ),
-    ] = False,
-    over: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Texture: features over this stretch of surface instead of over time, for any '
-            'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
-        ),
-    ] = None,
-    detrend: DetrendOption = None,
-    speed_column: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Column of the archive with the sliding speeds, for --over; its name ends in '
-            'the unit, _mm_s or _m_s. A bag states them itself.'
-        ),
-    ] = None,
-    group: Annotated[
-        Optional[list[str]],
-        typer.Option(
-            help='Beside random folds, hold out each group of trials that agree in this column, '
-            'in turn; several columns with commas between them: that agree in all. May be given '
-            'several times. Default for bags: session_id, or trial_block (a sixth of a session) '
-            'where there is one session only.'
-        ),
-    ] = None,
-    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6,
-    repetitions: Annotated[int, typer.Option(min=1, help='How often it is repeated.')] = 10,
-    features: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Only these features, separated by commas, as in --features slope,correlation; '
-            'or a set of features, as in --features glide_waveform.'
-        ),
-    ] = None,
-    report: Annotated[
-        Optional[Path],
-        typer.Option(
-            help='Write a report with figures: a folder, or an HTML file, which needs no other.'
-        ),
-    ] = None,
-    answers: Annotated[
-        bool,
-        typer.Option(
-            '--answers',
-            help='Also what a model says besides a label: "I don\'t know" with each label left '
-            'out in turn, calibration of probabilities; from bags also answers while the finger '
-            'glides, and physical measures. Takes about half a minute more for each set of '
-            'texture trials.',
-        ),
-    ] = False,
-    seed: SeedOption = 0,
-    json_output: JsonOption = False,
-) -> None:
-    """Cross-validate the four classifiers on recordings, and write a report.
-
-    On your own trials, real or simulated: the same features as the live node, every
-    classifier with and without scaling, and the split stated beside each number. Random
-    folds, and beside them whole groups held out, such as sessions; learning curves; what
-    choosing features brings. The report has the paper's figures, made of your trials.
-    """
-    with refusals():
-        check_paths(*recordings)
-        from tactile_lab.commands.evaluate import EvaluateRequest, run_evaluate
-
-        run_evaluate(
-            EvaluateRequest(
-                recordings=tuple(recordings),
-                task=task.value if task else None,
-                channel=channel,
-                where=where,
-                train_where=train_where,
-                test_where=test_where,
-                crop=crop,
-                resample_hz=resample_hz,
-                skip_bad=skip_bad,
-                groups=tuple(group or ()),
-                folds=folds,
-                repetitions=repetitions,
-                features=features,
-                seed=seed,
-                report=report,
-                over=over,
-                detrend=detrend.value if detrend else None,
-                speed_column=speed_column,
-                answers=answers,
-            ),
             as_json=json_output,
         )

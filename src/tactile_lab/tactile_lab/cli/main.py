@@ -24,18 +24,23 @@ import os
 import sys
 from typing import Annotated, Any
 
+import click
 import typer
 from typer.core import TyperCommand, TyperOption
 
 from tactile_lab.cli import experiment
 from tactile_lab.cli.bags import repair, replay
 from tactile_lab.cli.calibrate import calibrate
-from tactile_lab.cli.data import evaluate, robustness, simulate, train
+from tactile_lab.cli.data import robustness, simulate, train
+from tactile_lab.cli.recordings import evaluate, features, import_recordings
 from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
 from tactile_lab.cli.watch import watch
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import held_signals
 from tactile_ros.programs.transports import choose_transports
+
+# A newer Click names the likely command itself, and Typer would name it once more.
+_SUGGESTIONS = {'suggest_commands': False} if hasattr(click.exceptions, 'NoSuchCommand') else {}
 
 app = typer.Typer(
     name='tactile',
@@ -43,6 +48,7 @@ app = typer.Typer(
     rich_markup_mode='markdown',
     pretty_exceptions_enable=False,
     context_settings={'help_option_names': ['-h', '--help']},
+    **_SUGGESTIONS,  # type: ignore[arg-type]
 )
 
 
@@ -116,8 +122,10 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
 for command in (
     demo,
     simulate,
+    import_recordings,
     train,
     evaluate,
+    features,
     robustness,
     replay,
     repair,
@@ -130,7 +138,8 @@ for command in (
     check,
     calibrate,
 ):
-    app.command(cls=StrictCommand)(
+    name = 'import' if command is import_recordings else None  # a word of Python
+    app.command(name, cls=StrictCommand)(
         command if command in UNTIL_A_SIGNAL else _interruptible(command)
     )
 app.add_typer(experiment.make_app(_interruptible, StrictCommand), name='experiment')

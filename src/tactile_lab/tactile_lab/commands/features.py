@@ -12,13 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which features a command computes, as its options say."""
+"""`--features auto`: set of features and classifier, chosen inside the folds."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import zip_longest
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,90 +26,33 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.training.feature_choice import Candidate, choose_candidate, FeatureChoice
-from tactile_features.config import FeatureConfig
-from tactile_features.errors import FeatureError
-from tactile_features.feature_sets.registry import CHOOSER, find_feature_set, list_feature_sets
-from tactile_features.feature_sets.texture_spatial import SpatialWindow
-from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, SET_TEXTURE_SPATIAL
+from tactile_features.feature_sets.registry import list_feature_sets
+from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 from tactile_lab.commands.output import Output
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.bag_tables import BagTables
 from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling
-from tactile_ros.errors import TactileError
-
-
-def choose_features(
-    over: str | None, detrend: str | None, features: str | None = None
-) -> dict[str, Any]:
-    """Return the fields of `FeatureConfig` that ``--over``, ``--detrend`` and ``--features`` say.
-
-    Raises
-    ------
-    TactileError
-        When they do not go together, or ``--over`` is no window.
-    """
-    if detrend is not None and over is not None:
-        raise TactileError('--detrend is for the spectrum over time: leave --over or it out')
-    fields = parse_over(over) if detrend is None else {'spectrum_detrend': detrend}
-    for name in list_sets(features):
-        found = find_feature_set(name)
-        assert found is not None
-        if over is not None and found.phase == PHASE_GLIDE and not found.needs_speed:
-            raise TactileError(f'--over is for sets over the surface, and {name} is none')
-        fields[CHOOSER[found.phase]] = name
-    return fields
-
-
-def list_sets(features: str | None) -> list[str]:
-    """Return the sets of features that ``--features`` names; none when it names features."""
-    names = [name.strip() for name in (features or '').split(',')]
-    return names if all(map(find_feature_set, names)) else []
-
-
-def parse_over(text: str | None) -> dict[str, Any]:
-    """Return the fields of `FeatureConfig` that ``LENGTH:FINEST`` in millimetres says.
-
-    None says nothing.
-
-    Raises
-    ------
-    TactileError
-        When it is not of that form, or the window is too short for its finest scale.
-    """
-    if text is None:
-        return {}
-    length, _, finest = text.partition(':')
-    try:
-        window = SpatialWindow(float(length) / 1e3, float(finest) / 1e3)
-        fields: dict[str, Any] = {
-            'texture_features': SET_TEXTURE_SPATIAL,
-            'spatial_length_m': window.length_m,
-            'spatial_finest_m': window.finest_m,
-        }
-        FeatureConfig(**fields)
-    except FeatureError as error:
-        raise TactileError(f'--over: {error}') from error
-    except ValueError as error:
-        raise TactileError(f'--over: "{text}" is not LENGTH:FINEST in mm, as in 45:0.5') from error
-    return fields
-
 
 AUTO = 'auto'
 """In place of a set of features: choose one inside the folds."""
 
 Key = tuple[str, str]
 
+Reader = Callable[[Mapping[str, Any]], BagTables]
+"""Returns the tables of some recordings, with features that fields of `FeatureConfig` name."""
+
 
 def choose_automatically(
-    bags: Sequence[Path], chosen: Mapping[str, Any], folds: int, random_state: int, output: Output
+    read: Reader, chosen: Mapping[str, Any], folds: int, random_state: int, output: Output
 ) -> dict[Key, tuple[FeatureTable, Candidate]]:
-    """Choose set of features and classifier for each task and contact of bags, and say why.
+    """Choose set of features and classifier for each task and contact, and say why.
 
     Models of one task share a feature node, so the contacts of a task share a set: that whose best
     classifiers have the highest mean accuracy.
 
     Parameters
     ----------
-    bags : sequence of Path
+    read : callable
+        Reads the recordings, see `Reader`.
     chosen : mapping
         Fields of `FeatureConfig`, such as the window over the surface.
     folds, random_state : int
@@ -122,7 +64,7 @@ def choose_automatically(
     dict
         By task and contact: the table of the chosen set, and what was chosen.
     """
-    tables = _read_all(bags, chosen, output)
+    tables = _read_all(read, chosen, output)
     choices = {
         key: choose_candidate(found, _divide(found, folds, random_state), random_state)
         for key, found in tables.items()
@@ -133,7 +75,8 @@ def choose_automatically(
         shared = [n for n in tables[task, contact] if all(map(_holds(n), same))]
         name = max(shared, key=lambda n: sum(_best(each, n).accuracy for each in same))
         best = _best(choice, name)
-        output.say(f'{task}, {contact}: {describe_choice(choice, name)}')
+        kind = f'{task}, {contact}' if contact else task
+        output.say(f'{kind}: {describe_choice(choice, name)}')
         picked[task, contact] = tables[task, contact][name], best.candidate
     return picked
 
@@ -181,7 +124,7 @@ def _divide(tables: Mapping[str, FeatureTable], folds: int, random_state: int) -
 
 
 def _read_all(
-    bags: Sequence[Path], chosen: Mapping[str, Any], output: Output
+    read: Reader, chosen: Mapping[str, Any], output: Output
 ) -> dict[Key, dict[str, FeatureTable]]:
     """Return the tables of all sets that give features of the same trials."""
     tables: dict[Key, dict[str, FeatureTable]] = {}
@@ -191,7 +134,7 @@ def _read_all(
             'texture_features': glide or sets[0][0],
             'stiffness_features': hold or sets[1][0],
         }
-        found = read_tables(bags, {**chosen, **fields})
+        found = read({**chosen, **fields})
         for key, table in found.tables.items():
             others = tables.setdefault(key, {})
             first = next(iter(others.values()), table)

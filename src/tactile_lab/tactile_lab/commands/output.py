@@ -44,9 +44,9 @@ class Output:
         self._err = Console(stderr=True)
         self._out = self._err if as_json else Console()
 
-    def say(self, text: Any = '') -> None:
-        """Print a line or a table for people."""
-        self._out.print(text, highlight=False, soft_wrap=isinstance(text, str))
+    def say(self, text: Any = '', *, plain: bool = False) -> None:
+        """Print a line or a table for people; ``plain``: square brackets are no markup."""
+        self._out.print(text, highlight=False, soft_wrap=isinstance(text, str), markup=not plain)
 
     def result(self, document: dict[str, Any]) -> None:
         """Print the result's JSON, when it is wanted."""

@@ -12,19 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`tactile train`: bags in, table of accuracies and model files out."""
+"""`tactile train`: recordings in, table of accuracies and model files out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from tactile_bringup.wiring.model_folder import model_path
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.datasets.splits import FOLDS
+from tactile_classifier.datasets.splits import choose_repetitions, FOLDS
 from tactile_classifier.estimators.classifiers import default_scaling, RANDOM_STATE
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.model_file.live_recalibration import RECALIBRATED, STATISTICS
@@ -35,15 +37,14 @@ from tactile_classifier.training.trainer import train
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 from tactile_lab.commands.evaluate import evaluate_with_progress
-from tactile_lab.commands.features import (
-    AUTO,
-    choose_automatically,
-    choose_features,
-    list_sets,
-)
+from tactile_lab.commands.features import AUTO, choose_automatically, Reader
 from tactile_lab.commands.output import make_output_folder, Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
+from tactile_lab.datasets.feature_options import choose_features, list_sets
+from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_lab.datasets.sources.leaves import Leaf
+from tactile_lab.datasets.sources.load import split_sources
 from tactile_lab.datasets.tables import (
     accuracy_caption,
     accuracy_table,
@@ -52,8 +53,12 @@ from tactile_lab.datasets.tables import (
     SCALING_TITLES,
     tell_warnings,
 )
+from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
+
+RunningReader = Callable[[FeatureTable, Sequence[float]], dict[int, FeatureTable]]
+"""As `read_running_tables`."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,7 @@ class TrainedModel:
 
 
 @dataclass(frozen=True)
-class TrainRequest:
+class TrainRequest(TrialOptions):
     """What is wanted of `tactile train`.
 
     Attributes
@@ -98,14 +103,11 @@ class TrainRequest:
     folder: Path
     classifier: str = 'knn'
     scaling: str | None = None
-    cross_validation: Mapping[str, int] = field(default_factory=dict)
+    cross_validation: Mapping[str, Any] = field(default_factory=dict)
     false_alarm_rate: float = 0.05
     running: str | None = None
     stop_error_rate: float = 0.05
     force: bool = False
-    over: str | None = None
-    detrend: str | None = None
-    features: str | None = None
 
     def running_seconds(self) -> list[float]:
         """Return ``running`` as numbers.
@@ -124,9 +126,9 @@ class TrainRequest:
             ) from None
 
 
-def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
-    """Train on bags and print what came out."""
-    bags = list_recordings(bags)
+def run_train(recordings: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
+    """Train on recordings and print what came out."""
+    recordings = list_recordings(recordings)
     output = Output(as_json)
     automatic = request.features == AUTO
     named = None if automatic else request.features
@@ -141,20 +143,55 @@ def run_train(bags: Sequence[Path], request: TrainRequest, *, as_json: bool) -> 
             'features over distance have no running answers, and so --features auto has none: '
             'leave --running out'
         )
-    if automatic:
-        trained = _train_automatically(bags, request, chosen, output)
+    own, leaves = split_sources(recordings, request.sources)
+    if leaves:
+        trained = _train_on_trials(leaves, replace(request, features=named), automatic, output)
     else:
-        trained = train_models(read_with_progress(bags, output, chosen), request, output)
+        request.check_for_bags()
+        if automatic:
+            trained = _train_automatically(
+                lambda fields: _of_task(read_tables(own, fields), request), request, chosen, output
+            )
+        else:
+            found = _of_task(read_with_progress(own, output, chosen), request)
+            trained = train_models(found, request, output)
     output.result({'models': [model.to_dict() for model in trained]})
 
 
+def _of_task(found: BagTables, request: TrainRequest) -> BagTables:
+    tables = {key: t for key, t in found.tables.items() if request.task in (None, key[0])}
+    if not tables:
+        raise TactileError(f'the bags hold no {request.task} trials')
+    return replace(found, tables=tables)
+
+
+def _train_on_trials(
+    leaves: Sequence[Leaf], request: TrainRequest, automatic: bool, output: Output
+) -> list[TrainedModel]:
+    """Train on recordings that are not bags of ours."""
+    folds = request.cross_validation.get('folds', FOLDS)
+    with output.progress() as progress:
+        progress.add_task('extracting features', total=None)
+        prepared = prepare_trials(leaves, request, folds=folds)
+    for line in (prepared.title, *prepared.trials.steps):
+        output.say(line, plain=True)
+    for each in prepared.trials.skipped:
+        output.say(f'left out: row {each.row}: {each.reason}', plain=True)
+    key = (prepared.task, '')
+    if automatic:
+        read: Reader = lambda fields: BagTables({key: prepared.compute_table(fields)}, ())  # noqa: E731
+        return _train_automatically(read, request, {}, output)
+    found = BagTables({key: prepared.table}, ())
+    return train_models(found, request, output, prepared.running_tables)
+
+
 def _train_automatically(
-    bags: Sequence[Path], request: TrainRequest, chosen: Mapping[str, Any], output: Output
+    read: Reader, request: TrainRequest, chosen: Mapping[str, Any], output: Output
 ) -> list[TrainedModel]:
     folds = request.cross_validation.get('folds', FOLDS)
     seed = request.cross_validation.get('random_state', RANDOM_STATE)
     models = []
-    for key, (table, candidate) in choose_automatically(bags, chosen, folds, seed, output).items():
+    for key, (table, candidate) in choose_automatically(read, chosen, folds, seed, output).items():
         wanted = replace(request, classifier=candidate.classifier, scaling=candidate.scaling)
         models += train_models(BagTables({key: table}, ()), wanted, output)
     return models
@@ -174,8 +211,21 @@ def read_with_progress(
     return found
 
 
-def train_models(found: BagTables, request: TrainRequest, output: Output) -> list[TrainedModel]:
+def train_models(
+    found: BagTables,
+    request: TrainRequest,
+    output: Output,
+    read_running: RunningReader = read_running_tables,
+) -> list[TrainedModel]:
     """Cross-validate the four classifiers on each table and write the chosen one's model.
+
+    Parameters
+    ----------
+    found : BagTables
+    request : TrainRequest
+    output : Output
+    read_running : callable
+        Returns the features of the first parts of a table's windows.
 
     Raises
     ------
@@ -191,9 +241,14 @@ def train_models(found: BagTables, request: TrainRequest, output: Output) -> lis
     make_output_folder(request.folder)
     models = []
     for (task, contact), table in found.tables.items():
-        evaluation = evaluate_with_progress(table, output, **request.cross_validation)
-        simulated = ', SIMULATED trials' if table.column('simulated').any() else ''
-        output.say(accuracy_table(evaluation, f'{task}, {contact}{simulated}'))
+        asked = request.cross_validation
+        repetitions, saving = choose_repetitions(table, asked.get('repetitions'))
+        if saving:
+            output.say(saving)
+        evaluation = evaluate_with_progress(table, output, **{**asked, 'repetitions': repetitions})
+        name = f'{task}, {contact}' if contact else task
+        simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
+        output.say(accuracy_table(evaluation, f'{name}{simulated}'))
         output.say(accuracy_caption(evaluation))
         output.say(describe_features(table.spec))
         for warning in tell_warnings([evaluation]):
@@ -204,7 +259,7 @@ def train_models(found: BagTables, request: TrainRequest, output: Output) -> lis
             table,
             request.classifier,
             chosen,
-            running=read_running_tables(table, seconds) if seconds else None,
+            running=read_running(table, seconds) if seconds else None,
             false_alarm_rate=request.false_alarm_rate,
             stop_error_rate=request.stop_error_rate,
             score=evaluation.score(request.classifier, chosen),

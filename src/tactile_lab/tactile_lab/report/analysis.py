@@ -24,7 +24,12 @@ import numpy as np
 
 from tactile_classifier.datasets.conditions import find_strata
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
+from tactile_classifier.datasets.splits import (
+    choose_repetitions,
+    grouped_split,
+    Split,
+    stratified_split,
+)
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.evaluation.cross_validation import AccuracyPlan, Evaluation
 from tactile_classifier.evaluation.feature_selection import SelectionPlan, SelectionResult
@@ -127,7 +132,7 @@ class _SetPlans:
         self,
         recordings: RecordingSet,
         folds: int,
-        repetitions: int,
+        repetitions: int | None,
         random_state: int,
         *,
         answers: bool,
@@ -135,11 +140,12 @@ class _SetPlans:
         self._recordings = recordings
         self._random_state = random_state
         table = recordings.table
-        self._not_done: list[str] = []
+        repetitions, saving = choose_repetitions(table, repetitions)
+        self._not_done = [saving] if saving else []
         splits = [stratified_split(table, folds, repetitions, random_state)]
         splits += [grouped_split(table, columns) for columns in recordings.hold_out]
         self._accuracy = [
-            AccuracyPlan(table, split, random_state=random_state)
+            AccuracyPlan(table, split, random_state=None if saving else random_state)
             for split in (*splits, *recordings.splits)
         ]
         published = recordings.published
@@ -150,10 +156,15 @@ class _SetPlans:
         )
         self._learning = [
             plan
-            for split in splits
+            for split in ([] if saving else splits)
             if (plan := LearningPlan(table, split, random_state=random_state)).trials_per_class
         ]
-        self._selection = self._plan_selection(splits)
+        if saving:
+            self._not_done.append(
+                'learning curves, feature selection, choice of the classifier inside the folds: '
+                'left out of a large table without --repetitions'
+            )
+        self._selection = [] if saving else self._plan_selection(splits)
         self._units: list[AccuracyPlan] = []
         if table.task == PROTOCOL_STIFFNESS:
             self._units = [
@@ -232,7 +243,7 @@ def analyse(
     sets: Sequence[RecordingSet],
     *,
     folds: int,
-    repetitions: int,
+    repetitions: int | None,
     random_state: int,
     answers: bool = False,
     jobs: int | None = -1,

@@ -15,6 +15,7 @@
 import os
 
 import pytest
+from typer.testing import CliRunner
 
 from tactile_lab.cli import main as cli
 from tactile_ros.programs.transports import PROFILES, TRANSPORTS
@@ -33,3 +34,10 @@ def test_commands_stay_on_this_computer_unless_told_otherwise(monkeypatch, befor
         cli.main()
     assert ended.value.code == 0
     assert os.environ[name] == after
+
+
+@pytest.mark.parametrize('arguments', [['evalute'], ['evaluate', 'x', '--tak', 'texture']])
+def test_what_is_mistyped_is_named_once(arguments):
+    done = CliRunner().invoke(cli.app, arguments)
+    assert done.exit_code == 2
+    assert done.output.count('Did you mean') == 1

@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_lab.cli.main import app
-from tactile_lab.commands.features import choose_features, list_sets
+from tactile_lab.datasets.feature_options import choose_features, list_sets
 from tactile_ros.errors import TactileError
 
 

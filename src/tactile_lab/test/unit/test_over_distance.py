@@ -30,8 +30,8 @@ from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.cli.main import app
 from tactile_lab.commands.evaluate import _read_sets, EvaluateRequest, run_evaluate
-from tactile_lab.commands.features import parse_over
 from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_options import parse_over
 from tactile_lab.report.analysis import analyse
 from tactile_ros.errors import TactileError
 
@@ -104,7 +104,6 @@ def archive(tmp_path):
 
 
 def request_for(path: Path, **fields):
-    defaults = {name.name: None for name in dataclasses.fields(EvaluateRequest)}
     given = {
         'recordings': (path,),
         'task': 'texture',
@@ -115,7 +114,7 @@ def request_for(path: Path, **fields):
         'over': '30:0.5',
         'speed_column': 'speed_mm_s',
     }
-    return EvaluateRequest(**{**defaults, **given, **fields})
+    return EvaluateRequest(**{**given, **fields})
 
 
 def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive, capsys):

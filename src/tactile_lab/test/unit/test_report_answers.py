@@ -30,8 +30,8 @@ from tactile_classifier.evaluation.plans import run_plans
 from tactile_features.config import FeatureConfig
 from tactile_features.records import Measure
 from tactile_features.spec import spec_for
-from tactile_lab.commands.evaluate import select_features
 from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_options import select_features
 from tactile_lab.datasets.measure_tables import read_measures
 from tactile_lab.report.analysis import analyse
 from tactile_lab.report.answer_sections import list_unmeasured

@@ -1,0 +1,102 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`tactile import`: recordings of others as one labelled-trials archive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+
+import numpy as np
+import typer
+
+from tactile_classifier.datasets.archive_writer import save_archive
+from tactile_lab.commands.output import Output
+from tactile_lab.datasets.sources.load import load_trials, split_sources
+from tactile_lab.datasets.sources.options import SourceOptions
+from tactile_lab.datasets.sources.questions import Questions
+from tactile_ros.errors import TactileError
+
+
+def run_import(
+    sources: Sequence[Path],
+    archive: Path,
+    options: SourceOptions,
+    *,
+    accepts_guesses: bool,
+    skip_bad: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Read recordings, say what was taken for what, write the archive.
+
+    Raises
+    ------
+    TactileError, DatasetError
+        When something is not known and cannot be asked, or the archive would be replaced.
+    """
+    output = Output(as_json)
+    if archive.suffix != '.npz':
+        raise TactileError(f'--output is {archive}; the name of an archive ends in .npz')
+    if archive.exists() and not force:
+        raise TactileError(f'{archive} would be replaced: give another name, or --force')
+    own, leaves = split_sources(sources, options)
+    if own:
+        raise TactileError(
+            f'{own[0]} is a bag with trial events: train, evaluate and features take it as it is'
+        )
+    asks = not (as_json or accepts_guesses) and sys.stdin.isatty()
+    questions = Questions(_ask if asks else None, accepts_guesses)
+    trials = load_trials(leaves, options, questions, folds=0, skip_bad=skip_bad)
+    for line in trials.steps:
+        output.say(line, plain=True)
+    for each in trials.skipped:
+        output.say(f'left out: row {each.row}: {each.reason}', plain=True)
+    labels, counts = np.unique(trials.label, return_counts=True)
+    found = {str(label): int(count) for label, count in zip(labels, counts, strict=True)}
+    try:
+        save_archive(archive, trials)
+    except OSError as error:
+        raise TactileError(f'cannot write {archive}: {error.strerror}') from error
+    shortest, longest = int(trials.lengths.min()), int(trials.lengths.max())
+    samples = f'{shortest}' if shortest == longest else f'{shortest} to {longest}'
+    channels = trials.x.shape[1]
+    output.say(
+        f'{archive}: {len(trials)} trials of {len(found)} labels '
+        f'({", ".join(f"{label} {count}" for label, count in list(found.items())[:12])}), '
+        f'{channels} channel{"s" if channels > 1 else ""}, {samples} samples at '
+        f'{trials.rate_hz:g} Hz; columns: {", ".join(trials.columns) or "none"}',
+        plain=True,
+    )
+    output.say(f'next: tactile evaluate {archive} --task texture (or stiffness)')
+    output.result(
+        {
+            'path': str(archive),
+            'trials': len(trials),
+            'labels': found,
+            'channels': channels,
+            'samples': [shortest, longest],
+            'rate_hz': trials.rate_hz,
+            'columns': list(trials.columns),
+            'notes': list(trials.steps),
+            'skipped': [{'row': each.row, 'reason': each.reason} for each in trials.skipped],
+        }
+    )
+
+
+def _ask(question: str, choices: Sequence[str], guess: str) -> str:
+    offered = f' ({", ".join(choices[:12])})' if choices else ''
+    return str(typer.prompt(f'{question}{offered}', default=guess or None, err=True)).strip()

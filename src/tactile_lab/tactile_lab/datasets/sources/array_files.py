@@ -1,0 +1,126 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reads ``.npy`` files: all trials with their labels beside them, or a file a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_classifier.datasets.archive import MAX_ARCHIVE_BYTES
+from tactile_lab.datasets.sources.leaves import Leaf, name_labels
+from tactile_lab.datasets.sources.options import SourceOptions
+from tactile_lab.datasets.sources.questions import LAYOUT, Questions, SourceError
+from tactile_lab.datasets.sources.raw_trials import RawTrial
+from tactile_lab.datasets.sources.table_files import decode_text
+
+_LABEL_SUFFIXES = ('.npy', '.txt', '.csv')
+
+
+def load_array(path: Path) -> NDArray[Any]:
+    """Return the array of a ``.npy`` file.
+
+    Raises
+    ------
+    SourceError
+        When it cannot be read, holds Python objects, or is too large.
+    """
+    try:
+        # Mapped, so that nothing is read before the header is known.
+        array = np.load(path, mmap_mode='r', allow_pickle=False)
+    except Exception as error:  # NumPy has several, and those of the operating system
+        raise SourceError(f'{path} is not a readable .npy file: {error}') from error
+    if not isinstance(array, np.ndarray):
+        raise SourceError(f'{path} is not a .npy file; is its ending right?')
+    if math.prod(array.shape) * array.dtype.itemsize > MAX_ARCHIVE_BYTES:
+        raise SourceError(f'{path} is larger than {MAX_ARCHIVE_BYTES >> 20} MiB')
+    return np.array(array)
+
+
+def read_labelled_array(leaf: Leaf, options: SourceOptions) -> dict[str, NDArray[Any]] | None:
+    """Return ``x`` and ``label`` of a file with a row a trial, as an archive holds them.
+
+    None when there is no file of labels beside it: ``NAME_labels``, ``NAME_y``, ``labels`` or
+    ``y``, with the ending ``.npy``, ``.txt`` or ``.csv``, or the one that is stated.
+
+    Raises
+    ------
+    SourceError
+        When one of the files cannot be read, or their lengths differ.
+    """
+    path = options.labels or _find_labels(leaf.path)
+    if path is None:
+        return None
+    x = load_array(leaf.path)
+    labels = load_array(path) if path.suffix == '.npy' else _read_lines(path)
+    if path.suffix == '.csv' and len(labels) == len(x) + 1:
+        labels = labels[1:]  # its first line is the name of the column
+    if labels.shape != x.shape[:1]:
+        raise SourceError(
+            f'{leaf.path} has shape {x.shape}, and {path} {len(labels)} labels; '
+            'the first number must be that of the trials'
+        )
+    return {'x': x, 'label': labels}
+
+
+def _find_labels(path: Path) -> Path | None:
+    names = (f'{path.stem}_labels', f'{path.stem}_y', 'labels', 'label', 'y')
+    places = (path.with_name(name + suffix) for name in names for suffix in _LABEL_SUFFIXES)
+    return next((place for place in places if place.is_file()), None)
+
+
+def _read_lines(path: Path) -> NDArray[np.str_]:
+    try:
+        text = decode_text(path.read_bytes())
+    except OSError as error:
+        raise SourceError(f'cannot read the labels {path}: {error.strerror}') from error
+    return np.array([line.strip().strip('"') for line in text.splitlines() if line.strip()])
+
+
+def read_array_trials(
+    leaves: Sequence[Leaf], options: SourceOptions, questions: Questions
+) -> list[RawTrial]:
+    """Read a file a trial, of shape (samples,) or (channels, samples).
+
+    Raises
+    ------
+    SourceError
+        When a file cannot be read or has another shape, or the labels are not known.
+    """
+    if len(leaves) == 1 and not (options.label or options.label_from):
+        raise SourceError(
+            f'{leaves[0].path} has no labels: put them into {leaves[0].path.stem}_labels.npy, or '
+            f'name their file with --labels\n{LAYOUT}'
+        )
+    trials = []
+    named = name_labels(leaves, options, questions)
+    for leaf, columns in zip(leaves, named, strict=True):
+        values = load_array(leaf.path)
+        if values.ndim not in (1, 2) or values.dtype.kind not in 'fiub' or not values.size:
+            raise SourceError(
+                f'{leaf.path} is {values.dtype} of shape {values.shape}; a trial must be numbers '
+                'of shape (samples,) or (channels, samples)'
+            )
+        values = np.atleast_2d(values).astype(np.float64)
+        if len(values) > values.shape[1]:
+            questions.note('took the longer side of an array as its samples')
+            values = values.T
+        trials.append(RawTrial(leaf.name, values, None, {**columns, 'source': leaf.name}))
+    return trials

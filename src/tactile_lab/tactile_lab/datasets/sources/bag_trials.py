@@ -1,0 +1,198 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trials of bags that others recorded: a bag a trial, of one topic with a force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_bags import EVENT, JOINT_STATE, STRAIN, TactileBag, WRENCH
+from tactile_lab.datasets.sources.leaves import Leaf, name_labels
+from tactile_lab.datasets.sources.options import SourceOptions
+from tactile_lab.datasets.sources.questions import Questions, SourceError
+from tactile_lab.datasets.sources.raw_trials import RawTrial
+
+FLOATS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
+TYPES = (WRENCH, *FLOATS, JOINT_STATE, STRAIN)
+"""Types of message that hold a force."""
+
+_AXES = ('x', 'y', 'z', 'norm')
+_WRENCH_FIELDS = tuple(f'{part}.{axis}' for part in ('force', 'torque') for axis in _AXES)
+
+Samples = list[tuple[int, float]]
+"""Stamps [ns] and values."""
+
+
+def is_own(path: Path) -> bool:
+    """Return whether a bag has strain and trial events of ours, which say what a trial is.
+
+    Raises
+    ------
+    BagError
+        When it is no readable bag.
+    """
+    with TactileBag(path, needs_strain=False) as bag:
+        counts = {type_name: count for type_name, count in bag.topics.values() if count}
+        return STRAIN in counts and EVENT in counts
+
+
+def read_bag_trials(
+    leaves: Sequence[Leaf], options: SourceOptions, questions: Questions
+) -> list[RawTrial]:
+    """Read bags of which each is one trial.
+
+    Time is the stamp in the header of a message; where it has none, that of its arrival.
+
+    Raises
+    ------
+    SourceError
+        When topic or field are not known, or a bag lacks them.
+    BagError
+        When a bag cannot be read.
+    """
+    named = name_labels(leaves, options, questions)
+    topic, fields = options.topic, [f.strip() for f in options.field.split(',') if f.strip()]
+    trials = []
+    for leaf, columns in zip(leaves, named, strict=True):
+        with TactileBag(leaf.path, needs_strain=False) as bag:
+            topic = topic or _choose_topic(bag, questions)
+            found = bag.topics.get(topic)
+            if found is None or found[0] not in TYPES:
+                raise SourceError(
+                    f'{leaf.path} has no topic {topic} of a known type; it has: {_describe(bag)}'
+                )
+            messages = [m.decode() for m in bag.messages(found[0]) if m.topic == topic]
+            received = [m.received_at_ns for m in bag.messages(found[0]) if m.topic == topic]
+        if not messages:
+            raise SourceError(f'{leaf.path}: there are no messages on {topic}')
+        fields = fields or _choose_fields(found[0], messages[0], questions)
+        values, stamps_ns = _read_fields(leaf, found[0], fields, messages, received)
+        values, stamps_ns = _put_in_order(values, stamps_ns, questions)
+        time_s = (stamps_ns - stamps_ns[0]) * 1e-9
+        trials.append(RawTrial(leaf.name, values, time_s, {**columns, 'source': leaf.name}))
+    questions.note(f'took {", ".join(fields)} of the messages on {topic}; a bag is a trial')
+    return trials
+
+
+def _describe(bag: TactileBag) -> str:
+    return ', '.join(f'{name} ({kind})' for name, (kind, _) in sorted(bag.topics.items()))
+
+
+def _choose_topic(bag: TactileBag, questions: Questions) -> str:
+    found = [name for name, (kind, count) in sorted(bag.topics.items()) if kind in TYPES and count]
+    if not found:
+        raise SourceError(
+            f'{bag.path} has no messages with a force ({", ".join(TYPES)}); it has: '
+            f'{_describe(bag)}'
+        )
+    if len(found) == 1:
+        return str(found[0])
+    return questions.choose(
+        f'{bag.path} has several topics with a force', found, '--topic NAME', '', ''
+    )
+
+
+def _choose_fields(type_name: str, message: Any, questions: Questions) -> list[str]:
+    if type_name in FLOATS:
+        return ['data']
+    if type_name == STRAIN:
+        return ['tension_n']
+    choices = _WRENCH_FIELDS
+    if type_name == JOINT_STATE:
+        choices = tuple(f'effort.{name}' for name in message.name)
+        if len(choices) == 1:
+            return list(choices)
+    answer = questions.choose(
+        f'which field of {type_name} is the signal is not known',
+        choices,
+        '--field NAME[,NAME...]',
+        '',
+        '',
+    )
+    return [name.strip() for name in answer.split(',')]
+
+
+def _read_fields(
+    leaf: Leaf,
+    type_name: str,
+    fields: Sequence[str],
+    messages: Sequence[Any],
+    received_ns: Sequence[int],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return values of shape (channels, samples) and their stamps [ns]."""
+    if type_name == STRAIN:
+        if list(fields) != ['tension_n']:
+            raise SourceError(f'--field: {type_name} has tension_n')
+        values = np.concatenate([np.asarray(m.tension_n, dtype=np.float64) for m in messages])
+        stamps = [
+            _stamp_ns(m, 0) + i * int(m.period_ns)
+            for m in messages
+            for i in range(len(m.tension_n))
+        ]
+        return values[np.newaxis], np.array(stamps, dtype=np.int64)
+    readers = [_find_reader(type_name, name) for name in fields]
+    try:
+        rows = [[read(message) for message in messages] for read in readers]
+    except (ValueError, IndexError) as error:
+        joints = ', '.join(getattr(messages[0], 'name', ()))
+        raise SourceError(
+            f'--field: {leaf.path} has no {", ".join(fields)} in each message; its joints are '
+            f'{joints}'
+        ) from error
+    stamps = [_stamp_ns(m, at) for m, at in zip(messages, received_ns, strict=True)]
+    return np.array(rows, dtype=np.float64), np.array(stamps, dtype=np.int64)
+
+
+def _stamp_ns(message: Any, received_at_ns: int) -> int:
+    header = getattr(message, 'header', None)
+    if header is None:
+        return received_at_ns
+    return (header.stamp.sec * 10**9 + header.stamp.nanosec) or received_at_ns
+
+
+def _find_reader(type_name: str, field: str) -> Callable[[Any], float]:
+    part, _, rest = field.removeprefix('wrench.').partition('.')
+    if type_name in FLOATS and field == 'data':
+        return lambda message: float(message.data)
+    if type_name == JOINT_STATE and part in ('effort', 'position', 'velocity') and rest:
+        return lambda message: float(getattr(message, part)[list(message.name).index(rest)])
+    if type_name == WRENCH and part in ('force', 'torque') and rest in _AXES:
+        if rest == 'norm':
+            return lambda message: _norm(getattr(message.wrench, part))
+        return lambda message: float(getattr(getattr(message.wrench, part), rest))
+    known = {WRENCH: ', '.join(_WRENCH_FIELDS), JOINT_STATE: 'effort.JOINT'}.get(type_name, 'data')
+    raise SourceError(f'--field: {type_name} has no "{field}"; it has {known}')
+
+
+def _norm(vector: Any) -> float:
+    return math.hypot(vector.x, vector.y, vector.z)
+
+
+def _put_in_order(
+    values: NDArray[np.float64], stamps_ns: NDArray[np.int64], questions: Questions
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return samples by their stamps, each stamp once."""
+    in_order, first = np.unique(stamps_ns, return_index=True)
+    if len(in_order) < len(stamps_ns):
+        questions.note('left out messages whose stamp came before: the first one counts')
+    if (np.diff(first) < 0).any():
+        questions.note('messages that came out of order were put in the order of their stamps')
+    return values[:, first], in_order

@@ -1,0 +1,220 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One trial as a source gives it, and many of them as the arrays of an archive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_lab.datasets.sources.questions import LAYOUT, Questions, SourceError
+
+GAP_PERIODS = 3.5
+"""Longest pause between samples that is filled by a straight line, in periods: two are lost."""
+
+RATE_TOLERANCE = 0.01
+"""Largest relative difference between a stated rate and that of the stamps."""
+
+RESERVED = ('x', 'rate_hz', 'length', 'offsets')
+"""Names of arrays that are no columns in an archive."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RawTrial:
+    """The samples of one trial.
+
+    Attributes
+    ----------
+    name : str
+        Of the trial in its source.
+    values : ndarray of shape (channels, samples)
+        float64.
+    time_s : ndarray of shape (samples,) or None
+        Time of each sample, from any zero [s]; None where the source has no times.
+    columns : mapping of str to str, int, float or bool
+        What is known of it: ``label``, ``source``, and others.
+    """
+
+    name: str
+    values: Floats
+    time_s: Floats | None = None
+    columns: Mapping[str, Any] = field(default_factory=dict)
+
+
+def arrays_from_trials(
+    trials: Sequence[RawTrial], rate_hz: float | None, questions: Questions, *, skip_bad: bool
+) -> dict[str, NDArray[Any]]:
+    """Return ``x``, ``label``, ``rate_hz``, ``length`` and columns, as an archive holds them.
+
+    Trials whose stamps are even to half a period keep their samples as they are. Others are
+    interpolated to an even grid.
+
+    Parameters
+    ----------
+    trials : sequence of RawTrial
+    rate_hz : float or None
+        The stated rate [Hz]; None: that of the stamps.
+    questions : Questions
+        Is told what was done.
+    skip_bad : bool
+        Leave out trials with pauses or without a second sample; otherwise they are refused.
+
+    Raises
+    ------
+    SourceError
+        When rates or channels do not fit, or a trial cannot be used.
+    """
+    if not trials:
+        raise SourceError(f'there are no trials\n{LAYOUT}')
+    rate_hz = _choose_rate(trials, rate_hz, questions)
+    kept: list[RawTrial] = []
+    signals: list[Floats] = []
+    filled = 0
+    for trial in trials:
+        try:
+            values, changed = _make_even(trial, rate_hz)
+        except SourceError as error:
+            if not skip_bad:
+                raise SourceError(f'{error}; --skip-bad leaves such trials out') from error
+            questions.note(f'left out: {error}')
+            continue
+        kept.append(trial)
+        signals.append(values)
+        filled += changed
+    if filled:
+        questions.note(
+            f'{filled} of {len(trials)} trials have uneven stamps or lost samples: interpolated '
+            f'by straight lines to an even {rate_hz:g} Hz'
+        )
+    if not kept:
+        raise SourceError('no trial can be used')
+    channels = {len(values) for values in signals}
+    if len(channels) > 1:
+        raise SourceError(
+            f'the trials have {" and ".join(map(str, sorted(channels)))} channels; '
+            'all must have the same'
+        )
+    lengths = np.array([values.shape[1] for values in signals])
+    x = np.zeros((len(kept), channels.pop(), int(lengths.max())))
+    for row, values in enumerate(signals):
+        x[row, :, : values.shape[1]] = values
+    arrays = {'x': x, 'rate_hz': np.array(rate_hz), **_join_columns(kept, questions)}
+    if (lengths != lengths[0]).any():
+        arrays['length'] = lengths
+    return arrays
+
+
+def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, questions: Questions) -> float:
+    found = {}
+    for trial in trials:
+        period_s = _period_s(trial.time_s)
+        if period_s > 0.0:
+            found[trial.name] = 1.0 / period_s
+    if not found:
+        if rate_hz is None:
+            raise SourceError(
+                'the recordings have no times, so the sample rate is not known: --rate-hz'
+            )
+        return rate_hz
+    rates = np.array(list(found.values()))
+    usual = float(np.median(rates))
+    expected = usual if rate_hz is None else rate_hz
+    worst = max(found, key=lambda name: abs(math.log(found[name] / expected)))
+    if abs(found[worst] / expected - 1.0) > RATE_TOLERANCE:
+        if rate_hz is not None:
+            raise SourceError(
+                f'--rate-hz says {rate_hz:g} Hz, and the stamps of trial {worst} say '
+                f'{found[worst]:.6g} Hz; leave the option out, or state the unit of the times '
+                '(--column time=NAME:ms). To change the rate, use --resample-hz'
+            )
+        raise SourceError(
+            f'the trials have different rates: {found[worst]:.6g} Hz (trial {worst}) and '
+            f'{usual:.6g} Hz; import them apart, each with --resample-hz'
+        )
+    if rate_hz is None:
+        rate_hz = _round_rate(usual)
+        questions.note(f'rate: {rate_hz:g} Hz, from the stamps')
+    return rate_hz
+
+
+def _period_s(time_s: Floats | None) -> float:
+    """Return the mean time between samples that follow each other without a pause."""
+    if time_s is None or len(time_s) < 2:
+        return 0.0
+    steps = np.diff(time_s)
+    steps = steps[np.isfinite(steps) & (steps > 0.0)]
+    if not len(steps):
+        return 0.0
+    return float(steps[steps <= 1.5 * np.median(steps)].mean())
+
+
+def _round_rate(rate_hz: float) -> float:
+    """Return the rate with three digits where that is no change, as stamps cannot tell."""
+    short = float(f'{rate_hz:.3g}')
+    return short if abs(short / rate_hz - 1.0) < 1e-3 else float(f'{rate_hz:.6g}')
+
+
+def _make_even(trial: RawTrial, rate_hz: float) -> tuple[Floats, bool]:
+    """Return the samples at an even rate, and whether that changed them."""
+    count = trial.values.shape[1]
+    if count < 2:
+        raise SourceError(f'trial {trial.name} has {count} samples')
+    time_s = trial.time_s
+    if time_s is None:
+        return trial.values, False
+    if not np.isfinite(time_s).all():
+        raise SourceError(f'trial {trial.name}: a time is missing')
+    steps = np.diff(time_s)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 1
+        raise SourceError(f'trial {trial.name}: the time does not rise at its sample {row}')
+    if steps.max() * rate_hz > GAP_PERIODS:
+        at = int(np.argmax(steps))
+        raise SourceError(
+            f'trial {trial.name}: no samples for {steps[at]:.4g} s, from '
+            f'{time_s[at] - time_s[0]:.4g} s on'
+        )
+    places = (time_s - time_s[0]) * rate_hz
+    line = np.linspace(0.0, places[-1], count)
+    drift = abs(places[-1] - (count - 1))
+    if np.abs(places - line).max() <= 0.5 and drift <= max(0.5, RATE_TOLERANCE * count):
+        return trial.values, False
+    grid = np.arange(math.floor(places[-1] + 1e-6) + 1, dtype=np.float64)
+    return np.stack([np.interp(grid, places, channel) for channel in trial.values]), True
+
+
+def _join_columns(trials: Sequence[RawTrial], questions: Questions) -> dict[str, NDArray[Any]]:
+    """Return the columns that every trial has, the label among them."""
+    shared = [name for name in trials[0].columns if all(name in t.columns for t in trials)]
+    lost = sorted({name for trial in trials for name in trial.columns} - set(shared))
+    if lost:
+        questions.note(f'left out, not known of every trial: {", ".join(lost)}')
+    # The names that an archive gives a meaning are not those of columns.
+    columns = {
+        f'{name}_' if name in RESERVED else name: np.array([t.columns[name] for t in trials])
+        for name in shared
+    }
+    if 'session' in columns and 'session_id' not in columns:
+        columns['session_id'] = columns.pop('session')  # the name that splits look for
+    columns['trial'] = np.array([trial.name for trial in trials])
+    columns['label'] = columns['label'].astype(str)
+    return columns

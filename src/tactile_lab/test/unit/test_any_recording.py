@@ -1,0 +1,423 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings of others, written as labs and other programs write them, through the commands."""
+
+import json
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
+from typer.testing import CliRunner
+
+from tactile_classifier.datasets.archive import load_archive
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_lab.cli.main import app
+
+RATE_HZ = 100.0
+SLOPES = {'rubber': -0.9, 'pla': -0.5}
+
+
+def hold(label, seed, count=240):
+    """Return times [s] and the tension of a hold [N]."""
+    rng = np.random.default_rng([seed, *label.encode()])
+    time_s = np.arange(count) / RATE_HZ
+    return time_s, 5.0 + SLOPES[label] * time_s + rng.normal(0.0, 0.1, count)
+
+
+def all_holds(count=6):
+    return [(label, i, *hold(label, i, 240 + i)) for label in SLOPES for i in range(count)]
+
+
+def invoke(*arguments):
+    done = CliRunner().invoke(app, [str(a) for a in arguments])
+    return done.exit_code, done.output
+
+
+def import_json(tmp_path, *arguments):
+    archive = tmp_path / 'imported.npz'
+    done = CliRunner().invoke(
+        app, ['import', *map(str, arguments), '-o', str(archive), '--force', '--json']
+    )
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout), load_archive(archive, folds=0)
+
+
+def refusal(tmp_path, *arguments):
+    code, said = invoke('import', *arguments, '-o', tmp_path / 'refused.npz')
+    assert code == 2, said
+    assert not (tmp_path / 'refused.npz').exists()
+    return said
+
+
+@pytest.fixture
+def long_table(tmp_path):
+    """Write one table of all trials; trials are numbered within each object."""
+    lines = ['object,trial,time_s,force_n,session']
+    for label, i, time_s, tension_n in all_holds():
+        lines += [
+            f'{label},{i},{t:.3f},{f!r},{i % 2}'
+            for t, f in zip(time_s.tolist(), tension_n.tolist(), strict=True)
+        ]
+    (tmp_path / 'long.csv').write_text('\n'.join(lines) + '\n')
+    return tmp_path / 'long.csv'
+
+
+def check_holds(trials, count=6):
+    """Compare with what was written, bit for bit."""
+    assert trials.rate_hz == RATE_HZ
+    for row, (label, _, _, tension_n) in enumerate(all_holds(count)):
+        assert trials.label[row] == label
+        np.testing.assert_array_equal(trials.x[row, 0, : trials.lengths[row]], tension_n)
+
+
+def test_a_long_table_in_csv_and_parquet(tmp_path, long_table):
+    found, trials = import_json(tmp_path, long_table)
+    check_holds(trials)
+    assert found['samples'] == [240, 245]
+    assert found['columns'] == ['source', 'trial', 'session_id']
+    assert trials.columns['session_id'].tolist() == [0, 1, 0, 1, 0, 1] * 2
+    assert 'took signal: force_n; time: time_s in s; trial: trial; label: object' in found['notes']
+    assert 'a trial is named by object and trial together' in found['notes']
+    parquet = tmp_path / 'long.parquet'
+    pyarrow.parquet.write_table(pyarrow.csv.read_csv(long_table), parquet)
+    check_holds(import_json(tmp_path, parquet)[1])
+
+
+def test_rows_of_trials_may_be_mixed(tmp_path, long_table):
+    head, *lines = long_table.read_text().splitlines()
+    order = np.argsort(np.arange(len(lines)) % 7, kind='stable')
+    by_time = sorted(order.tolist(), key=lambda i: float(lines[i].split(',')[2]))
+    long_table.write_text('\n'.join([head, *(lines[i] for i in by_time)]))
+    _, trials = import_json(tmp_path, long_table)
+    rows = {}
+    for label, i, _, tension_n in all_holds():
+        rows[f'{label}/{i}'] = tension_n
+    assert set(trials.columns['trial'].tolist()) == set(rows)
+    for name, x, count in zip(trials.columns['trial'], trials.x, trials.lengths, strict=True):
+        np.testing.assert_array_equal(x[0, :count], rows[name])
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Write a file a trial as a German instrument does: preamble, semicolons, commas, ms."""
+    for label, i, time_s, tension_n in all_holds():
+        path = tmp_path / 'lab' / label / f'{i:02d}.csv'
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lines = ['Gerät;LC-1', 'Datum;22.11.2026', '', 'Zeit [ms];Kraft [N];Temperatur [°C]']
+        lines += [
+            f'{1e3 * t:.1f};{f!r};{21.0 + 0.001 * i:.3f}'.replace('.', ',')
+            for t, f in zip(time_s.tolist(), tension_n.tolist(), strict=True)
+        ]
+        path.write_bytes('\r\n'.join(lines).encode('latin-1'))
+    return tmp_path / 'lab'
+
+
+def test_a_file_a_trial_in_folders_named_as_the_label(tmp_path, folders):
+    found, trials = import_json(tmp_path, folders)
+    np.testing.assert_array_equal(np.unique(trials.label), ['pla', 'rubber'])
+    by_name = {name: row for row, name in enumerate(trials.columns['source'])}
+    for label, i, _, tension_n in all_holds():
+        row = by_name[f'lab/{label}/{i:02d}.csv']
+        assert trials.label[row] == label
+        np.testing.assert_array_equal(trials.x[row, 0, : len(tension_n)], tension_n)
+    assert 'took signal: Kraft [N]; time: Zeit [ms] in ms' in found['notes']
+    assert 'label: the folder of each file (pla, rubber)' in found['notes']
+
+
+def test_a_signal_that_could_be_another_column_is_asked_for(tmp_path, folders):
+    path = folders / 'pla' / '00.csv'
+    path.write_bytes(path.read_bytes().replace(b'21,000', b'21,500', 1))
+    said = refusal(tmp_path, folders)
+    assert 'State it with --column value=NAME' in said
+    assert said.count('\n') <= 8
+    assert 'R1/01.csv' in said
+    _, trials = import_json(tmp_path, folders, '--column', 'value=Kraft [N]')
+    assert len(trials) == 12
+    _, both = import_json(tmp_path, folders, '--column', 'value=Kraft [N],Temperatur [°C]')
+    assert both.x.shape[1] == 2
+
+
+def test_labels_from_names_of_files_are_asked_for(tmp_path):
+    for label, i, time_s, tension_n in all_holds():
+        table = np.column_stack([time_s, tension_n])
+        np.savetxt(tmp_path / f'{label}_{i:02d}.txt', table, header='time_s force_n')
+    said = refusal(tmp_path, tmp_path)
+    assert 'pla_00.txt would be pla' in said
+    assert '--label-from file' in said
+    for how in (['--yes'], ['--label-from', 'file'], ['--label-from', r'/(\w+)_\d+']):
+        _, trials = import_json(tmp_path, *sorted(tmp_path.glob('*.txt')), *how)
+        assert trials.label.tolist() == ['pla'] * 6 + ['rubber'] * 6
+    named = r'/(?P<label>\w+)_(?P<turn>\d+)'
+    _, trials = import_json(tmp_path, *sorted(tmp_path.glob('*.txt')), '--label-from', named)
+    assert trials.columns['turn'].tolist() == ['00', '01', '02', '03', '04', '05'] * 2
+
+
+def test_arrays_with_labels_beside_them(tmp_path):
+    x = np.stack([tension_n[:240] for _, _, _, tension_n in all_holds()])
+    labels = [label for label, *_ in all_holds()]
+    np.save(tmp_path / 'x.npy', x)
+    assert 'put them into x_labels.npy' in refusal(tmp_path, tmp_path / 'x.npy')
+    np.save(tmp_path / 'x_labels.npy', labels)
+    assert '--rate-hz' in refusal(tmp_path, tmp_path / 'x.npy')
+    _, trials = import_json(tmp_path, tmp_path / 'x.npy', '--rate-hz', 100)
+    np.testing.assert_array_equal(trials.x[:, 0], x)
+    assert trials.label.tolist() == labels
+    (tmp_path / 'words.csv').write_text('\n'.join(['material', *labels]))
+    stated = ('--rate-hz', 100, '--labels', tmp_path / 'words.csv')
+    assert import_json(tmp_path, tmp_path / 'x.npy', *stated)[1].label.tolist() == labels
+    np.savez(tmp_path / 'Xy.npz', X=x, y=labels, fs=100)
+    found, trials = import_json(tmp_path, tmp_path / 'Xy.npz')
+    np.testing.assert_array_equal(trials.x[:, 0], x)
+    assert 'took X of Xy.npz as x' in found['notes']
+
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+
+
+def write_bag(path, plugin, topic, messages):
+    """Write (stamp_ns, message) pairs by rosbags."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with Writer(path, version=9, storage_plugin=plugin) as writer:
+        first = messages[0][1]
+        connection = writer.add_connection(topic, first.__msgtype__, typestore=STORE)
+        for stamp_ns, message in messages:
+            data = STORE.serialize_cdr(message, message.__msgtype__)
+            writer.write(connection, stamp_ns, data)
+
+
+def header(stamp_ns):
+    types = STORE.types
+    time = types['builtin_interfaces/msg/Time'](stamp_ns // 10**9, stamp_ns % 10**9)
+    return types['std_msgs/msg/Header'](time, 'ft')
+
+
+def wrench(stamp_ns, force_n):
+    types = STORE.types
+    vector = types['geometry_msgs/msg/Vector3']
+    inner = types['geometry_msgs/msg/Wrench'](vector(3.0, 4.0, force_n), vector(0.0, 0.0, 0.0))
+    return types['geometry_msgs/msg/WrenchStamped'](header(stamp_ns), inner)
+
+
+def effort(stamp_ns, force_n):
+    both = np.array([0.0, force_n])
+    return STORE.types['sensor_msgs/msg/JointState'](
+        header(stamp_ns), ['guide', 'tendon'], both, both, both
+    )
+
+
+def number(stamp_ns, force_n):
+    return STORE.types['std_msgs/msg/Float64'](force_n)
+
+
+@pytest.mark.parametrize('plugin', list(StoragePlugin))
+@pytest.mark.parametrize(
+    ('make', 'field'), [(wrench, 'force.z'), (effort, 'effort.tendon'), (number, None)]
+)
+def test_bags_of_others(tmp_path, plugin, make, field):
+    for label, i, time_s, tension_n in all_holds():
+        stamps = (10**18 + np.rint(time_s * 1e9)).astype(np.int64).tolist()
+        messages = [(t, make(t, f)) for t, f in zip(stamps, tension_n.tolist(), strict=True)]
+        write_bag(tmp_path / 'bags' / label / f'run_{i}', plugin, '/ft', messages)
+    if field is not None:
+        assert '--field' in refusal(tmp_path, tmp_path / 'bags')
+        assert 'effort.z' in refusal(tmp_path, tmp_path / 'bags', '--field', 'effort.z')
+    stated = ('--field', field) if field else ()
+    found, trials = import_json(tmp_path, tmp_path / 'bags', *stated)
+    assert found['labels'] == {'pla': 6, 'rubber': 6}
+    assert trials.rate_hz == RATE_HZ
+    by_name = dict(zip(trials.columns['source'].tolist(), range(12), strict=True))
+    for label, i, _, tension_n in all_holds():
+        row = by_name[f'bags/{label}/run_{i}']
+        np.testing.assert_array_equal(trials.x[row, 0, : len(tension_n)], tension_n)
+    assert 'no topic /other' in refusal(tmp_path, tmp_path / 'bags', '--topic', '/other')
+
+
+def test_messages_twice_and_out_of_order_are_said(tmp_path):
+    for label, i, time_s, tension_n in all_holds(2):
+        stamps = (10**18 + np.rint(time_s * 1e9)).astype(np.int64).tolist()
+        messages = [(t, wrench(t, f)) for t, f in zip(stamps, tension_n.tolist(), strict=True)]
+        messages = [*messages[:50], messages[51], messages[50], messages[50], *messages[52:]]
+        bag = [(10**18 + k, message) for k, (_, message) in enumerate(messages)]
+        write_bag(tmp_path / label / f'{i}', StoragePlugin.MCAP, '/ft', bag)
+    paths = [tmp_path / label for label in SLOPES]
+    found, trials = import_json(tmp_path, *paths, '--field', 'force.z,force.norm')
+    check_holds(trials, 2)
+    np.testing.assert_allclose(
+        trials.x[:, 1], np.hypot(5.0, trials.x[:, 0]) * (trials.x[:, 0] != 0)
+    )
+    assert any('out of order' in note for note in found['notes'])
+    assert any('whose stamp came before' in note for note in found['notes'])
+
+
+def write_trials(folder, times, values):
+    for label, time_s in times.items():
+        for i in range(3):
+            path = folder / label / f'{i}.csv'
+            path.parent.mkdir(parents=True, exist_ok=True)
+            rows = np.column_stack([time_s, values(label, i, time_s)])
+            np.savetxt(path, rows, delimiter=',', header='time_s,force_n', comments='')
+    return folder
+
+
+def lines_of(label, i, time_s):
+    return SLOPES[label] * time_s + i
+
+
+def test_lost_samples_and_jitter_are_filled_and_said(tmp_path):
+    even = np.arange(200) / RATE_HZ
+    folder = write_trials(
+        tmp_path / 'lost', {'pla': even, 'rubber': np.delete(even, [50, 51, 120])}, lines_of
+    )
+    found, trials = import_json(tmp_path, folder)
+    assert any('3 of 6 trials have uneven stamps' in note for note in found['notes'])
+    assert trials.lengths.tolist() == [200] * 6
+    for row in range(6):  # a line stays the line
+        expected = lines_of(trials.label[row], row % 3, even)
+        np.testing.assert_allclose(trials.x[row, 0], expected, atol=1e-12)
+
+
+def test_a_pause_is_refused_and_skipped_when_asked(tmp_path):
+    even = np.arange(200) / RATE_HZ
+    times = {'pla': even, 'rubber': np.delete(even, np.arange(50, 60))}
+    folder = write_trials(tmp_path / 'pause', times, lines_of)
+    said = refusal(tmp_path, folder)
+    assert 'no samples for 0.11 s, from 0.49 s on; --skip-bad' in said
+    found, _ = import_json(tmp_path, folder, '--skip-bad')
+    assert found['labels'] == {'pla': 3}
+
+
+def test_a_rate_that_does_not_fit_the_stamps_is_refused(tmp_path):
+    even = np.arange(200) / RATE_HZ
+    folder = write_trials(tmp_path / 'a', {'pla': even, 'rubber': even}, lines_of)
+    assert 'say 100 Hz' in refusal(tmp_path, folder, '--rate-hz', 60)
+    assert import_json(tmp_path, folder, '--rate-hz', 100.2)[1].rate_hz == 100.2
+    slow = write_trials(tmp_path / 'b', {'pla': even, 'rubber': 2.0 * even}, lines_of)
+    assert 'different rates' in refusal(tmp_path, slow)
+
+
+def test_oddities_are_said(tmp_path):
+    x = np.random.default_rng(0).normal(size=(16, 2, 3)).astype(np.float32)
+    x[2, 1] = 1.0
+    np.savez(tmp_path / 'odd.npz', x=x, label=['a', 'b'] * 8, rate_hz=50.0)
+    found, _ = import_json(tmp_path, tmp_path / 'odd.npz')
+    assert 'warning: channel 1 is constant in 1 trial (row 2)' in found['notes']
+    assert any('fewer than 16 samples in 16 trials' in note for note in found['notes'])
+    code, said = invoke('evaluate', tmp_path / 'odd.npz', '--task', 'texture', '--folds', 2)
+    assert code == 0
+    assert 'fewer than 16 samples' in said
+    assert 'channel 1 is constant' in said
+
+
+@pytest.mark.filterwarnings('error:.*:RuntimeWarning')
+def test_float32_gives_no_warning(tmp_path):
+    x = np.stack([tension_n[:240] for _, _, _, tension_n in all_holds()]).astype(np.float32)
+    labels = [label for label, *_ in all_holds()]
+    np.savez(tmp_path / 'f.npz', x=x, label=labels, rate_hz=100.0)
+    for task in ('texture', 'stiffness'):
+        code, said = invoke('evaluate', tmp_path / 'f.npz', '--task', task, '--folds', 2)
+        assert code == 0, said
+
+
+def test_kinds_are_not_mixed(tmp_path, long_table):
+    np.save(tmp_path / 'x.npy', np.zeros((2, 3)))
+    assert 'several kinds' in refusal(tmp_path, long_table, tmp_path / 'x.npy')
+    assert 'are not known' in refusal(tmp_path, __file__)
+    assert 'no recordings in it' in refusal(tmp_path, make_folder(tmp_path / 'empty'))
+
+
+def make_folder(path):
+    path.mkdir()
+    return path
+
+
+def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
+    common = ('--task', 'stiffness', '--folds', 2, '--repetitions', 1, '--json')
+    _, _ = import_json(tmp_path, long_table)
+    means = []
+    for source in (long_table, tmp_path / 'imported.npz'):
+        done = CliRunner().invoke(app, [str(a) for a in ('evaluate', source, *common)])
+        assert done.exit_code == 0, done.output
+        (found,) = json.loads(done.stdout)['sets']
+        means.append([score['mean'] for score in found['evaluations'][0]['scores']])
+    assert means[0] == means[1]
+    done = CliRunner().invoke(
+        app, [str(a) for a in ('train', long_table, '-o', tmp_path / 'models', *common)]
+    )
+    assert done.exit_code == 0, done.output
+    (trained,) = json.loads(done.stdout)['models']
+    assert [s['mean'] for s in trained['evaluation']['scores']] == means[0]
+    model = TactileModel.load(tmp_path / 'models' / 'stiffness.onnx')
+    assert model.model_id == trained['model_id']
+    assert model.contact == ''
+
+
+def test_features_as_tables_with_units(tmp_path, long_table):
+    common = ('--task', 'stiffness', '--group', 'session_id')
+    files = {suffix: tmp_path / f'features.{suffix}' for suffix in ('parquet', 'csv')}
+    for file in files.values():
+        code, said = invoke('features', long_table, '-o', file, *common)
+        assert code == 0, said
+    table = pyarrow.parquet.read_table(files['parquet'])
+    known = ['source', 'trial', 'label', 'session', 'group', 'simulated']
+    assert table.column_names[:6] == known
+    units = [field.metadata[b'unit'].decode() for field in list(table.schema)[6:]]
+    assert units == ['N/s', 'N', '1']
+    assert json.loads(table.schema.metadata[b'tactile'])['feature_set'] == 'stiffness_regression'
+    assert table['label'].to_pylist() == ['rubber'] * 6 + ['pla'] * 6
+    assert table['group'].to_pylist() == ['0', '1', '0', '1', '0', '1'] * 2
+    text = pyarrow.csv.read_csv(files['csv'])
+    names = table.column_names[6:]
+    assert text.column_names[6:] == [f'{n} [{u}]' for n, u in zip(names, units, strict=True)]
+    for name, stated in zip(names, text.column_names[6:], strict=True):
+        assert text[stated].to_pylist() == table[name].to_pylist()  # every digit
+    # The reference: a line fitted by least squares to each trial, cut to the shortest.
+    for row, (_, _, time_s, tension_n) in enumerate(all_holds()):
+        slope = np.polyfit(time_s[:240], tension_n[:240], 1)[0]
+        assert table[names[0]].to_pylist()[row] == pytest.approx(slope, rel=1e-9)
+    code, said = invoke('features', long_table, '-o', files['csv'], *common)
+    assert code == 2
+    assert '--force' in said
+
+
+def test_features_of_our_bags_have_a_file_for_each_kind(tmp_path):
+    for protocol in ('texture', 'stiffness'):
+        arguments = ('simulate', protocol, '-o', tmp_path / 'bags', '--contact', 'flexion')
+        code, said = invoke(*arguments, '--trials', 1, '--jobs', 1)
+        assert code == 0, said
+    code, said = invoke('features', tmp_path / 'bags', '-o', tmp_path / 'f.parquet')
+    assert code == 0, said
+    table = pyarrow.parquet.read_table(tmp_path / 'f_texture_flexion.parquet')
+    assert set(table['simulated'].to_pylist()) == {True}
+    assert table.num_rows == 8
+    assert (tmp_path / 'f_stiffness_flexion.parquet').exists()
+    assert 'takes it as it is' in refusal(tmp_path, tmp_path / 'bags').replace(
+        'take it', 'takes it'
+    )
+
+
+def test_trials_numbered_anew_in_each_session_are_kept_apart(tmp_path):
+    lines = ['session,label,trial,time_s,force_n']
+    for session in (1, 2):
+        for label in SLOPES:
+            for t, f in zip(*(a.tolist() for a in hold(label, session, 50)), strict=True):
+                lines.append(f'{session},{label},0,{t},{f!r}')
+    (tmp_path / 'sessions.csv').write_text('\n'.join(lines))
+    found, trials = import_json(tmp_path, tmp_path / 'sessions.csv')
+    assert trials.lengths.tolist() == [50] * 4
+    assert trials.columns['session_id'].tolist() == [1, 1, 2, 2]
+    assert 'a trial is named by session and label and trial together' in found['notes']
