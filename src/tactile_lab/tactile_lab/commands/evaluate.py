@@ -65,6 +65,7 @@ class EvaluateRequest(TrialOptions):
     seed: int
     report: Path | None = None
     answers: bool = False
+    is_experiment: bool = False
 
     @property
     def hold_out(self) -> tuple[tuple[str, ...], ...]:
@@ -78,8 +79,7 @@ class EvaluateRequest(TrialOptions):
 def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
     """Evaluate each set of the recordings, print what came out, write the report."""
     if (recordings := list_recordings(request.recordings)) != list(request.recordings):
-        groups = request.groups or ('session_id', 'mounting_id')
-        request = replace(request, recordings=tuple(recordings), groups=groups)
+        request = replace(request, recordings=tuple(recordings), is_experiment=True)
     output = Output(as_json)
     file = None if request.report is None else report_path(request.report)
     with output.progress() as progress:
@@ -177,7 +177,9 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
     }
     if not tables:
         raise TactileError(f'the bags hold no {request.task} trials')
-    sets = bag_sets(tables, request.hold_out or None)
+    sets = bag_sets(
+        tables, request.hold_out or None, also=('mounting_id',) if request.is_experiment else ()
+    )
     if request.report is None or not any(map(_is_unlike_paper, tables.values())):
         return sets
     published = read_tables(own, PAPER).tables

@@ -130,6 +130,7 @@ def array_examples(
 def bag_sets(
     tables: Mapping[tuple[str, str], FeatureTable],
     hold_out: Sequence[Sequence[str]] | None = None,
+    also: Sequence[str] = (),
 ) -> list[RecordingSet]:
     """Return the sets of some bags, with signals read from them.
 
@@ -140,11 +141,13 @@ def bag_sets(
     hold_out : sequence of sequence of str, optional
         Columns of the grouped splits. When left out, one session is held out where there are
         several that have all labels, and one block of trials where not.
+    also : sequence of str
+        Columns that are held out then, too, one by one, where that can be done.
     """
     sets = []
     for (task, contact), table in tables.items():
         simulated = bool(table.column('simulated').any())
-        chosen = _usual_split(table) if hold_out is None else hold_out
+        chosen = _usual_split(table, also) if hold_out is None else hold_out
         sets.append(
             RecordingSet(
                 title=f'{task}, {contact}' + (', simulated' if simulated else ''),
@@ -160,14 +163,16 @@ def bag_sets(
     return sets
 
 
-def _usual_split(table: FeatureTable) -> list[tuple[str, ...]]:
-    for column in ('session_id', 'trial_block'):
+def _usual_split(table: FeatureTable, also: Sequence[str]) -> list[tuple[str, ...]]:
+    def can_hold_out(column: str) -> bool:
         try:
             grouped_split(table, [column])
         except EvaluationError:
-            continue
-        return [(column,)]
-    return []
+            return False
+        return True
+
+    first = next(filter(can_hold_out, ('session_id', 'trial_block')), None)
+    return [(column,) for column in (first, *filter(can_hold_out, also)) if column]
 
 
 def bag_examples(table: FeatureTable) -> tuple[Example, ...]:

@@ -1,0 +1,113 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Warnings of tied labels wherever a user looks, and an experiment's folder as recordings."""
+
+import json
+import shutil
+
+import pytest
+from typer.testing import CliRunner
+
+from tactile_bags import EVENT
+from tactile_lab.cli.main import app
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.experiment.folder import ExperimentFolder
+from tactile_lab.experiment.plan import ExperimentPlan
+
+OPTIONS = ('--folds', '3', '--repetitions', '1')
+
+
+def run(*arguments):
+    done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done
+
+
+@pytest.fixture(scope='module')
+def tied_bag(stiffness_bag, rewrite, tmp_path_factory):
+    """Return a recording in which each label has a session of its own."""
+
+    def change(type_name, message):
+        if type_name == EVENT:
+            message.session_id = f'day of {message.object_label}'
+        return message
+
+    return rewrite(stiffness_bag, tmp_path_factory.mktemp('tied') / 'bag', change)
+
+
+def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
+    sentence = 'session_id and label coincide for 5 of 5 labels'
+    report = tmp_path / 'report.html'
+    done = run('evaluate', tied_bag, *OPTIONS, '--report', report)
+    assert sentence in done.output
+    assert sentence in report.read_text()
+    (found,) = json.loads(run('evaluate', tied_bag, *OPTIONS, '--json').stdout)['sets']
+    for evaluation in found['evaluations']:
+        assert any(sentence in warning for warning in evaluation['warnings'])
+
+
+def test_tied_labels_are_told_at_training(tied_bag, tmp_path):
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    sentence = 'session_id and label coincide for 5 of 5 labels'
+    assert sentence in run('train', tied_bag, '-o', tmp_path / 'one', *OPTIONS).output
+    done = run('train', tied_bag, '-o', tmp_path / 'two', *OPTIONS, '--json')
+    (model,) = json.loads(done.stdout)['models']
+    assert any(sentence in warning for warning in model['evaluation']['warnings'])
+
+
+def test_an_experiment_is_read_without_the_trials_that_do_not_count(stiffness_bag, tmp_path):
+    (table,) = read_tables([stiffness_bag]).tables.values()
+    first, *others = table.column('trial_id').tolist()
+    folder = ExperimentFolder(tmp_path / 'soft')
+    folder.set_up(ExperimentPlan('soft', 'stiffness', ('pla',)))
+    shutil.copytree(stiffness_bag, folder.bags / 'soft-s01-01')
+    with folder.open_journal() as journal:
+        for name in (first, *others):
+            journal.append('began', key=name, trial_id=name, mounting_id='m')
+            verdict = 'failed' if name == first else 'good'
+            values = {'verdict': verdict, 'sentence': '', 'statistics': {}, 'seconds': 1.0}
+            journal.append('ended', trial_id=name, **values)
+    found = read_tables(folder.list_bags())
+    (table,) = found.tables.values()
+    assert table.column('trial_id').tolist() == others
+    assert f'{first}: another attempt counts (failed)' in found.left_out
+    done = run('evaluate', folder.path, '--folds', '2', '--repetitions', '1', '--json')
+    (evaluated,) = json.loads(done.stdout)['sets']
+    assert evaluated['trials'] == len(others)
+
+
+def test_an_experiment_is_evaluated_with_a_session_and_a_mounting_held_out(
+    stiffness_bag, rewrite, tmp_path
+):
+    folder = ExperimentFolder(tmp_path / 'soft')
+    folder.set_up(ExperimentPlan('soft', 'stiffness', ('pla',)))
+    numbers = {}
+
+    def change(type_name, message):
+        if type_name == EVENT:
+            known = numbers.setdefault(message.object_label, [])
+            if message.trial_id not in known:
+                known.append(message.trial_id)
+            message.session_id = f's{known.index(message.trial_id) % 2}'
+            message.mounting_id = f'{message.object_label} {known.index(message.trial_id)}'
+        return message
+
+    rewrite(stiffness_bag, folder.bags / 'soft-s01-01', change)
+    done = run('evaluate', folder.path, *OPTIONS, '--json')
+    (found,) = json.loads(done.stdout)['sets']
+    assert [evaluation['split'] for evaluation in found['evaluations']][1:] == [
+        'one session_id held out',
+        'one mounting_id held out',
+    ]
