@@ -210,7 +210,7 @@ def evaluate(
         Optional[str],
         typer.Option(
             help='Only these features, separated by commas, as in --features slope,correlation; '
-            'or a set of features, as in --features glide_waveform.'
+            'a set of features, as in --features glide_waveform; or auto: folds choose the set.'
         ),
     ] = None,
     report: Annotated[

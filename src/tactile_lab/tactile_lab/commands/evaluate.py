@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -29,8 +30,9 @@ from tactile_classifier.evaluation.cross_validation import evaluate, Evaluation
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
+from tactile_lab.commands.features import AUTO, choose_automatically, Reader
 from tactile_lab.commands.output import Output
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials, PreparedTrials
 from tactile_lab.datasets.sources.load import split_sources
@@ -86,7 +88,7 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
         progress.add_task('reading', total=None)
         sets = [
             replace(each, splits=request.train_test.splits(each.table))
-            for each in _read_sets(request)
+            for each in _read_sets(request, output)
         ]
     results = analyse_with_progress(
         sets,
@@ -164,15 +166,33 @@ def _settings(request: EvaluateRequest) -> dict[str, str]:
     }
 
 
-def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
+def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
     own, leaves = split_sources(request.recordings, request.sources)
     if leaves:
-        return [_prepared_set(prepare_trials(leaves, request, folds=request.folds), request)]
+        if request.features != AUTO:
+            prepared = prepare_trials(leaves, request, folds=request.folds)
+            return [_prepared_set(prepared, request)]
+        named = replace(request, features=None)
+        prepared = prepare_trials(leaves, named, folds=request.folds)
+        key = (prepared.task, '')
+        table = _choose(
+            lambda fields: BagTables({key: prepared.compute_table(fields)}, ()),
+            {},
+            request,
+            output,
+        )[key]
+        title = f'{prepared.title}, {AUTO}: {table.spec.feature_set}'
+        return [_prepared_set(replace(prepared, title=title, table=table), named)]
     request.check_for_bags()
+    automatic = request.features == AUTO
+    if automatic:
+        request = replace(request, features=None)
     chosen = choose_features(request.over, request.detrend, request.features)
+    read = partial(read_tables, own)
+    found = _choose(read, chosen, request, output) if automatic else read(chosen).tables
     tables = {
         key: select_features(request.train_test.keep(table), request.features)
-        for key, table in read_tables(own, chosen).tables.items()
+        for key, table in found.items()
         if request.task in (None, key[0])
     }
     if not tables:
@@ -191,6 +211,17 @@ def _read_sets(request: EvaluateRequest) -> list[RecordingSet]:
         else each
         for each, (key, table) in zip(sets, tables.items(), strict=True)
     ]
+
+
+def _choose(
+    read: Reader, chosen: Mapping[str, Any], request: EvaluateRequest, output: Output
+) -> dict[tuple[str, str], FeatureTable]:
+    """Return the tables with the set of features that folds choose, and say why."""
+    columns = next(iter(request.hold_out), ('session_id',))
+    found = choose_automatically(
+        read, chosen, request.folds, request.seed, output, columns=columns
+    )
+    return {key: table for key, (table, _) in found.items()}
 
 
 def _is_unlike_paper(table: FeatureTable) -> bool:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any
 
@@ -24,7 +24,7 @@ import numpy as np
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
-from tactile_classifier.errors import EvaluationError
+from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.training.feature_choice import Candidate, choose_candidate, FeatureChoice
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
@@ -42,7 +42,12 @@ Reader = Callable[[Mapping[str, Any]], BagTables]
 
 
 def choose_automatically(
-    read: Reader, chosen: Mapping[str, Any], folds: int, random_state: int, output: Output
+    read: Reader,
+    chosen: Mapping[str, Any],
+    folds: int,
+    random_state: int,
+    output: Output,
+    columns: Sequence[str] = ('session_id',),
 ) -> dict[Key, tuple[FeatureTable, Candidate]]:
     """Choose set of features and classifier for each task and contact, and say why.
 
@@ -56,8 +61,10 @@ def choose_automatically(
     chosen : mapping
         Fields of `FeatureConfig`, such as the window over the surface.
     folds, random_state : int
-        Of random folds, where there is one session only.
+        Of random folds, where there is nothing to hold out.
     output : Output
+    columns : sequence of str
+        What each fold holds out.
 
     Returns
     -------
@@ -66,7 +73,7 @@ def choose_automatically(
     """
     tables = _read_all(read, chosen, output)
     choices = {
-        key: choose_candidate(found, _divide(found, folds, random_state), random_state)
+        key: choose_candidate(found, _divide(found, columns, folds, random_state), random_state)
         for key, found in tables.items()
     }
     picked = {}
@@ -115,11 +122,13 @@ def _holds(name: str) -> Any:
     return lambda choice: any(score.candidate[0] == name for score in choice.ranking)
 
 
-def _divide(tables: Mapping[str, FeatureTable], folds: int, random_state: int) -> Split:
+def _divide(
+    tables: Mapping[str, FeatureTable], columns: Sequence[str], folds: int, random_state: int
+) -> Split:
     table = next(iter(tables.values()))
     try:
-        return grouped_split(table, ['session_id'])
-    except EvaluationError:  # one session only
+        return grouped_split(table, columns)
+    except (DatasetError, EvaluationError):  # one session only, or none is stated
         return stratified_split(table, folds, 1, random_state)
 
 
@@ -134,7 +143,11 @@ def _read_all(
             'texture_features': glide or sets[0][0],
             'stiffness_features': hold or sets[1][0],
         }
-        found = read({**chosen, **fields})
+        try:
+            found = read({**chosen, **fields})
+        except DatasetError as error:
+            output.say(f'left out: {error}', plain=True)
+            continue
         for key, table in found.tables.items():
             others = tables.setdefault(key, {})
             first = next(iter(others.values()), table)

@@ -59,7 +59,6 @@ class PreparedTrials:
         As `table_from_trials` takes it.
     config : FeatureConfig
     speeds_m_s : ndarray of shape (trials,) or None
-        Of the trials that were tried.
     table : FeatureTable
     """
 
@@ -74,7 +73,9 @@ class PreparedTrials:
     def compute_table(self, fields: Mapping[str, Any]) -> FeatureTable:
         """Return other features of the same trials, by fields of `FeatureConfig`."""
         config = replace(self.config, **fields)
-        table = table_from_trials(self.task, self.trials, self.channel, config=config)
+        table = table_from_trials(
+            self.task, self.trials, self.channel, config=config, speeds_m_s=self.speeds_m_s
+        )
         return replace(table, columns=self.table.columns)
 
     def running_tables(
@@ -165,11 +166,15 @@ def prepare_trials(
     speeds_m_s = None
     if options.over:
         title.append(f'over {options.over} mm')
-    if options.over or config.feature_set(PHASE_GLIDE).needs_speed:
+    is_texture_with_speed = options.task == PROTOCOL_TEXTURE and options.speed_column
+    needs_speed = options.over or config.feature_set(PHASE_GLIDE).needs_speed
+    if needs_speed or is_texture_with_speed:
         speeds_m_s = _speeds_m_s(options, trials)
     table, trials = usable_table(
         options.task, trials, channel, config=config, speeds_m_s=speeds_m_s
     )
+    if speeds_m_s is not None:
+        speeds_m_s = _speeds_m_s(options, trials)  # of those that are left
     if 'trial_id' not in table.columns:
         rows = trials.columns.get('trial', trials.rows).astype(str)
         table = replace(table, columns={**table.columns, 'trial_id': rows})

@@ -111,3 +111,47 @@ def test_each_set_goes_to_its_phase():
     assert list_sets('slope,correlation') == []
     with pytest.raises(TactileError, match='glide_waveform is none'):
         choose_features('45:0.5', None, 'glide_waveform')
+
+
+def test_folds_choose_the_set_for_an_archive(tmp_path):
+    rng = np.random.default_rng(1)
+    label = np.repeat(['low', 'high'], 12)
+    x = rng.normal(size=(24, 1, 60)) + np.where(label == 'low', 0.0, 4.0)[:, None, None]
+    part, speed = np.tile([1, 2, 3], 8), np.full(24, 15.0)
+    archive = tmp_path / 'levels.npz'
+    np.savez(archive, x=x, label=label, rate_hz=60.0, part=part, speed_mm_s=speed)
+    arguments = ('evaluate', archive, '--task', 'texture', '--features', 'auto')
+    more = ('--folds', 3, '--repetitions', 1, '--group', 'part')
+    said = ' '.join(invoke(*arguments, *more).split())
+    # The level tells them apart, and a spectrum does not have it.
+    assert 'texture: glide_waveform with' in said
+    assert 'one part held out' in said
+    assert 'left out: no features from these trials: texture_spatial needs the' in said
+    (found,) = json.loads(invoke(*arguments, *more, '--json'))['sets']
+    assert found['title'].endswith('auto: glide_waveform')
+    assert len(found['features']) == 60
+
+
+def test_folds_choose_among_sets_over_the_surface_where_speeds_are_stated(tmp_path):
+    rng = np.random.default_rng(2)
+    label, speed = np.tile(['a', 'b'], 18), np.repeat([10.0, 15.0, 20.0], 12)
+    at_mm = speed[:, None] * np.arange(300) / 60.0
+    pitch_mm = np.where(label == 'a', 2.0, 2.6)[:, None]
+    x = np.sin(2 * np.pi * at_mm / pitch_mm + rng.uniform(0, 6, (36, 1)))
+    archive = tmp_path / 'glides.npz'
+    np.savez(archive, x=x[:, None], label=label, rate_hz=60.0, speed_mm_s=speed)
+    said = ' '.join(
+        invoke(
+            *('evaluate', archive, '--task', 'texture', '--features', 'auto', '--over', '40:1'),
+            *('--speed-column', 'speed_mm_s', '--group', 'speed_mm_s', '--repetitions', 1),
+        ).split()
+    )
+    assert 'texture: texture_spatial with' in said or 'texture: spatial_waveform with' in said
+
+
+def test_folds_choose_the_set_for_bags(bag):
+    said = ' '.join(
+        invoke('evaluate', bag, '--features', 'auto', '--repetitions', 1, '--folds', 2).split()
+    )
+    assert 'chosen inside the folds' in said
+    assert 'the runner-up is' in said
