@@ -30,6 +30,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.cli.main import app
 from tactile_lab.commands.evaluate import _read_sets, EvaluateRequest, run_evaluate
+from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import parse_over
 from tactile_lab.report.analysis import analyse
@@ -142,7 +143,7 @@ def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, 
 
 def test_the_comparison_with_the_paper_is_made_with_the_mean_alone(archive, tmp_path):
     request = request_for(archive, over=None, speed_column=None, detrend='linear', report=tmp_path)
-    (recordings,) = _read_sets(request)
+    (recordings,) = _read_sets(request, Output(as_json=True))
     trials = load_archive(archive)
     want = table_from_trials('texture', trials, 0, config=FeatureConfig(spectrum_detrend='mean'))
     assert recordings.published.compute_sha256() == want.compute_sha256()
@@ -153,7 +154,7 @@ def test_the_comparison_with_the_paper_is_made_with_the_mean_alone(archive, tmp_
     assert published.recordings.table is recordings.published
     assert not np.array_equal(published.significance.mean_p, result.significance.mean_p)
     mean = dataclasses.replace(request, detrend='mean')
-    assert _read_sets(mean)[0].published is None
+    assert _read_sets(mean, Output(as_json=True))[0].published is None
 
 
 @pytest.mark.parametrize(
