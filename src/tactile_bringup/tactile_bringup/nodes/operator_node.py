@@ -170,7 +170,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         except concurrent.futures.TimeoutError:
             send(self, handle.cancel_goal_async)
             raise TactileError(
-                f'{what}: no end within {timeout_s:.0f} s; {self._wait_for_rest(result)}'
+                f'{what}: no end within {timeout_s:.0f} s; {self._wait_for_rest(result, END_TIMEOUT_S)}'
             ) from None
         except KeyboardInterrupt:
             # The rig comes to rest, and the recording tells how the trial ended.
@@ -183,9 +183,7 @@ class OperatorNode(Node):  # type: ignore[misc]
             raise TactileError(f'{what}: {reply.result.message}')
         return reply.result
 
-    def _wait_for_rest(
-        self, result: concurrent.futures.Future[Any], timeout_s: float = END_TIMEOUT_S
-    ) -> str:
+    def _wait_for_rest(self, result: concurrent.futures.Future[Any], timeout_s: float) -> str:
         """Wait for the end of a cancelled goal; return a sentence about it."""
         try:
             return f'cancelled: {result.result(timeout_s).result.message}'
