@@ -52,6 +52,7 @@ class Library:
 LIBRARIES = {
     'aiohttp': Library('python3-aiohttp', 'aiohttp'),
     'click': Library('python3-click', 'click'),
+    'distributed': Library('', 'dask[distributed]'),
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'joblib': Library('python3-joblib', 'joblib'),
@@ -79,7 +80,7 @@ LIBRARIES = {
 
 OPTIONAL = {
     'tactile_classifier': {'onnx', 'skl2onnx', 'vision_msgs'},
-    'tactile_lab': {'pyarrow'},
+    'tactile_lab': {'distributed', 'pyarrow'},
     'tendon_sensor_driver': {'pynetft'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""

@@ -63,7 +63,7 @@ def list_commands() -> list[str]:
             found += [e.id for e in getattr(node.iter, 'elts', ()) if isinstance(e, ast.Name)]
         elif isinstance(node, ast.Call) and getattr(node.func, 'attr', '') == 'add_typer':
             found += [k.value.value for k in node.keywords if k.arg == 'name']
-    return [name.strip('_').replace('_', '-') for name in found]
+    return [name.partition('_')[0] for name in found]  # import_recordings is called import
 
 
 def print_usage() -> None:

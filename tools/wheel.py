@@ -58,7 +58,7 @@ def main() -> int:
         pip = [python, '-m', 'pip', '--quiet', '--disable-pip-version-check']
         run([*pip, 'wheel', '--no-deps', '--wheel-dir', folder, ROOT], folder)
         (wheel,) = folder.glob('tendon_tactile-*.whl')
-        run([*pip, 'install', wheel], folder)
+        run([*pip, 'install', f'{wheel}[cluster]', 'pytest'], folder)
         print(f'installed after {time.monotonic() - started:.0f} s', flush=True)
         use(python, folder)
     version = sys.version.split()[0]
@@ -81,6 +81,9 @@ def use(python: Path, folder: Path) -> None:
     run([python, '-c', MODULES, bag, model], folder)
     for arguments in (['sense', '--simulated'], ['demo'], ['rig', '--simulated']):
         run([tactile, *arguments], folder, code=2, says='source a ROS 2 workspace')
+    cluster = ROOT / 'src' / 'tactile_lab' / 'test' / 'integration' / 'test_cluster.py'
+    options = ['-c', os.devnull, '--noconftest', '-p', 'no:cacheprovider', '--rootdir', folder]
+    run([python, '-m', 'pytest', *options, cluster], folder)
     for example in sorted((ROOT / 'docs' / 'examples').glob('*.py')):
         run([python, example], folder)
 

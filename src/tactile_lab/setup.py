@@ -40,7 +40,7 @@ setup(
         'scipy',
         'typer',
     ],
-    extras_require={'tables': ['pyarrow'], 'test': ['pytest']},
+    extras_require={'cluster': ['dask[distributed]'], 'tables': ['pyarrow'], 'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     maintainer_email='maintainers@tendon-tactile.example.org',

@@ -26,6 +26,7 @@ import typer
 from tactile_lab.cli.options import (
     check_paths,
     Classifier,
+    ClusterOption,
     Contact,
     Design,
     DetrendOption,
@@ -107,6 +108,7 @@ def simulate(
         Optional[Path],
         typer.Option(help='Draw one of the trials into this PNG file.'),
     ] = None,
+    cluster: ClusterOption = '',
     json_output: JsonOption = False,
 ) -> None:
     """Make bags of **simulated** trials, without waiting in real time.
@@ -122,24 +124,26 @@ def simulate(
     """
     with refusals():
         check_paths(description)
+        from tactile_lab.commands.cluster import on_cluster
         from tactile_lab.commands.simulate import run_simulate, SimulateRequest
 
-        complete = run_simulate(
-            SimulateRequest(
-                protocol=protocol.value,
-                contacts=tuple(dict.fromkeys(c.value for c in contact or list(Contact))),
-                trials_per_label=trials,
-                sessions=sessions,
-                design=design.value,
-                seed=seed,
-                folder=output,
-                description=description,
-                jobs=jobs,
-                plot=plot,
-                speeds_m_s=tuple(mm_s / 1e3 for mm_s in dict.fromkeys(speed or ())),
-            ),
-            as_json=json_output,
-        )
+        with on_cluster(cluster):
+            complete = run_simulate(
+                SimulateRequest(
+                    protocol=protocol.value,
+                    contacts=tuple(dict.fromkeys(c.value for c in contact or list(Contact))),
+                    trials_per_label=trials,
+                    sessions=sessions,
+                    design=design.value,
+                    seed=seed,
+                    folder=output,
+                    description=description,
+                    jobs=jobs,
+                    plot=plot,
+                    speeds_m_s=tuple(mm_s / 1e3 for mm_s in dict.fromkeys(speed or ())),
+                ),
+                as_json=json_output,
+            )
     raise typer.Exit(0 if complete else 3)
 
 
@@ -220,6 +224,7 @@ def train(
     labels: LabelsOption = None,
     topic: TopicOption = '',
     field: FieldOption = '',
+    cluster: ClusterOption = '',
     json_output: JsonOption = False,
 ) -> None:
     """Fit the four classifiers, cross-validate them, write a model file.
@@ -232,49 +237,51 @@ def train(
     """
     with refusals():
         check_paths(*recordings)
+        from tactile_lab.commands.cluster import on_cluster
         from tactile_lab.commands.train import run_recalibrate, run_train, TrainRequest
         from tactile_lab.datasets.sources.options import SourceOptions
 
         if recalibrate is not None:
             run_recalibrate(recalibrate, recordings, output, force=force, as_json=json_output)
             return
-        run_train(
-            recordings,
-            TrainRequest(
-                folder=output,
-                classifier=classifier.value,
-                scaling=scaling.value if scaling else None,
-                cross_validation={
-                    'folds': folds,
-                    'repetitions': repetitions,
-                    'random_state': seed,
-                },
-                false_alarm_rate=false_alarms,
-                running=running,
-                stop_error_rate=stop_error,
-                force=force,
-                over=over,
-                detrend=detrend.value if detrend else None,
-                features=features,
-                task=task.value if task else None,
-                channel=channel,
-                where=where,
-                crop=crop,
-                resample_hz=resample_hz,
-                skip_bad=skip_bad,
-                speed_column=speed_column,
-                sources=SourceOptions(
-                    columns=tuple(column or ()),
-                    rate_hz=rate_hz,
-                    label=label,
-                    label_from=label_from,
-                    labels=labels,
-                    topic=topic,
-                    field=field,
+        with on_cluster(cluster):
+            run_train(
+                recordings,
+                TrainRequest(
+                    folder=output,
+                    classifier=classifier.value,
+                    scaling=scaling.value if scaling else None,
+                    cross_validation={
+                        'folds': folds,
+                        'repetitions': repetitions,
+                        'random_state': seed,
+                    },
+                    false_alarm_rate=false_alarms,
+                    running=running,
+                    stop_error_rate=stop_error,
+                    force=force,
+                    over=over,
+                    detrend=detrend.value if detrend else None,
+                    features=features,
+                    task=task.value if task else None,
+                    channel=channel,
+                    where=where,
+                    crop=crop,
+                    resample_hz=resample_hz,
+                    skip_bad=skip_bad,
+                    speed_column=speed_column,
+                    sources=SourceOptions(
+                        columns=tuple(column or ()),
+                        rate_hz=rate_hz,
+                        label=label,
+                        label_from=label_from,
+                        labels=labels,
+                        topic=topic,
+                        field=field,
+                    ),
                 ),
-            ),
-            as_json=json_output,
-        )
+                as_json=json_output,
+            )
 
 
 def robustness(
@@ -294,6 +301,7 @@ def robustness(
     jobs: Annotated[
         int, typer.Option(help='How many processes simulate; -1: one for each core.')
     ] = -1,
+    cluster: ClusterOption = '',
     json_output: JsonOption = False,
 ) -> None:
     """Find out on **simulated** trials how good sensor and rig must be.
@@ -303,13 +311,15 @@ def robustness(
     one that was trained under the bad ones. Takes about a minute at most.
     """
     with refusals():
+        from tactile_lab.commands.cluster import on_cluster
         from tactile_lab.commands.robustness import run_robustness
 
-        run_robustness(
-            report,
-            contact=contact.value,
-            description=description,
-            seed=seed,
-            jobs=jobs,
-            as_json=json_output,
-        )
+        with on_cluster(cluster):
+            run_robustness(
+                report,
+                contact=contact.value,
+                description=description,
+                seed=seed,
+                jobs=jobs,
+                as_json=json_output,
+            )

@@ -37,6 +37,14 @@ SeedOption = Annotated[
         min=0, max=2**32 - 1, help='Seed of everything random: the same seed, the same numbers.'
     ),
 ]
+ClusterOption = Annotated[
+    str,
+    typer.Option(
+        metavar='ADDRESS',
+        help='Compute on the workers of this Dask scheduler, such as tcp://192.168.1.10:8786. '
+        'These packages must be installed there, too. The results are the same bits.',
+    ),
+]
 GuideOption = Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')]
 TendonOption = Annotated[str, typer.Option(help='Serial port of the Dynamixel.')]
 SensorOption = Annotated[str, typer.Option(help='Serial port of the load cell.')]

@@ -23,7 +23,14 @@ from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.cli.options import check_paths, DetrendOption, JsonOption, refusals, SeedOption
+from tactile_lab.cli.options import (
+    check_paths,
+    ClusterOption,
+    DetrendOption,
+    JsonOption,
+    refusals,
+    SeedOption,
+)
 from tactile_lab.cli.recording_options import (
     ChannelOption,
     ColumnOption,
@@ -237,6 +244,7 @@ def evaluate(
     labels: LabelsOption = None,
     topic: TopicOption = '',
     field: FieldOption = '',
+    cluster: ClusterOption = '',
     json_output: JsonOption = False,
 ) -> None:
     """Cross-validate the four classifiers on recordings, and write a report.
@@ -248,39 +256,41 @@ def evaluate(
     """
     with refusals():
         check_paths(*recordings)
+        from tactile_lab.commands.cluster import on_cluster
         from tactile_lab.commands.evaluate import EvaluateRequest, run_evaluate
         from tactile_lab.datasets.sources.options import SourceOptions
 
-        run_evaluate(
-            EvaluateRequest(
-                recordings=tuple(recordings),
-                task=task.value if task else None,
-                channel=channel,
-                where=where,
-                train_where=train_where,
-                test_where=test_where,
-                crop=crop,
-                resample_hz=resample_hz,
-                skip_bad=skip_bad,
-                groups=tuple(group or ()),
-                folds=folds,
-                repetitions=repetitions,
-                features=features,
-                seed=seed,
-                report=report,
-                over=over,
-                detrend=detrend.value if detrend else None,
-                speed_column=speed_column,
-                answers=answers,
-                sources=SourceOptions(
-                    columns=tuple(column or ()),
-                    rate_hz=rate_hz,
-                    label=label,
-                    label_from=label_from,
-                    labels=labels,
-                    topic=topic,
-                    field=field,
+        with on_cluster(cluster):
+            run_evaluate(
+                EvaluateRequest(
+                    recordings=tuple(recordings),
+                    task=task.value if task else None,
+                    channel=channel,
+                    where=where,
+                    train_where=train_where,
+                    test_where=test_where,
+                    crop=crop,
+                    resample_hz=resample_hz,
+                    skip_bad=skip_bad,
+                    groups=tuple(group or ()),
+                    folds=folds,
+                    repetitions=repetitions,
+                    features=features,
+                    seed=seed,
+                    report=report,
+                    over=over,
+                    detrend=detrend.value if detrend else None,
+                    speed_column=speed_column,
+                    answers=answers,
+                    sources=SourceOptions(
+                        columns=tuple(column or ()),
+                        rate_hz=rate_hz,
+                        label=label,
+                        label_from=label_from,
+                        labels=labels,
+                        topic=topic,
+                        field=field,
+                    ),
                 ),
-            ),
-            as_json=json_output,
-        )
+                as_json=json_output,
+            )

@@ -1,0 +1,77 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Commands on a real Dask cluster of two workers give the bits of one process."""
+
+import hashlib
+import json
+import subprocess
+import sys
+
+import pytest
+
+distributed = pytest.importorskip(
+    'distributed', reason='Dask is an extra: tendon-tactile[cluster]'
+)
+
+PROGRAM = 'import sys; from tactile_lab.cli.program import main; sys.exit(main())'
+
+
+@pytest.fixture(scope='module')
+def address():
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    )
+    with cluster:
+        yield cluster.scheduler_address
+
+
+def tactile(*arguments, code=0):
+    command = [sys.executable, '-c', PROGRAM, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == code, done.stderr
+    return done.stdout if code == 0 else done.stderr
+
+
+def digests(folder):
+    files = sorted(path for path in folder.rglob('*') if path.is_file())
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
+    plan = ['simulate', 'texture', '--contact', 'flexion', '--trials', 6, '--sessions', 2]
+    tactile(*plan, '-o', tmp_path / 'one', '--jobs', 1)
+    tactile(*plan, '-o', tmp_path / 'two', '--cluster', address)
+    found = digests(tmp_path / 'two')
+    assert len(found) >= 2
+    assert found == digests(tmp_path / 'one')
+
+    bag = tmp_path / 'one' / 'texture_flexion'
+    evaluation = ['evaluate', bag, '--repetitions', 1, '--json']
+    here = json.loads(tactile(*evaluation))
+    there = json.loads(tactile(*evaluation, '--cluster', address))
+    assert here['sets'][0]['trials'] == 96
+    assert there == here
+
+    told = []
+    for folder, where in (('here', ()), ('there', ('--cluster', address))):
+        training = ['train', bag, '-o', tmp_path / folder, '--repetitions', 1, '--json']
+        (model,) = json.loads(tactile(*training, *where))['models']
+        told.append(model['evaluation'])
+    assert told[0] == told[1]
+
+
+def test_an_address_where_nobody_answers_is_one_sentence(tmp_path):
+    wrong = ['simulate', 'texture', '-o', tmp_path / 'x', '--cluster', 'nonsense://1']
+    assert 'tactile: no Dask scheduler answers at nonsense://1' in tactile(*wrong, code=2)
