@@ -78,3 +78,26 @@ def repair(
 
         whole = run_repair(bag, output, as_json=json_output)
     raise typer.Exit(0 if whole else 1)
+
+
+def show(
+    path: Annotated[
+        Path, typer.Argument(help='A bag, a model file (.onnx) or an archive (.npz).')
+    ],
+    plot: Annotated[
+        Optional[Path],
+        typer.Option(metavar='FILE', help='Draw one trial into this file: .png, .svg or .pdf.'),
+    ] = None,
+    trial: Annotated[int, typer.Option(min=1, help='Which trial to draw, from 1.')] = 1,
+    json_output: JsonOption = False,
+) -> None:
+    """Say what is in a recording, a model file or an archive.
+
+    Of a bag or an archive: its trials with label, session and length; one trial is enough. Of a
+    model: what it takes, what it was trained on, how good it is on held-out trials, its
+    calibration before and after, and its limits.
+    """
+    with refusals():
+        from tactile_lab.commands.show import run_show
+
+        run_show(path, plot, trial, as_json=json_output)

@@ -29,7 +29,7 @@ import typer
 from typer.core import TyperCommand, TyperOption
 
 from tactile_lab.cli import experiment
-from tactile_lab.cli.bags import repair, replay
+from tactile_lab.cli.bags import repair, replay, show
 from tactile_lab.cli.calibrate import calibrate
 from tactile_lab.cli.data import robustness, simulate, train
 from tactile_lab.cli.recordings import evaluate, features, import_recordings
@@ -129,6 +129,7 @@ for command in (
     robustness,
     replay,
     repair,
+    show,
     trials,
     rig,
     sense,

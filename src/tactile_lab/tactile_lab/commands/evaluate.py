@@ -46,8 +46,8 @@ from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_lab.report.analysis import analyse, SetResult
 from tactile_lab.report.build import report_path, write_report
+from tactile_lab.report.lead import answer_rows, tell_result
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
-from tactile_lab.report.sentences import summarise_set
 from tactile_ros.errors import TactileError
 
 PAPER: Mapping[str, Any] = MappingProxyType(
@@ -138,7 +138,8 @@ def _print_result(result: SetResult, output: Output) -> None:
     output.say(f'  {describe_features(result.recordings.table.spec)}')
     lines = (
         *result.recordings.tell_preparation(most=10),
-        *summarise_set(result),
+        *tell_result(result),
+        *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
         *result.not_done,
         *tell_warnings(result.evaluations),
     )

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
+from tactile_classifier.evaluation.intervals import Interval
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.spec import FeatureSpec
 
@@ -41,6 +42,13 @@ SCALING_TITLES = {
 def short_scaling(scaling: str) -> str:
     """Return ``scaled`` or ``not scaled``."""
     return SCALING_TITLES[scaling].partition(' (')[0]
+
+
+def tell_interval(interval: Interval) -> str:
+    """Return an interval of accuracies in %, or why there is none."""
+    if interval.reason:
+        return f'none: {interval.reason}'
+    return f'{100 * interval.low:.1f} to {100 * interval.high:.1f}'
 
 
 def describe_features(spec: FeatureSpec) -> str:

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The evaluation of recordings as one page: analyses, figures, sentences, HTML."""
+"""The evaluation of recordings as one page: analyses, figures, HTML."""

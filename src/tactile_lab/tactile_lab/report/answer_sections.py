@@ -44,7 +44,7 @@ def add_answers(page: Page, results: Sequence[SetResult]) -> None:
 
 
 def _add_open_sets(page: Page, found: Sequence[tuple[SetResult, OpenSetEvaluation]]) -> None:
-    page.heading('"I don\'t know"')
+    page.heading('"I don\'t know"', folded=True)
     page.paragraph(
         'A trial whose novelty lies above a threshold gets no label. Each label is left out of '
         'the training in turn and tested as something unknown. AUROC: probability that a trial '
@@ -109,7 +109,7 @@ def _tell_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation)
 
 
 def _add_stopping(page: Page, found: Sequence[tuple[SetResult, StoppingEvaluation]]) -> None:
-    page.heading('Sooner')
+    page.heading('Sooner', folded=True)
     page.paragraph(
         'Answers on the first part of a window, while the finger still glides. A rule stops as '
         'soon as the stated probability passes a threshold, which was shown on held-out trials '
@@ -157,7 +157,7 @@ def _add_stopping(page: Page, found: Sequence[tuple[SetResult, StoppingEvaluatio
 
 
 def _add_measures(page: Page, found: Sequence[tuple[SetResult, Sequence[MeasureSummary]]]) -> None:
-    page.heading('Measures')
+    page.heading('Measures', folded=True)
     page.paragraph(
         'Physical quantities of the same windows; nothing is trained. The stated uncertainty is '
         'the median of the standard uncertainties that the values come with. The spread is half '

@@ -25,9 +25,9 @@ from tactile_lab.datasets.tables import (
     CLASSIFIER_TITLES,
     describe_features,
     short_scaling,
+    tell_interval,
     tell_warnings,
 )
-from tactile_lab.report import sentences
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answer_sections import add_answers
 from tactile_lab.report.components import find_components
@@ -39,9 +39,10 @@ from tactile_lab.report.figures.significance import (
     draw_p_matrices,
     explain_mean_p,
 )
+from tactile_lab.report.lead import draw_lead, tell_result
 from tactile_lab.report.page import Page
 from tactile_lab.report.provenance import describe_sources, find_versions, Source
-from tactile_lab.report.published import compare_with_paper, tell_design
+from tactile_lab.report.published import compare_with_paper, is_the_papers, tell_design
 from tactile_ros.errors import TactileError
 
 TITLE = 'Touch through the tendon: evaluation'
@@ -96,39 +97,17 @@ def build_page(
         What the numbers depend on besides.
     """
     page = Page(TITLE, simulated=any(result.recordings.simulated for result in results))
-    comparisons = compare_with_paper([result.as_published for result in results])
-    page.heading('In short')
-    page.paragraph(sentences.summarise_comparison(comparisons))
     for result in results:
-        page.subheading(result.recordings.title)
-        page.items(
-            [
-                describe_features(result.recordings.table.spec),
-                *sentences.summarise_set(result),
-                *tell_warnings(result.evaluations),
-            ]
-        )
+        page.heading(result.recordings.title)
+        page.drawing(draw_lead(result))
+        page.items([*tell_result(result), *tell_warnings(result.evaluations)])
+    _add_figures(page, 'What the finger felt', _signals(results), folded=False)
     _add_accuracy(page, results)
-    page.heading('Beside the paper')
-    page.paragraph(
-        'Cheng et al., "Tactile Sensing with a Tendon-Driven Soft Robotic Finger", section IV: '
-        'what its text states, and whether these trials agree by the rule beside it. The paper '
-        'does not say whether it scaled its features.'
-        + (
-            ' It subtracts the mean before the Fourier transform, and so do the texture features '
-            'of this comparison. The other sections have the features that they name.'
-            if any(result.published for result in results)
-            else ''
-        )
-    )
-    page.paragraph(tell_design(results))
-    page.table(
-        f'accuracies in %: {results[0].plain.split}',
-        ['the paper states', 'agrees when', 'here', ''],
-        [[c.statement, c.rule, c.measured, c.verdict] for c in comparisons],
-        words=3,
-    )
-    _add_scaling(page, results)
+    _add_comparison(page, [result for result in results if is_the_papers(result)])
+    holds = [result for result in results if result.units]
+    if holds:
+        page.heading('What scaling does on stiffness', folded=True)
+        page.drawing(figures_accuracy.draw_scaling_cause(holds))
     _add_figures(
         page,
         'How many trials it takes',
@@ -141,16 +120,41 @@ def build_page(
     _explain_significance(page, results)
     _add_selection(page, results)
     add_answers(page, results)
-    _add_figures(page, 'What the finger felt', _signals(results))
     _add_provenance(page, results, sources, settings, versions)
     return page.to_html()
 
 
+def _add_comparison(page: Page, results: Sequence[SetResult]) -> None:
+    if not results:
+        return
+    page.heading('Beside the paper', folded=True)
+    page.paragraph(
+        'Cheng et al., "Tactile Sensing with a Tendon-Driven Soft Robotic Finger", section IV: '
+        'what its text states, and whether these trials agree by the rule beside it. The paper '
+        'does not say whether it scaled its features.'
+        + (
+            ' It subtracts the mean before the Fourier transform, and so do the texture features '
+            'of this comparison. The other sections have the features that they name.'
+            if any(result.published for result in results)
+            else ''
+        )
+    )
+    page.paragraph(tell_design(results))
+    comparisons = compare_with_paper([result.as_published for result in results])
+    page.table(
+        f'accuracies in %: {results[0].plain.split}',
+        ['the paper states', 'agrees when', 'here', ''],
+        [[c.statement, c.rule, c.measured, c.verdict] for c in comparisons],
+        words=3,
+    )
+
+
 def _add_accuracy(page: Page, results: Sequence[SetResult]) -> None:
-    page.heading('Accuracy')
+    page.heading('Accuracy', folded=True)
     page.drawing(figures_accuracy.draw_accuracies(results))
     for result in results:
         page.subheading(result.recordings.title)
+        page.paragraph(describe_features(result.recordings.table.spec))
         for evaluation in result.evaluations:
             _add_scores(page, evaluation)
 
@@ -162,10 +166,18 @@ def _add_scores(page: Page, evaluation: Evaluation) -> None:
             short_scaling(score.scaling),
             f'{100 * score.mean:.1f}',
             f'± {100 * score.spread:.1f}',
-            sentences.tell_interval(score.interval),
+            tell_interval(score.interval),
         ]
         for score in evaluation.scores
     ]
+    if (nested := evaluation.nested) is not None:
+        folds = sum(count for *_, count in nested.picks)
+        picks = ', '.join(
+            f'{CLASSIFIER_TITLES[name]}, {short_scaling(scaling)} ({count} of {folds})'
+            for name, scaling, count in nested.picks
+        )
+        interval = tell_interval(nested.interval)
+        rows.append(['chosen inside the folds', picks, f'{100 * nested.mean:.1f}', '', interval])
     first = evaluation.scores[0]
     page.table(
         f'accuracy in %: {evaluation.split}; {evaluation.trials} trials; '
@@ -176,18 +188,12 @@ def _add_scores(page: Page, evaluation: Evaluation) -> None:
     )
 
 
-def _add_scaling(page: Page, results: Sequence[SetResult]) -> None:
-    holds = [result for result in results if result.units]
-    if holds:
-        page.heading('What scaling does on stiffness')
-        page.drawing(figures_accuracy.draw_scaling_cause(holds))
-        page.items([sentences.explain_scaling(result) for result in holds])
-
-
-def _add_figures(page: Page, heading: str, drawings: Iterator[Drawing]) -> None:
+def _add_figures(
+    page: Page, heading: str, drawings: Iterator[Drawing], *, folded: bool = True
+) -> None:
     for i, drawing in enumerate(drawings):
         if i == 0:
-            page.heading(heading)
+            page.heading(heading, folded=folded)
         page.drawing(drawing)
 
 
@@ -235,7 +241,7 @@ def _signals(results: Sequence[SetResult]) -> Iterator[Drawing]:
 def _add_selection(page: Page, results: Sequence[SetResult]) -> None:
     if not any(result.selections for result in results):
         return
-    page.heading('Does choosing features help?')
+    page.heading('Does choosing features help?', folded=True)
     page.paragraph(
         'The paper suggests to keep the components with low mean p. Here ranking and number of '
         'features are chosen on the training trials of each fold alone. It helps or hurts where '
@@ -263,9 +269,7 @@ def _tell_selection(selection: SelectionResult) -> list[str]:
         f'{100 * selection.all_mean:.1f}',
         f'{100 * selection.selected_mean:.1f}',
         f'{counts[0]} to {counts[-1]}' if counts[0] < counts[-1] else f'{counts[0]}',
-        'no spread'
-        if selection.difference.reason
-        else sentences.tell_interval(selection.difference),
+        'no spread' if selection.difference.reason else tell_interval(selection.difference),
         selection.verdict,
     ]
 
@@ -277,7 +281,7 @@ def _add_provenance(
     settings: Mapping[str, str],
     versions: Mapping[str, str],
 ) -> None:
-    page.heading('Where this comes from')
+    page.heading('Where this comes from', folded=True)
     rows = []
     for source in sources:
         facts = ', '.join(f'{key} {value}' for key, value in sorted(source.facts.items()))

@@ -34,12 +34,19 @@ class Page:
         self._simulated = simulated
         self._parts: list[str] = []
         self._contents: list[str] = []
+        self._end = ''
 
-    def heading(self, text: str) -> None:
-        """Begin a section."""
+    def heading(self, text: str, *, folded: bool = False) -> None:
+        """Begin a section; a folded one opens by a click on its heading or its link."""
         name = f's{len(self._contents) + 1}'
-        self._contents.append(f'<a href="#{name}">{escape(text)}</a>')
-        self._parts.append(f'<h2 id="{name}">{escape(text)}</h2>')
+        self._contents.append(f'<li><a href="#{name}">{escape(text)}</a></li>')
+        self._parts.append(self._end)
+        if folded:
+            # Browsers open what encloses the target of a link.
+            self._parts.append(f'<details><summary>{escape(text)}</summary><div id="{name}">')
+        else:
+            self._parts.append(f'<h2 id="{name}">{escape(text)}</h2>')
+        self._end = '</div></details>' if folded else ''
 
     def subheading(self, text: str) -> None:
         """Begin a part of a section."""
@@ -100,6 +107,6 @@ class Page:
         return _TEMPLATE.substitute(
             title=escape(self._title),
             banner=banner,
-            contents=' · '.join(self._contents),
-            body='\n'.join(self._parts),
+            contents=''.join(self._contents),
+            body='\n'.join([*self._parts, self._end]),
         )

@@ -40,6 +40,12 @@ EQUALLY = 0.03
 FEW = 0.10
 SIMILAR_LEVEL = 0.05
 
+LABELS = {
+    PROTOCOL_TEXTURE: {'F', 'R1', 'R2', 'R3', 'T1', 'T2', 'C1', 'C2'},
+    PROTOCOL_STIFFNESS: {'pla', 'solid_rubber', 'rubber_shell', 'sponge', 'none'},
+}
+"""The paper's labels by task. Its statements are about these and no others."""
+
 _DESIGN_COLUMNS = ('session_id', 'mounting_id')
 _WITHOUT_RBF = ('knn', 'svm_linear', 'tree')
 
@@ -88,9 +94,17 @@ class _Claim:
     holds: Callable[[SetResult, str], bool]
 
 
+def is_the_papers(result: SetResult) -> bool:
+    """Return whether the trials have the labels of the paper, all of them and no others."""
+    table = result.recordings.table
+    return set(map(str, table.labels)) == LABELS.get(table.task)
+
+
 def lowest_published(result: SetResult, classifier: str) -> float | None:
     """Return what the text gives for a classifier on a task, or the bound; None: nothing."""
     task = result.recordings.table.task
+    if not is_the_papers(result):
+        return None
     if task == PROTOCOL_TEXTURE and classifier in ('knn', 'svm_rbf'):
         return 1.0
     if task == PROTOCOL_STIFFNESS and classifier in ('knn', 'svm_linear', 'tree'):

@@ -39,8 +39,8 @@ from tactile_lab.report.answers import AnswersPlan, summarise_measures
 from tactile_lab.report.build import build_page
 from tactile_lab.report.components import find_components
 from tactile_lab.report.figures.significance import explain_mean_p
+from tactile_lab.report.lead import answer_rows
 from tactile_lab.report.recordings import bag_sets, RecordingSet
-from tactile_lab.report.sentences import summarise_answers
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
@@ -110,9 +110,9 @@ def test_plan_gives_what_the_evaluation_alone_gives():
     alone = evaluate_open_set(table, 'knn', hold_out=('session_id',), false_alarm_rate=0.05)
     found = answer(table)
     assert found.open_set == alone
-    sentence = summarise_answers(found)[0]
-    assert f'AUROC {100 * alone.auroc:.1f} %' in sentence
-    assert f'{100 * alone.miss_rate:.1f} % missed' in sentence
+    rows = dict(answer_rows(found))
+    assert rows['AUROC'] == f'{100 * alone.auroc:.1f} %'
+    assert rows['unknown labels missed'] == f'{100 * alone.miss_rate:.1f} %'
 
 
 def test_measures_are_those_of_the_windows(stiffness_bag):
@@ -188,7 +188,7 @@ def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
     (result,), page = answered
     assert result.answers.not_done == ()
     for heading in ('&quot;I don&#x27;t know&quot;', 'Sooner', 'Measures'):
-        assert f'">{heading}</h2>' in page
+        assert f'<summary>{heading}</summary>' in page
     captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
     ours = [c for c in captions if '3 nearest neighbours, not scaled, ' in c]
     assert len(ours) == 4

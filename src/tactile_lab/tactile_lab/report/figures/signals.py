@@ -23,6 +23,7 @@ from tactile_lab.plots import draw_spectrum, draw_strain, MARK_COLOUR, TRACE_COL
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.components import Components
 from tactile_lab.report.figures.drawing import Drawing, render
+from tactile_lab.report.published import is_the_papers
 from tactile_lab.report.recordings import TrialExample
 
 PAPER_TRIAL = (-0.90, 12.62, -0.99)
@@ -106,12 +107,17 @@ def draw_trial(result: SetResult, trial: TrialExample) -> Drawing:
 
     found = ', '.join(f'{name} {value:.2f}' for name, value in named.items())
     slope, intercept, correlation = PAPER_TRIAL
+    paper = (
+        f' The flexion trial that the paper shows has slope {slope:.2f}, '
+        f'intercept {intercept:.2f}, correlation {correlation:.2f}.'
+        if is_the_papers(result)
+        else ''
+    )
     return render(
         draw,
         (6.6, 3.1),
         f'{result.recordings.title}: one trial on {table.labels[trial.row]}. Contact is the '
         'dynamic deformation, hold the static one, release the end of strain. '
-        f'Between the dashes: {found}. The flexion trial that the paper shows has slope '
-        f'{slope:.2f}, intercept {intercept:.2f}, correlation {correlation:.2f}.',
+        f'Between the dashes: {found}.{paper}',
         simulated=result.recordings.simulated,
     )

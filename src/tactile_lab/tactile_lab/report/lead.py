@@ -1,0 +1,146 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a stranger reads first: one picture and three sentences for each set of trials.
+
+They are about the classifier that `tactile train` writes unless told otherwise, so none was
+chosen by the accuracies that are shown.
+"""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+import numpy as np
+
+from tactile_classifier.estimators.classifiers import default_scaling
+from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling, tell_interval
+from tactile_lab.report.analysis import SetResult
+from tactile_lab.report.answers import Answers
+from tactile_lab.report.figures.accuracy import draw_matrix
+from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
+
+CLASSIFIER = 'knn'
+
+
+def lead_score(result: SetResult, evaluation: Evaluation) -> Score:
+    """Return the score of the classifier that `tactile train` writes unless told otherwise."""
+    return evaluation.score(CLASSIFIER, default_scaling(result.recordings.table.task, CLASSIFIER))
+
+
+def hardest_score(result: SetResult) -> Score:
+    """Return that classifier's score under the split in which it does worst; of equals, the last.
+
+    Random folds come first, so a held-out group counts before them.
+    """
+    scores = [lead_score(result, evaluation) for evaluation in reversed(result.evaluations)]
+    return min(scores, key=lambda score: score.mean)
+
+
+def tell_result(result: SetResult) -> list[str]:
+    """Return three sentences: how often right, what other splits say, what is confused."""
+    score = hardest_score(result)
+    interval = (
+        f'no interval: {score.interval.reason}'
+        if score.interval.reason
+        else f'95 % interval {tell_interval(score.interval)} %'
+    )
+    others = [
+        f'{100 * each.mean:.1f} % ({each.split})'
+        for each in (lead_score(result, evaluation) for evaluation in result.evaluations)
+        if each is not score
+    ]
+    return [
+        f'{100 * score.mean:.1f} % of the trials are named correctly ({score.split}; {interval}); '
+        f'guessing names {100 * result.plain.chance:.1f} %.',
+        f'The same classifier under other splits: {", ".join(others)}.'
+        if others
+        else 'There is no other split, so these trials do not tell how well another session does.',
+        tell_confusion(score),
+    ]
+
+
+def tell_confusion(score: Score) -> str:
+    """Return the most frequent confusion in one sentence."""
+    shares = score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1)
+    shares *= 1 - np.eye(len(shares))
+    if not shares.any():
+        return 'No trial is taken for another label.'
+    true, said = np.unravel_index(int(np.argmax(shares)), shares.shape)
+    return (
+        f'The most frequent confusion: {score.labels[true]} is taken for {score.labels[said]} '
+        f'in {100 * shares[true, said]:.0f} % of its trials.'
+    )
+
+
+def draw_lead(result: SetResult) -> Drawing:
+    """Draw accuracy by split with its interval, and what is taken for what in the hardest."""
+    score = hardest_score(result)
+    scores = [lead_score(result, evaluation) for evaluation in result.evaluations]
+    size_in = max(1.6, 0.28 * len(score.labels))
+
+    def draw(figure: Figure) -> None:
+        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.3))
+        for y, each in enumerate(scores):
+            mean = 100 * each.mean
+            if not each.interval.reason:
+                span = (100 * each.interval.low, 100 * each.interval.high)
+                left.plot(span, (y, y), '-', color=CLASSIFIER_COLOURS[CLASSIFIER], lw=2)
+            left.plot(mean, y, 'o', color=CLASSIFIER_COLOURS[CLASSIFIER], ms=6)
+            left.text(mean, y + 0.12, f'{mean:.1f}', ha='center', va='bottom')
+        left.axvline(100 * result.plain.chance, ls=':', color=INK, lw=1)
+        left.set_yticks(range(len(scores)), [s.split.replace(' ', '\n', 1) for s in scores])
+        left.set(xlim=(0, 104), ylim=(-0.5, len(scores) - 0.3), xlabel='named correctly [%]')
+        shares = score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1)
+        draw_matrix(right, shares, lambda share: f'{100 * share:.0f}' if share else '')
+        right.set_xticks(range(len(score.labels)), score.labels, rotation=90)
+        right.set_yticks(range(len(score.labels)), score.labels)
+        right.set(xlabel='answer', ylabel='true')
+
+    return render(
+        draw,
+        (6.4, 1.2 + size_in),
+        f'{CLASSIFIER_TITLES[CLASSIFIER]}, {short_scaling(score.scaling)}. Left: accuracy by '
+        'split, with its 95 % interval; dots are chance. Right: answers in % of each true label, '
+        f'{score.split}.',
+        simulated=result.recordings.simulated,
+    )
+
+
+def answer_rows(answers: Answers) -> list[tuple[str, str]]:
+    """Return what became of unknown labels, probabilities and early answers, in rows."""
+    rows = []
+    if (unknown := answers.open_set) is not None:
+        rows += [
+            ('unknown labels, split', unknown.split),
+            ('AUROC', f'{100 * unknown.auroc:.1f} %'),
+            ('unknown labels missed', f'{100 * unknown.miss_rate:.1f} %'),
+            (
+                f'false alarms, {100 * unknown.false_alarm_rate:g} % asked for',
+                f'{100 * unknown.realised_false_alarm_rate:.1f} %',
+            ),
+            ('calibration error before', f'{100 * unknown.calibration_error_before:.1f} %'),
+            ('calibration error after', f'{100 * unknown.calibration_error_after:.1f} %'),
+        ]
+    for rule in answers.stopping.rules if answers.stopping is not None else ():
+        rows.append(
+            (
+                f'decided early, {100 * rule.error_rate:g} % wrong asked for',
+                f'{100 * rule.early_share:.1f} % of answers, {100 * rule.early_error:.1f} % of '
+                f'these wrong, {rule.mean_s:.2f} of {rule.full_s:.3g} s on average'
+                if rule.early_share
+                else 'none: no threshold is proven',
+            )
+        )
+    return rows
