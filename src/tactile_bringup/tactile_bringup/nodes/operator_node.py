@@ -170,7 +170,8 @@ class OperatorNode(Node):  # type: ignore[misc]
         except concurrent.futures.TimeoutError:
             send(self, handle.cancel_goal_async)
             raise TactileError(
-                f'{what}: no end within {timeout_s:.0f} s; {self._wait_for_rest(result, END_TIMEOUT_S)}'
+                f'{what}: no end within {timeout_s:.0f} s; '
+                + self._wait_for_rest(result, END_TIMEOUT_S)
             ) from None
         except KeyboardInterrupt:
             # The rig comes to rest, and the recording tells how the trial ended.
