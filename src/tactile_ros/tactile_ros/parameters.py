@@ -18,7 +18,7 @@ A Config is a dataclass without any ROS in it. Each field has a default and the
 metadata ``description`` and, where they apply, ``unit``, ``range`` (both ends
 allowed), ``choices``, and ``element``: the type within a tuple that is empty by
 default, where it is not str. The parameter has the field's name, type and default, so
-that YAML, code and documentation cannot disagree.
+that YAML, code and documentation cannot disagree. An integer is taken where a float is wanted.
 
 A node reads its Config when it is configured. Until it is cleaned up, a change is refused. A
 field with the metadata ``live`` (True) can be set at any time: its node looks at the
@@ -82,9 +82,17 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
             is_integer = field.metadata.get('element') is int
             types = Parameter.Type
             default = types.INTEGER_ARRAY if is_integer else types.STRING_ARRAY
+        overrides = node._parameter_overrides  # rclpy offers no other way to them
+        if field.name in overrides:
+            overrides[field.name] = _with_float(field, overrides[field.name])
         node.declare_parameter(field.name, default, describe_field(field))
 
     fields = {f.name: f for f in dataclasses.fields(config_class)}  # type: ignore[arg-type]
+
+    def convert(parameters: list[Parameter]) -> list[Parameter]:
+        return [_with_float(fields[p.name], p) if p.name in fields else p for p in parameters]
+
+    node.add_pre_set_parameters_callback(convert)
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
@@ -95,6 +103,13 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(check)
+
+
+def _with_float(field: dataclasses.Field[Any], parameter: Parameter) -> Parameter:
+    """Return the parameter; an integer becomes a float where the field is one."""
+    if isinstance(field.default, float) and parameter.type_ == Parameter.Type.INTEGER:
+        return Parameter(parameter.name, value=float(parameter.value))
+    return parameter
 
 
 def _find_objection(node: Node, field: dataclasses.Field[Any], parameter: Parameter) -> str:

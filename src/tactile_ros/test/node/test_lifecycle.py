@@ -13,13 +13,17 @@
 # limitations under the License.
 
 from dataclasses import dataclass, field
+import threading
 
 import pytest
-from rclpy.exceptions import InvalidParameterValueException
+from rcl_interfaces.srv import SetParameters
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.parameters import read_config
+from tactile_ros.programs.node_group import NodeGroup
 
 
 @dataclass(frozen=True)
@@ -89,9 +93,73 @@ def test_overrides_reach_the_config(make_node):
     assert read_config(node, Config) == Config(10.0, 'g', 4, ('a', 'b'))
 
 
-@pytest.mark.parametrize('bad', [{'rate_hz': 0.5}, {'count': 11}])
+@pytest.mark.parametrize('bad', [{'rate_hz': 0.5}, {'rate_hz': 0}, {'count': 11}])
 def test_value_out_of_range_is_refused_at_the_start(make_node, bad):
     with pytest.raises(InvalidParameterValueException, match=next(iter(bad))):
+        make_node(**bad)
+
+
+def is_float(node, value):
+    present = read_config(node, Config).rate_hz
+    return type(present) is float and present == value
+
+
+def test_an_integer_is_taken_where_a_float_is_wanted(make_node):
+    node = make_node(rate_hz=60, gain=-2)
+    assert is_float(node, 60.0)
+    assert node.get_parameter('gain').value == -2.0
+    assert all(r.successful for r in node.set_parameters([Parameter('rate_hz', value=30)]))
+    assert is_float(node, 30.0)
+    assert node.bring_up()
+    both = [Parameter('rate_hz', value=30), Parameter('gain', value=3)]  # one is as it was
+    assert node.set_parameters_atomically(both).successful
+    assert node.get_parameter('gain').value == 3.0
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        pytest.param(lambda _: ['-p', 'rate_hz:=50'], id='argument'),
+        pytest.param(lambda path: ['--params-file', str(path)], id='file'),
+    ],
+)
+def test_the_command_line_gives_an_integer_for_a_float(context, tmp_path, arguments):
+    path = tmp_path / 'params.yaml'
+    path.write_text('recording: {ros__parameters: {rate_hz: 50}}')
+    node = RecordingNode(context=context, cli_args=['--ros-args', *arguments(path)])
+    try:
+        assert is_float(node, 50.0)
+    finally:
+        node.destroy_node()
+
+
+def test_another_process_sets_an_integer_for_a_float(context, make_node):
+    node, other = make_node(), Node('other', context=context)
+    client = other.create_client(SetParameters, '/recording/set_parameters')
+
+    def set_to(name, value):
+        message = Parameter(name, value=value).to_parameter_msg()
+        done = threading.Event()
+        future = client.call_async(SetParameters.Request(parameters=[message]))
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(20.0)
+        (result,) = future.result().results
+        return result.reason
+
+    with NodeGroup([other], context=context), NodeGroup([node], context=context):
+        assert client.wait_for_service(timeout_sec=20.0)
+        assert not set_to('rate_hz', 40)
+        assert is_float(node, 40.0)
+        assert 'out of range' in set_to('rate_hz', 101)
+        for wrong in (True, '40', [40]):
+            assert 'Wrong parameter type' in set_to('rate_hz', wrong)
+        assert 'Wrong parameter type' in set_to('count', 4.0)
+        assert is_float(node, 40.0)
+
+
+@pytest.mark.parametrize('bad', [{'rate_hz': True}, {'rate_hz': '60'}, {'count': 3.0}])
+def test_value_of_a_wrong_type_is_refused_at_the_start(make_node, bad):
+    with pytest.raises(InvalidParameterTypeException, match=next(iter(bad))):
         make_node(**bad)
 
 
