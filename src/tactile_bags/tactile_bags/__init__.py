@@ -24,7 +24,6 @@ _HOMES = {
     'BagMessage': 'bag_reader',
     'BagWriter': 'bag_writer',
     'CLASSIFICATION': 'recorded_topics',
-    'DIAGNOSTICS': 'recorded_topics',
     'EVENT': 'recorded_topics',
     'EVENT_TOPIC': 'recorded_topics',
     'FACTS_KEY': 'bag_writer',
@@ -42,7 +41,6 @@ _HOMES = {
     'classification_topic': 'recorded_topics',
     'join_topic': 'recorded_topics',
     'message_store': 'recorded_topics',
-    'recorded_topics': 'recorded_topics',
     'running_topic': 'recorded_topics',
 }
 

@@ -34,7 +34,6 @@ SLIP = 'tactile_msgs/msg/Slip'
 AUDIT = 'tactile_msgs/msg/RecordingAudit'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
-DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 TARE = 'tactile_msgs/msg/Tare'
 
 
