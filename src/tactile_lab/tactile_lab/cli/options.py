@@ -230,7 +230,7 @@ def refusals() -> Iterator[None]:
         raise typer.Exit(2) from error
 
 
-def check_paths(*paths: Path | None) -> None:
+def check_paths(*paths: Optional[Path]) -> None:
     """Refuse a file or folder that does not exist, before anything slow is imported.
 
     Raises

@@ -271,20 +271,20 @@ def wait_for_phase(bag, trial, phase):
 @pytest.mark.parametrize(
     ('arguments', 'sentence'),
     [
-        (['replay', 'nowhere'], 'not a readable bag'),
-        (['train', 'nowhere', '-o', 'out'], 'not a readable bag'),
+        (['replay', 'nowhere'], 'nowhere does not exist'),
+        (['train', 'nowhere', '-o', 'out'], 'nowhere does not exist'),
         (['rig'], 'name the ports'),
         (['simulate', 'texture', '-o', '/proc/nowhere'], 'cannot make the folder'),
         (['simulate', 'texture', '-o', 'out', '--seed', '-1'], '--seed'),
         (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'brings its own ports'),
-        (['rig', '--models', 'nowhere'], 'no model files'),
+        (['rig', '--models', 'nowhere'], 'nowhere does not exist'),
         (['rig', '--simulated', '--params', 'nowhere.yaml'], 'nowhere.yaml'),
-        (['sense', '--model', 'nowhere'], 'no model files in nowhere'),
+        (['sense', '--model', 'nowhere'], 'nowhere does not exist'),
         (['hand'], 'name the fingers'),
         (['hand', '--fingers', '2nd'], 'no name for a finger'),
         (['hand', '--hand-file', 'nowhere.yaml'], 'nowhere.yaml'),
         (['evaluate', 'nowhere.npz', '--task', 'texture'], 'does not exist'),
-        (['evaluate', 'a.npz', 'b.npz', '--task', 'texture'], 'one archive at a time'),
+        (['evaluate', 'a.npz', 'b.npz', '--task', 'texture'], 'a.npz does not exist'),
     ],
 )
 def test_what_is_not_there_is_named(arguments, sentence):

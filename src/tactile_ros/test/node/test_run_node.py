@@ -27,7 +27,7 @@ import ctypes
 import sys
 import time
 from dataclasses import dataclass, field
-from tactile_ros import signals
+from tactile_ros.programs import signals
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.node_group import run_node
 
