@@ -73,7 +73,9 @@ class Tendon(RuleBasedStateMachine):
 
     def poll(self):
         step_m = self.speed_m_s * POLL_NS / 1e9
-        self.at_m += max(-step_m, min(step_m, self.goal_m - self.at_m))
+        # At its goal exactly: a difference of tiny numbers would leave it just below.
+        lowest_m, highest_m = self.at_m - step_m, self.at_m + step_m
+        self.at_m = max(lowest_m, min(highest_m, self.goal_m))
         self.now_ns += POLL_NS
         self.carry_out()
         if self.pull and (self.safety.ending or self.at_m == self.goal_m):

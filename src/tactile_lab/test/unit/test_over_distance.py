@@ -34,6 +34,7 @@ from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import parse_over
 from tactile_lab.report.analysis import analyse
+from tactile_lab.report.published import LABELS
 from tactile_ros.errors import TactileError
 
 SPEEDS_MM_S = (10, 30)
@@ -128,6 +129,12 @@ def test_an_archive_is_evaluated_over_distance_with_a_speed_held_out(archive, ca
 def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, capsys, tmp_path):
     fields = {'over': None, 'speed_column': None, 'detrend': 'linear'}
     page = tmp_path / 'report.html'
+    run_evaluate(request_for(archive, **fields, report=page), as_json=True)
+    capsys.readouterr()
+    assert 'Beside the paper' not in page.read_text()  # its plates are others
+    with np.load(archive) as loaded:
+        plates = np.repeat(sorted(LABELS['texture']), 3)
+        np.savez(archive, **{**loaded, 'label': plates})
     run_evaluate(request_for(archive, **fields, report=page), as_json=True)
     (result,) = json.loads(capsys.readouterr().out)['sets']
     assert result['feature_parameters'] == {
