@@ -246,18 +246,22 @@ class TendonActuatorNode(TactileNode):
 
     def _end_motion(self, *, release: bool = False) -> str:
         """End the goal, then hold or let out; return what went wrong, or nothing."""
-        for runner in self._runners:
-            runner.end_goal()
-        if self._client is None:
-            return ''
+        client = self._client
         try:
-            if release:
-                self._client.request_release()
+            if release and client is not None:
+                client.request_release(self._end_goals)
             else:
-                self._client.hold_here()
+                self._end_goals()
+                if client is not None:
+                    client.hold_here()
         except LinearGuideDriverError as error:
+            self._end_goals()
             return str(error)
         return ''
+
+    def _end_goals(self) -> None:
+        for runner in self._runners:
+            runner.end_goal()
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         problem = self._end_motion()

@@ -272,14 +272,26 @@ class ServoGoals:
         """
         self._command(self._safety.stop, Order.HOLD)
 
-    def request_release(self, reason: str) -> None:
+    def request_release(self, reason: str, end_pull: Callable[[], None] = lambda: None) -> None:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
+
+        Parameters
+        ----------
+        reason : str
+        end_pull : callable
+            Makes ``should_stop`` of a pull return True. Called under the bus's lock, so
+            that no pull can hold the tendon before it is let out.
 
         Raises
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
-        self._command(lambda: self._safety.release(reason), Order.RELEASE)
+
+        def tell() -> None:
+            end_pull()
+            self._safety.release(reason)
+
+        self._command(tell, Order.RELEASE)
 
     def supervise(self) -> None:
         """Carry out what safety orders now; the next poll tries again what fails.

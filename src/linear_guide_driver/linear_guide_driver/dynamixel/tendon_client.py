@@ -293,14 +293,20 @@ class TendonActuatorClient:
         """
         self._goals.hold_here()
 
-    def request_release(self) -> None:
+    def request_release(self, end_pull: Callable[[], None] = lambda: None) -> None:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
+
+        Parameters
+        ----------
+        end_pull : callable
+            Makes ``should_stop`` of a pull return True; called before the pull can see
+            another end.
 
         Raises
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
-        self._goals.request_release('The tendon was released.')
+        self._goals.request_release('The tendon was released.', end_pull)
 
     def supervise(self) -> None:
         """Carry out what safety orders now, instead of at the next poll."""

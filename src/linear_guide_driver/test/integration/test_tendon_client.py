@@ -272,6 +272,27 @@ def test_release_during_a_pull_wins_over_it(tendon, servo):
     wait_until(lambda: servo.position == 2048)
 
 
+def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first(tendon, servo):
+    told, asked = threading.Event(), threading.Event()
+
+    def should_stop():
+        if told.is_set():
+            asked.set()
+        return told.is_set()
+
+    def end_pull():
+        told.set()
+        assert asked.wait(5.0)  # the pull has seen it, and the release is not written yet
+
+    pull = Background(tendon.pull_to, 0.02, 0.01, lambda _: None, should_stop)
+    wait_until(lambda: servo.position > 2100)
+    tendon.request_release(end_pull)
+    error = pull.end()
+    assert isinstance(error, MotionStoppedError)
+    assert 'released' in str(error)
+    wait_until(lambda: servo.position == servo.goal == 2048)
+
+
 def test_a_tripped_watchdog_ends_the_pull_and_the_goals_are_unlocked(config, servo):
     tendon = TendonActuatorClient(dataclasses.replace(config, watchdog_s=0.3))
     tendon.connect()
