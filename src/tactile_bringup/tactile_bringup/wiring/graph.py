@@ -84,11 +84,18 @@ class NodeDescription:
 
 @dataclass(frozen=True)
 class Ports:
-    """Serial ports of the three devices."""
+    """Serial ports of the three devices, or the topic that the force comes from.
+
+    Attributes
+    ----------
+    sensor_topic : str
+        ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; ``sensor`` is then not used. Empty: none.
+    """
 
     guide: str
     tendon: str
     sensor: str
+    sensor_topic: str = ''
 
 
 def sensing_graph(
@@ -169,6 +176,17 @@ def sensor_on_topic(text: str, rate_hz: float = 0.0) -> dict[str, Any]:
     return parameters
 
 
+def topic_sensor_parameters(
+    topic: str, models: Mapping[str, str], stated: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return the parameters of a sensor on a topic, at the models' rate; empty without a topic."""
+    if not topic:
+        return {}
+    of_features = stated.get(FEATURES_NODE, {})
+    wanted = {**wanted_features(models, of_features), **of_features}
+    return sensor_on_topic(topic, float(wanted.get('rate_hz', 0.0)))
+
+
 def slip_node(
     parameters: Mapping[str, Mapping[str, Any]], *, simulated: bool, namespace: str = ''
 ) -> NodeDescription:
@@ -197,6 +215,12 @@ def rig_graph(
         Motion ends when one of the other nodes falls silent: for nodes in processes of their
         own, which can die alone.
     """
+    sensor_port = ports.sensor
+    if ports.sensor_topic:
+        sensor = topic_sensor_parameters(ports.sensor_topic, models, parameters)
+        name = SENSING_NODES[0]
+        parameters = {**parameters, name: {**sensor, **parameters.get(name, {})}}
+        sensor_port = NO_PORT
     guide_needs: dict[str, Any] = {}
     tendon_needs: dict[str, Any] = {}
     if watched:
@@ -223,7 +247,7 @@ def rig_graph(
         ),
     ]
     return [
-        *sensing_graph(ports.sensor, models, parameters, namespace=namespace),
+        *sensing_graph(sensor_port, models, parameters, namespace=namespace),
         *(_placed(node, parameters, namespace) for node in motion),
     ]
 

@@ -142,7 +142,7 @@ def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...
     simulated_object = LaunchArgument(
         'object', f'the {beneath} under the finger of the simulated rig', example
     )
-    ports = (GUIDE_PORT, TENDON_PORT, SENSOR_PORT)
+    ports = (GUIDE_PORT, TENDON_PORT, SENSOR_PORT, SENSOR_TOPIC)
     return (RIG, *ports, CONTACT, MODEL, RECALIBRATE, simulated_object, *_SHARED)
 
 

@@ -44,13 +44,12 @@ from tactile_bringup.wiring.graph import (
     RIG_NODES,
     sensing_graph,
     SENSING_NODES,
-    sensor_on_topic,
     SLIP_NODE,
     slip_node,
+    topic_sensor_parameters,
 )
 from tactile_bringup.wiring.hand_file import Finger, parse_finger_names, read_hand
 from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
-from tactile_bringup.wiring.model_features import wanted_features
 from tactile_bringup.wiring.model_folder import choose_models, find_models
 from tactile_bringup.wiring.parameter_files import read_parameters
 from tactile_classifier.names import parse_classifier_name
@@ -147,6 +146,10 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
 def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> LaunchPlan:
     simulated = values['rig'] == 'simulated'
     given = {name: values[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
+    if values['sensor_topic']:
+        if given['sensor']:
+            raise TactileError('there are a sensor_port and a sensor_topic; give one')
+        given['sensor'] = NO_PORT
     for name in ('guide', 'tendon'):
         if given[name] == NO_PORT:
             raise TactileError(
@@ -168,6 +171,7 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
         )
     else:
         ports = Ports(**{name: port or str(DEVICES / name) for name, port in given.items()})
+    ports = dataclasses.replace(ports, sensor_topic=values['sensor_topic'])
     model = _path(values['model'])
     models = choose_models(model, protocol, values['contact']) if model else {}
     namespace = values['namespace']
@@ -256,7 +260,7 @@ def _finger_nodes(
     parameters = _merged(
         {
             FEATURES_NODE: _found_phases(phases, values['contact'], simulated),
-            SENSING_NODES[0]: _sensor_on_topic(finger.sensor_topic, models, stated),
+            SENSING_NODES[0]: topic_sensor_parameters(finger.sensor_topic, models, stated),
         },
         recalibration_parameters(values['recalibrate'], models),
         stated,
@@ -271,17 +275,6 @@ def _finger_nodes(
             _recorder(bag, model, models, nodes, namespace, simulated=simulated, rig=False)
         )
     return nodes
-
-
-def _sensor_on_topic(
-    topic: str, models: Mapping[str, str], stated: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Any]:
-    """Return the parameters of a sensor on a topic; empty without one."""
-    if not topic:
-        return {}
-    of_features = stated.get(FEATURES_NODE, {})
-    wanted = {**wanted_features(models, of_features), **of_features}
-    return sensor_on_topic(topic, float(wanted.get('rate_hz', 0.0)))
 
 
 def _models_of_contact(models: Mapping[str, str], contact: str) -> Mapping[str, str]:

@@ -111,6 +111,7 @@ def trials(
     guide: GuideOption = '',
     tendon: TendonOption = '',
     sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
     watch: WatchOption = False,
@@ -141,7 +142,7 @@ def trials(
                 count=count,
                 bag=output,
                 models=models,
-                ports=PortArguments(guide, tendon, sensor, simulated, seed),
+                ports=PortArguments(guide, tendon, sensor, simulated, seed, sensor_topic),
                 params=params,
                 session=session,
                 mounting=mounting,
@@ -157,6 +158,7 @@ def rig(
     guide: GuideOption = '',
     tendon: TendonOption = '',
     sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
     simulated: SimulatedOption = False,
     params: ParamsOption = None,
     namespace: NamespaceOption = '',
@@ -179,7 +181,7 @@ def rig(
         run_rig(
             RigRequest(
                 models=models,
-                ports=PortArguments(guide, tendon, sensor, simulated, seed),
+                ports=PortArguments(guide, tendon, sensor, simulated, seed, sensor_topic),
                 params=params,
                 namespace=namespace,
                 record=record,
@@ -411,12 +413,11 @@ def check(
 
         is_fit = run_check(
             CheckRequest(
-                ports=PortArguments(guide, tendon, sensor, simulated, seed),
+                ports=PortArguments(guide, tendon, sensor, simulated, seed, sensor_topic),
                 params=params,
                 namespace=namespace,
                 seconds=seconds,
                 may_move=move,
-                sensor_topic=sensor_topic,
             ),
             as_json=json_output,
         )

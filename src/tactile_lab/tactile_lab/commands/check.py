@@ -54,7 +54,6 @@ class CheckRequest:
     namespace: str
     seconds: float
     may_move: bool
-    sensor_topic: str = ''
 
 
 def run_check(request: CheckRequest, *, as_json: bool) -> bool:
@@ -101,9 +100,9 @@ def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], C
         name: {**of_node, **({'port': given[name]} if given[name] else {})}
         for name, of_node in wanted.items()
     }
-    if request.sensor_topic:
+    if request.ports.sensor_topic:
         stated = wanted['sensor']
-        wanted['sensor'] = {**sensor_on_topic(request.sensor_topic), **stated}
+        wanted['sensor'] = {**sensor_on_topic(request.ports.sensor_topic), **stated}
     # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
     named = [
         name

@@ -47,13 +47,24 @@ from tactile_sim.rig_process import SimulatedRig
 
 @dataclass(frozen=True)
 class PortArguments:
-    """Where the three devices are: three ports, or simulated ones with a seed."""
+    """Where the three devices are: ports, a topic instead of the sensor's, or simulated ones.
+
+    Raises
+    ------
+    TactileError
+        When the sensor is given twice.
+    """
 
     guide: str
     tendon: str
     sensor: str
     simulated: bool
     seed: int
+    sensor_topic: str = ''
+
+    def __post_init__(self) -> None:
+        if self.sensor and self.sensor_topic:
+            raise TactileError('there are a --sensor and a --sensor-topic; give one')
 
 
 @dataclass(frozen=True)
@@ -216,12 +227,15 @@ def open_ports(arguments: PortArguments, stack: ExitStack) -> tuple[Ports, Simul
         When ports are missing, or given beside ``--simulated``.
     """
     given = {name: getattr(arguments, name) for name in ('guide', 'tendon', 'sensor')}
+    topic = arguments.sensor_topic
     if arguments.simulated:
         if any(given.values()):
             raise TactileError('--simulated brings its own ports; leave the others out')
         rig = stack.enter_context(SimulatedRig(seed=arguments.seed))
-        return Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor), rig
+        return Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, topic), rig
     missing = [f'--{name}' for name, port in given.items() if not port]
+    if topic:
+        missing.remove('--sensor')
     if missing:
         raise TactileError(f'name the ports: {", ".join(missing)}; or use --simulated')
-    return Ports(**given), None
+    return Ports(**given, sensor_topic=topic), None

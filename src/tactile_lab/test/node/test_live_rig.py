@@ -28,7 +28,7 @@ from linear_guide_driver.grbl import guide_client
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.wiring.graph import Ports, rig_graph
+from tactile_bringup.wiring.graph import NodeDescription, Ports, rig_graph
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_msgs.action import RunTrial
 from tactile_msgs.msg import TrialEvent
@@ -68,12 +68,15 @@ class Watcher(Node):
 
 
 @contextmanager
-def running_rig(context, models=None, parameters=None):
+def running_rig(context, models=None, parameters=None, sensor_topic=''):
     with SimulatedRig(seed=3) as rig:
-        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
+        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, sensor_topic)
         operator = OperatorNode(tuple(models or ()), context)
         watcher = Watcher(context)
         graph = rig_graph(ports, models or {}, parameters or {}, simulated=True)
+        if sensor_topic:  # the hand's own driver of the load cell
+            driver = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor')
+            graph.append(NodeDescription(*driver, {'port': rig.ports.sensor}, namespace='hand'))
         with running_graph(graph, context, others=[operator, watcher]) as nodes:
             yield rig, operator, watcher, nodes
 
@@ -106,6 +109,15 @@ def test_stiffness_trial_is_felt_and_named(context, trained):
         assert watcher.phases() == ['approach', 'contact', 'hold', 'release', 'done']
         assert {event.trial_id for event in watcher.events} == {'first'}
         assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_rig_feels_a_force_that_another_node_publishes(context, trained):
+    topic = '/hand/tendon_sensor/wrench:norm'
+    with running_rig(context, find_models(trained), sensor_topic=topic) as (rig, operator, *_):
+        operator.home_guide()
+        rig.mount('stiffness', 'none', 'flexion')
+        operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'first'))
+        assert operator.wait_for_answer('first').label == 'none'
 
 
 def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(context):

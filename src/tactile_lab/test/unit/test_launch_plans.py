@@ -331,6 +331,19 @@ def test_a_sensor_on_a_topic_needs_no_port_and_no_rig(topic, expected, rig, tmp_
     assert not plan.rigs
 
 
+@pytest.mark.parametrize('name', PROTOCOLS)
+def test_a_rig_takes_its_force_from_a_topic(name, tmp_path):
+    for rig, rigs in (('hardware', 0), ('simulated', 1)):
+        values = {'sensor_topic': '/ft/wrench:fx', 'rig': rig}
+        plan = plan_launch(name, values, tmp_path)
+        sensor = by_path(plan)['tendon_sensor']
+        assert sensor.parameters['topic'] == '/ft/wrench'
+        assert 'port' not in sensor.parameters
+        assert len(plan.rigs) == rigs
+    with pytest.raises(TactileError, match='a sensor_port and a sensor_topic; give one'):
+        plan_launch(name, {**values, 'sensor_port': '/dev/a'}, tmp_path)
+
+
 def test_a_sensor_on_a_topic_has_the_rate_of_the_features_unless_stated(parameter_file, tmp_path):
     values = {'sensor_topic': '/f'}
     of_features = parameter_file('tactile_features: {ros__parameters: {rate_hz: 100.0}}')
