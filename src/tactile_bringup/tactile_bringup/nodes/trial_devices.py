@@ -88,6 +88,8 @@ class TrialDevice:
         self._readiness: Readiness | None = None
         self._told_s = 0.0  # when it last said whether it is ready
         self._position_m: float | None = None
+        self._left: concurrent.futures.Future[Any] | None = None  # a goal nobody waits for
+        self._left_s = -math.inf  # since when
         self._track: MotionTrack | None = None
         self._track_end_s = -math.inf  # until when it takes joint states
         self.client = ActionClient(node, action_type, f'{name}/{verb}')
@@ -116,6 +118,8 @@ class TrialDevice:
             return [f'The {self._words} does not answer; start and activate its node.']
         if loss := self.describe_loss():
             return [loss]
+        if self._is_left_busy():
+            return [f'The {self._words} still carries out its last goal.']
         if self._readiness is not None:
             return list(self._readiness.missing)
         if self._node.count_publishers(f'{self.name}/ready'):
@@ -182,7 +186,7 @@ class TrialDevice:
 
     def send(self, message: Any) -> None:
         """Send a goal and wait for nothing: a driver without heartbeat may still hear it."""
-        send(self._node, lambda: self.client.send_goal_async(message))
+        self._leave(send(self._node, lambda: self.client.send_goal_async(message)))
 
     def call(
         self,
@@ -223,6 +227,7 @@ class TrialDevice:
             handle = self._wait(answer, check, in_time_s, refusal)
         except (GoalAborted, GoalCanceled):
             answer.add_done_callback(cancel_late_goal)
+            self._leave(answer)
             raise
         if not handle.accepted:
             raise GoalAborted(f'the {self._words} rejected the goal')
@@ -235,11 +240,33 @@ class TrialDevice:
             send(self._node, handle.cancel_goal_async)
             end_s = time.monotonic() + self._config.server_timeout_s
             self._wait(result, lambda: None, end_s)
+            self._left, self._left_s = result, time.monotonic()
             raise
         check()
         if reply.status != GoalStatus.STATUS_SUCCEEDED:
             raise GoalAborted(f'{self._words}: {reply.result.message}')
         return reply.result
+
+    def _leave(self, answer: concurrent.futures.Future[Any]) -> None:
+        """Note when a goal ends that nobody waits for, so that the next goal can."""
+        end: concurrent.futures.Future[Any] = concurrent.futures.Future()
+
+        def follow(answer: concurrent.futures.Future[Any]) -> None:  # on the executor's thread
+            if answer.exception() is not None or not answer.result().accepted:
+                end.set_result(None)
+            else:
+                answer.result().get_result_async().add_done_callback(
+                    lambda _: end.set_result(None)
+                )
+
+        self._left, self._left_s = end, time.monotonic()
+        answer.add_done_callback(follow)
+
+    def _is_left_busy(self) -> bool:
+        """Whether a goal that nobody waits for goes on; forgotten after ``server_timeout_s``."""
+        if self._left is None or self._left.done():
+            return False
+        return time.monotonic() - self._left_s < self._config.server_timeout_s
 
     def _wait(
         self,

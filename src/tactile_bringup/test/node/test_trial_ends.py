@@ -71,6 +71,17 @@ def test_a_driver_that_falls_silent_ends_the_trial_within_a_second(bench, protoc
     bench.wait_until_released()  # by a tendon driver without heartbeat, too, if it still hears
 
 
+def test_a_trial_waits_for_a_tendon_that_is_still_let_out_after_the_last_one(bench):
+    bench.tendon.slowness = {2: 4.0}  # it is let out in 0.7 s
+    handle = bench.start('stiffness')
+    bench.wait_for_phase('hold')
+    bench.tendon.beats = False
+    assert 'Nothing was heard of tendon_actuator/heartbeat' in bench.end(handle).message
+    bench.tendon.beats = True
+    assert 'done' in bench.end(bench.start('stiffness', hold_s=0.5)).message
+    assert [goal.displacement_m > 0 for goal in bench.tendon.goals] == [True, False, True, False]
+
+
 def test_the_result_carries_the_reason_of_a_driver_that_falls_silent(bench):
     handle = bench.start('stiffness')
     bench.wait_for_phase('hold')
