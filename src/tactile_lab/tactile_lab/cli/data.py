@@ -237,8 +237,8 @@ def train(
     """
     with refusals():
         check_paths(*recordings)
+        from tactile_lab.commands.analysis.train import run_recalibrate, run_train, TrainRequest
         from tactile_lab.commands.cluster import on_cluster
-        from tactile_lab.commands.train import run_recalibrate, run_train, TrainRequest
         from tactile_lab.datasets.sources.options import SourceOptions
 
         if recalibrate is not None:
@@ -311,8 +311,8 @@ def robustness(
     one that was trained under the bad ones. Takes about a minute at most.
     """
     with refusals():
+        from tactile_lab.commands.analysis.robustness import run_robustness
         from tactile_lab.commands.cluster import on_cluster
-        from tactile_lab.commands.robustness import run_robustness
 
         with on_cluster(cluster):
             run_robustness(

@@ -80,7 +80,7 @@ def import_recordings(
     """
     with refusals():
         check_paths(*sources)
-        from tactile_lab.commands.import_recordings import run_import
+        from tactile_lab.commands.analysis.import_recordings import run_import
         from tactile_lab.datasets.sources.options import SourceOptions
 
         run_import(
@@ -148,7 +148,7 @@ def features(
     """
     with refusals():
         check_paths(*recordings)
-        from tactile_lab.commands.feature_file import FeaturesRequest, run_features
+        from tactile_lab.commands.analysis.feature_file import FeaturesRequest, run_features
         from tactile_lab.datasets.sources.options import SourceOptions
 
         run_features(
@@ -256,8 +256,8 @@ def evaluate(
     """
     with refusals():
         check_paths(*recordings)
+        from tactile_lab.commands.analysis.evaluate import EvaluateRequest, run_evaluate
         from tactile_lab.commands.cluster import on_cluster
-        from tactile_lab.commands.evaluate import EvaluateRequest, run_evaluate
         from tactile_lab.datasets.sources.options import SourceOptions
 
         with on_cluster(cluster):

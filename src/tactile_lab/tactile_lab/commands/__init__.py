@@ -12,4 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What each subcommand of ``tactile`` does; `tactile_lab.cli.main` holds their arguments."""
+"""What each subcommand of ``tactile`` does; `tactile_lab.cli.main` holds their arguments.
+
+`analysis` holds those on recordings of many trials.
+"""

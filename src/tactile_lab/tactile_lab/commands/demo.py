@@ -31,16 +31,16 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.cross_validation import evaluate
-from tactile_lab.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.replay import print_report, replay_and_compare, ReplayReport
-from tactile_lab.commands.simulate import make_bags
-from tactile_lab.commands.train import (
+from tactile_lab.commands.analysis.train import (
     read_with_progress,
     train_models,
     TrainedModel,
     TrainRequest,
 )
+from tactile_lab.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
+from tactile_lab.commands.output import Output
+from tactile_lab.commands.replay import print_report, replay_and_compare, ReplayReport
+from tactile_lab.commands.simulate import make_bags
 from tactile_lab.datasets.traces import read_trace
 from tactile_lab.plots import plot_spectra, plot_strain
 from tactile_lab.simulation.simulated_bags import paper_plans

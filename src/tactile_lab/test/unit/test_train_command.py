@@ -28,14 +28,14 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.commands.output import Output
-from tactile_lab.commands.train import (
+from tactile_lab.commands.analysis.train import (
     describe_answers,
     run_recalibrate,
     run_train,
     train_models,
     TrainRequest,
 )
+from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.running_tables import read_running_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag

@@ -36,8 +36,8 @@ from tactile_classifier.training.recalibrated_model import write_recalibrated
 from tactile_classifier.training.trainer import train
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
-from tactile_lab.commands.evaluate import evaluate_with_progress
-from tactile_lab.commands.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.evaluate import evaluate_with_progress
+from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
 from tactile_lab.commands.output import make_output_folder, Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, list_sets

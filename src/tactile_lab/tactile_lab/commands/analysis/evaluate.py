@@ -30,7 +30,7 @@ from tactile_classifier.evaluation.cross_validation import evaluate, Evaluation
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
-from tactile_lab.commands.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
