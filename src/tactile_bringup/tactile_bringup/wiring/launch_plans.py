@@ -26,8 +26,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_bags.bag_reader import TactileBag
-from tactile_bags.replaying.replay import recorded_config
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.wiring.graph import (
     feature_parameters_of,
@@ -311,6 +309,10 @@ def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
 
 
 def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
+    # libraries for files, which a process that senses need not load
+    from tactile_bags.bag_reader import TactileBag
+    from tactile_bags.replaying.replay import recorded_config
+
     path = _path(values['bag'])
     if path is None:
         raise TactileError('name the recording to play, as bag:=FOLDER')

@@ -20,7 +20,6 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.fft import rfft
 
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import (
@@ -193,7 +192,7 @@ def _amplitudes(tension: FloatArray, sample_count: int, detrend: str, window: st
                     change -= change.mean(axis=1, keepdims=True)
             if weight is not None:
                 change *= weight
-            np.abs(rfft(change, sample_count), out=amplitude[at : at + _BLOCK_WINDOWS])
+            np.abs(np.fft.rfft(change, sample_count), out=amplitude[at : at + _BLOCK_WINDOWS])
         amplitude *= 2.0 / (n if weight is None else weight.sum())
     amplitude[:, 0] = 0.0
     if sample_count % 2 == 0:

@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc
 
 from tactile_features.errors import UndefinedFeatureError
+from tactile_features.measures.beta import incomplete_beta
 
 FloatArray = NDArray[np.float64]
 
@@ -239,7 +239,7 @@ def _is_significant(elapsed_s: FloatArray, tension_n: FloatArray, fit: _Fit) -> 
         if free < 1 or total <= 0.0:
             return False
         # Upper tail of F(2 h + 1, free), as an incomplete beta function of the share left.
-        tail = float(betainc(free / 2, fit.harmonics + 0.5, min(1.0, left / total)))
+        tail = incomplete_beta(free / 2, fit.harmonics + 0.5, min(1.0, left / total))
         if tail * looked_at > FALSE_ALARM:
             return False
     return True

@@ -19,15 +19,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, ExitStack
 import os
+from typing import TYPE_CHECKING
 
 from rclpy.context import Context
 
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_lab.watch.node import WatchControls, WatchNode
+from tactile_lab.watch.node import WatchNode
 from tactile_lab.watch.options import WatchOptions
-from tactile_lab.watch.server import WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_ros.programs.node_group import NodeGroup
+
+if TYPE_CHECKING:
+    from tactile_lab.watch.server import WatchServer
 
 
 class Watch:
@@ -90,6 +93,10 @@ def watching(
         node = WatchNode(watch.state, context, answers_only=answers_only)
         stack.enter_context(NodeGroup([node], context))
         if options is not None:
+            # 15 MB of web server, only where a page is served
+            from tactile_lab.watch.controls import WatchControls
+            from tactile_lab.watch.server import WatchServer
+
             controls = WatchControls(node, context, before_trial)
             controls.on_stop = watch.note_stop
             stack.callback(controls.close)

@@ -30,6 +30,10 @@ HEAVY = {
     'joblib', 'matplotlib', 'numba', 'numpy', 'onnxruntime', 'rclpy', 'rosbags', 'scipy', 'serial',
     'sklearn', 'tactile_msgs', 'yaml',
 }  # fmt: skip
+OF_OTHER_WORK = {
+    'aiohttp', 'asyncio', 'joblib', 'matplotlib', 'numba', 'pandas', 'pyarrow', 'rosbags', 'scipy',
+    'sklearn', 'skl2onnx', 'sqlite3', 'unittest',
+}  # fmt: skip
 PROGRAM = """
 import json, sys
 from tactile_lab.cli.program import main
@@ -77,6 +81,25 @@ def test_a_folder_without_models_is_refused_before_ros_is_loaded(tmp_path):
     assert code == 2
     assert 'no model files' in said
     assert not modules & {'rclpy', 'onnxruntime', 'sklearn', 'matplotlib'}
+
+
+def test_a_process_that_senses_loads_no_library_of_other_work():
+    """Each finger may have a process of its own, on a small computer."""
+    program = (
+        'import json, sys\n'
+        'import tactile_bringup.nodes.graph_runner, tactile_lab.watch.watching\n'
+        'import tactile_lab.cli.main, tactile_lab.commands.sense, onnxruntime\n'
+        'from tactile_ros.programs.node_program import find_node_class\n'
+        "for name in 'tendon_sensor tactile_features slip_detector tactile_classifier'.split():\n"
+        "    find_node_class(name + '_node')\n"
+        'print(json.dumps(sorted(sys.modules)))\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, timeout=60, check=True
+    )
+    modules = {name.partition('.')[0] for name in json.loads(done.stdout)}
+    assert {'rclpy', 'onnxruntime', 'numpy'} <= modules
+    assert not modules & OF_OTHER_WORK
 
 
 def test_the_version_is_that_of_the_package():

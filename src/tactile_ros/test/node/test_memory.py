@@ -1,0 +1,56 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What an idle lifecycle node takes of memory on this computer alone."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tactile_ros.programs.transports import choose_transports, PROFILES_OF
+
+PROGRAM = """
+import os, rclpy
+from rclpy.lifecycle import LifecycleNode
+
+def anonymous_kib():
+    with open('/proc/self/smaps_rollup') as smaps:
+        return next(int(line.split()[1]) for line in smaps if line.startswith('Anonymous'))
+
+rclpy.init()
+nodes = [LifecycleNode(f'node_{i}') for i in range(10)]  # the first ones load libraries
+before = anonymous_kib()
+nodes += [LifecycleNode(f'more_{i}') for i in range(5)]
+print((anonymous_kib() - before) / 5)
+os._exit(0)
+"""
+
+
+def test_a_lifecycle_node_takes_little_memory():
+    """Its queues in Fast DDS would take a megabyte from the start."""
+    asked = {name: os.environ.get(name, '') for name in ('ROS_DISTRO', 'RMW_IMPLEMENTATION')}
+    chosen = choose_transports({**asked, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, 'SUBNET')
+    if PROFILES_OF.get(asked['ROS_DISTRO']) not in chosen:
+        pytest.skip('the profile is for Fast DDS')
+    done = subprocess.run(
+        [sys.executable, '-c', PROGRAM],
+        env={**os.environ, **chosen},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert float(done.stdout) < 1200  # KiB; 1760 with the queues that Fast DDS makes
