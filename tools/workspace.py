@@ -66,7 +66,7 @@ class Workspace:
         self.log = self.base / 'setup.log'
         self.state_file = self.base / 'state.json'
         self.site = self.base / 'site'
-        self.command = self.install / 'lib' / 'tactile_lab' / 'tactile'
+        self.command = self.install / 'bin' / 'tactile'
 
     # -- what is there ---------------------------------------------------------
 

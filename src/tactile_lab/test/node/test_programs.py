@@ -28,6 +28,7 @@ from tactile_ros.programs.node_program import find_node_class, GROUP
 
 DEADLINE_S = 60.0
 EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
+TACTILE = str(Path(get_package_prefix('tactile_lab'), 'bin', 'tactile'))
 NUMBERS = [signal.SIGINT, signal.SIGTERM]
 
 
@@ -68,7 +69,7 @@ def test_a_signal_before_the_node_is_made_ends_the_program_with_zero(executable,
     'arguments', [['rig'], ['sense'], ['hand', '--fingers', 'index']], ids=lambda a: a[0]
 )
 def test_a_signal_before_the_nodes_are_made_ends_a_command_with_zero(arguments, number):
-    process = start(program('tactile_lab', 'tactile'), *arguments, '--simulated')
+    process = start(TACTILE, *arguments, '--simulated')
     wait_until_held(process)
     process.send_signal(number)
     output, errors = process.communicate(timeout=DEADLINE_S)
@@ -78,7 +79,7 @@ def test_a_signal_before_the_nodes_are_made_ends_a_command_with_zero(arguments, 
 @pytest.mark.parametrize('number', NUMBERS)
 def test_a_command_that_works_is_interrupted_and_says_so_by_its_code(number, tmp_path):
     process = start(
-        program('tactile_lab', 'tactile'), 'demo', '--short', '-o', str(tmp_path / 'demo')
+        TACTILE, 'demo', '--short', '-o', str(tmp_path / 'demo')
     )
     assert process.stdout.readline()
     process.send_signal(number)
@@ -95,3 +96,17 @@ def test_an_executable_without_a_node_is_refused():
         timeout=DEADLINE_S,
     )
     assert 'no installed package has a node' in done.stderr
+
+
+def test_what_colcon_writes_puts_the_command_on_the_path():
+    prefix = get_package_prefix('tactile_lab')
+    hook = Path(prefix, 'share', 'tactile_lab', 'package.sh')
+    if not hook.exists():
+        pytest.skip('these packages were not built by colcon')
+    done = subprocess.run(
+        ['/bin/sh', '-c', f'. "{hook}"; command -v tactile'],
+        env={'PATH': '/usr/bin:/bin', 'COLCON_CURRENT_PREFIX': prefix},
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout.strip() == TACTILE
