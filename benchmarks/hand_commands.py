@@ -46,7 +46,7 @@ class Cost(NamedTuple):
 
 def tactile(*arguments: str) -> list[str]:
     """Return the command line of the ``tactile`` program."""
-    program = Path(get_package_prefix('tactile_lab'), 'lib', 'tactile_lab', 'tactile')
+    program = Path(get_package_prefix('tactile_lab'), 'bin', 'tactile')
     return [str(program), *arguments]
 
 

@@ -265,7 +265,7 @@ def _arguments(
     name: str, rig: SimulatedRig, folder: Path, number: int, model: str, bag: str
 ) -> list[str]:
     if name in COMMANDS:
-        program = Path(get_package_prefix('tactile_lab'), 'lib', 'tactile_lab', 'tactile')
+        program = Path(get_package_prefix('tactile_lab'), 'bin', 'tactile')
         return [str(program), *COMMANDS[name], '--simulated']
     nodes = {node.name: node for node in _describe(rig, folder, number, model, bag)}
     node = nodes[name]

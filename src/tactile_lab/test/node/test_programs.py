@@ -78,9 +78,7 @@ def test_a_signal_before_the_nodes_are_made_ends_a_command_with_zero(arguments, 
 
 @pytest.mark.parametrize('number', NUMBERS)
 def test_a_command_that_works_is_interrupted_and_says_so_by_its_code(number, tmp_path):
-    process = start(
-        TACTILE, 'demo', '--short', '-o', str(tmp_path / 'demo')
-    )
+    process = start(TACTILE, 'demo', '--short', '-o', str(tmp_path / 'demo'))
     assert process.stdout.readline()
     process.send_signal(number)
     _, errors = process.communicate(timeout=DEADLINE_S)
