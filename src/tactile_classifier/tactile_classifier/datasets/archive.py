@@ -31,7 +31,6 @@ import zipfile
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import resample_poly
 
 from tactile_classifier.datasets.archive_layout import (
     decode_text,
@@ -236,6 +235,8 @@ class LabelledTrials:
         DatasetError
             When the ratio of the rates is not that of two whole numbers up to 10,000.
         """
+        from scipy.signal import resample_poly  # half a second
+
         ratio = Fraction(rate_hz / self.rate_hz).limit_denominator(_MAX_FACTOR)
         up, down = ratio.numerator, ratio.denominator
         if not 0 < up <= _MAX_FACTOR or abs(self.rate_hz * up / down / rate_hz - 1) > 1e-9:

@@ -61,25 +61,40 @@ def demo(
     seed: SeedOption = 1,
     short: Annotated[
         bool,
-        typer.Option(help='Few trials: a quick check that the chain holds, no useful accuracy.'),
+        typer.Option(
+            help='Few training trials: a quick check that the chain holds, no useful accuracy.'
+        ),
     ] = False,
-    watch: WatchOption = False,
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=100,
+            help='Live trials, each of five to seven seconds; as many of each kind as of the '
+            'others.',
+        ),
+    ] = 5,
+    watch: Annotated[
+        bool, typer.Option('--watch/--no-watch', help='Serve the live trials as a page.')
+    ] = True,
     json_output: JsonOption = False,
 ) -> None:
-    """The whole chain on the **simulated** rig, in under three minutes.
+    """The whole chain on the **simulated** rig, in about a minute.
 
     Makes training sets from the simulator, trains and cross-validates the four
     classifiers, then runs live trials: simulated devices on serial lines, the real
     drivers, the trial runner, features, classification. Records them into a bag,
     replays the bag through nodes and through the plain core, and says whether all
-    three agree bit for bit.
+    three agree bit for bit. The address of a live page is printed before the live trials.
     """
     with refusals():
         from tactile_lab.commands.demo import run_demo
         from tactile_lab.watch.options import WatchOptions
 
         options = WatchOptions() if watch else None
-        ok = run_demo(output, seed=seed, short=short, as_json=json_output, watch=options)
+        ok = run_demo(
+            output, seed=seed, short=short, trials=trials, as_json=json_output, watch=options
+        )
     raise typer.Exit(0 if ok else 1)
 
 

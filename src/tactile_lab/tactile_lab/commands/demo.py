@@ -16,7 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import product
 import json
 from pathlib import Path
 import time
@@ -27,10 +30,12 @@ import numpy as np
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.replaying.replay import recorded_results
+from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.cross_validation import evaluate
+from tactile_classifier.records import CONTACTS
 from tactile_lab.commands.analysis.train import (
     read_with_progress,
     train_models,
@@ -42,19 +47,20 @@ from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_report, replay_and_compare, ReplayReport
 from tactile_lab.commands.simulate import make_bags
 from tactile_lab.datasets.traces import read_trace
-from tactile_lab.plots import plot_spectra, plot_strain
 from tactile_lab.simulation.simulated_bags import paper_plans
 from tactile_lab.watch.options import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
 
-MATCH_TIMEOUT_S = 10.0
 PAPER_TRIALS = 60
 """Trials of each plate in the paper (section III.A)."""
 
 SESSIONS = 6
 """Mountings that the simulated trials of each plate come from."""
+
+KINDS = tuple(product(CONTACTS, PROTOCOLS))
+"""Contact and protocol of the live trials, in their order."""
 
 STIFFNESS_FEATURES = 'stiffness_relaxation'
 """What the demo learns from holds: it withstands a new mounting better than the paper's set."""
@@ -65,40 +71,43 @@ def run_demo(
     *,
     seed: int,
     short: bool,
+    trials: int,
     as_json: bool,
     watch: WatchOptions | None = None,
 ) -> bool:
-    """Run the demo; return whether the replays agree with the recording."""
+    """Run the demo with this many live trials; return whether the replays agree."""
     started = time.monotonic()
     output = Output(as_json)
     folder = make_folder(folder)
-    output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
+    with starting_rig(seed) as starting:
+        output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
 
-    output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
-    plans = paper_plans((12 if short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
-    made = make_bags(folder / 'training', plans, output)
-    bags = [bag.path for bag in made]
-    output.say(
-        f'   {sum(bag.trials for bag in made)} simulated trials in {len(bags)} bags, from '
-        f'{SESSIONS} sessions; {_since(started)}\n'
-    )
-
-    output.say('[bold]2  Training and cross-validation[/bold]')
-    found = read_with_progress(bags, output, {'stiffness_features': STIFFNESS_FEATURES})
-    trained = train_models(found, TrainRequest(folder / 'models'), output)
-
-    output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
-    output.say('   in another session: the rig has been set up anew since the training')
-    with SimulatedRig(seed=seed) as rig, domain_id() as domain:
-        setup = LiveSetup(
-            ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),
-            bag=folder / 'recording',
-            models=folder / 'models',
-            simulated=True,
-            domain_id=int(domain),
-            watch=watch,
+        output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
+        plans = paper_plans((12 if short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
+        made = make_bags(folder / 'training', plans, output)
+        bags = [bag.path for bag in made]
+        output.say(
+            f'   {sum(bag.trials for bag in made)} simulated trials in {len(bags)} bags, from '
+            f'{SESSIONS} sessions; {_since(started)}\n'
         )
-        live = run_live_trials(setup, choose_trials(seed, short=short), output, hand=rig)
+
+        output.say('[bold]2  Training and cross-validation[/bold]')
+        found = read_with_progress(bags, output, {'stiffness_features': STIFFNESS_FEATURES})
+        trained = train_models(found, TrainRequest(folder / 'models'), output)
+
+        output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
+        output.say('   in another session: the rig has been set up anew since the training')
+        rig = starting.result()
+        with domain_id() as domain:
+            setup = LiveSetup(
+                ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),
+                bag=folder / 'recording',
+                models=folder / 'models',
+                simulated=True,
+                domain_id=int(domain),
+                watch=watch,
+            )
+            live = run_live_trials(setup, choose_trials(seed, trials), output, hand=rig)
 
     output.say('\n[bold]4  The recording, replayed[/bold]')
     reports = replay_and_compare(folder / 'recording', None, through_nodes=True)
@@ -113,6 +122,17 @@ def run_demo(
         output.say(f'   {sentence}')
     output.result(summary)
     return all(report.is_equal for report in reports)
+
+
+@contextmanager
+def starting_rig(seed: int) -> Iterator[Future[SimulatedRig]]:
+    """Start the simulated rig while something else is done; close it after the block."""
+    with ThreadPoolExecutor(1) as pool:
+        starting = pool.submit(SimulatedRig, seed)
+        try:
+            yield starting
+        finally:
+            starting.result().close()
 
 
 def make_folder(folder: Path | None) -> Path:
@@ -133,17 +153,21 @@ def make_folder(folder: Path | None) -> Path:
     return folder.resolve()
 
 
-def choose_trials(seed: int, *, short: bool) -> list[TrialRequest]:
-    """Draw what the live trials are run on; flexion first, since the finger is remounted."""
+def choose_trials(seed: int, count: int) -> list[TrialRequest]:
+    """Draw what the live trials are run on, as many of each kind as of the others.
+
+    Flexion comes first, since the finger is remounted between the two.
+    """
     generator = np.random.default_rng(seed)
     requests: list[TrialRequest] = []
-    for contact, of_texture, of_stiffness in (('flexion', 4, 3), ('abduction', 1, 2)):
-        for protocol, count in (('texture', of_texture), ('stiffness', of_stiffness)):
-            labels = generator.permutation(list_objects(protocol))
-            for label in labels[: 1 if short else count]:
-                number = len(requests) + 1
-                name = f'live-{number:02d}-{protocol}-{contact}-{label}'
-                requests.append(TrialRequest(protocol, contact, str(label), name, 'demo'))
+    for kind, (contact, protocol) in enumerate(KINDS):
+        labels = list_objects(protocol)
+        share = count // len(KINDS) + (kind < count % len(KINDS))
+        drawn = [generator.permutation(labels) for _ in range(0, share, len(labels))]
+        for label in np.concatenate([*drawn, []])[:share]:
+            number = len(requests) + 1
+            name = f'live-{number:02d}-{protocol}-{contact}-{label}'
+            requests.append(TrialRequest(protocol, contact, str(label), name, 'demo'))
     return requests
 
 
@@ -164,6 +188,8 @@ def draw_plots(folder: Path, live: Sequence[LiveTrial], trained: Sequence[Traine
 
 def draw_trace(path: Path, bag: TactileBag, request: TrialRequest) -> None:
     """Draw a recorded stiffness trial: tension, phases, the window and its regression."""
+    from tactile_lab.plots import plot_strain  # matplotlib
+
     trace = read_trace(bag, request.trial_id)
     (window,) = (w for w in recorded_results(bag).windows if w.trial_id == request.trial_id)
     start_s, end_s = (
@@ -182,6 +208,8 @@ def draw_trace(path: Path, bag: TactileBag, request: TrialRequest) -> None:
 
 def draw_spectra(path: Path, table: FeatureTable) -> None:
     """Draw the spectrum of the first trial on each plate."""
+    from tactile_lab.plots import plot_spectra  # matplotlib
+
     labels = [label for label in list_objects('texture') if label in table.labels]
     plot_spectra(
         path,

@@ -34,12 +34,13 @@ from tactile_lab.report.components import find_components
 from tactile_lab.report.figures import accuracy as figures_accuracy
 from tactile_lab.report.figures import signals as figures_signals
 from tactile_lab.report.figures.drawing import Drawing
+from tactile_lab.report.figures.lead import draw_lead
 from tactile_lab.report.figures.significance import (
     draw_mean_p,
     draw_p_matrices,
     explain_mean_p,
 )
-from tactile_lab.report.lead import draw_lead, tell_result
+from tactile_lab.report.lead import tell_result
 from tactile_lab.report.page import Page
 from tactile_lab.report.provenance import describe_sources, find_versions, Source
 from tactile_lab.report.published import compare_with_paper, is_the_papers, tell_design

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a stranger reads first: one picture and three sentences for each set of trials.
+"""What a stranger reads first: three sentences for each set of trials.
 
 They are about the classifier that `tactile train` writes unless told otherwise, so none was
 chosen by the accuracies that are shown.
@@ -20,16 +20,13 @@ chosen by the accuracies that are shown.
 
 from __future__ import annotations
 
-from matplotlib.figure import Figure
 import numpy as np
 
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
-from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling, tell_interval
+from tactile_lab.datasets.tables import tell_interval
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers
-from tactile_lab.report.figures.accuracy import draw_matrix
-from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
 
 CLASSIFIER = 'knn'
 
@@ -81,40 +78,6 @@ def tell_confusion(score: Score) -> str:
     return (
         f'The most frequent confusion: {score.labels[true]} is taken for {score.labels[said]} '
         f'in {100 * shares[true, said]:.0f} % of its trials.'
-    )
-
-
-def draw_lead(result: SetResult) -> Drawing:
-    """Draw accuracy by split with its interval, and what is taken for what in the hardest."""
-    score = hardest_score(result)
-    scores = [lead_score(result, evaluation) for evaluation in result.evaluations]
-    size_in = max(1.6, 0.28 * len(score.labels))
-
-    def draw(figure: Figure) -> None:
-        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.3))
-        for y, each in enumerate(scores):
-            mean = 100 * each.mean
-            if not each.interval.reason:
-                span = (100 * each.interval.low, 100 * each.interval.high)
-                left.plot(span, (y, y), '-', color=CLASSIFIER_COLOURS[CLASSIFIER], lw=2)
-            left.plot(mean, y, 'o', color=CLASSIFIER_COLOURS[CLASSIFIER], ms=6)
-            left.text(mean, y + 0.12, f'{mean:.1f}', ha='center', va='bottom')
-        left.axvline(100 * result.plain.chance, ls=':', color=INK, lw=1)
-        left.set_yticks(range(len(scores)), [s.split.replace(' ', '\n', 1) for s in scores])
-        left.set(xlim=(0, 104), ylim=(-0.5, len(scores) - 0.3), xlabel='named correctly [%]')
-        shares = score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1)
-        draw_matrix(right, shares, lambda share: f'{100 * share:.0f}' if share else '')
-        right.set_xticks(range(len(score.labels)), score.labels, rotation=90)
-        right.set_yticks(range(len(score.labels)), score.labels)
-        right.set(xlabel='answer', ylabel='true')
-
-    return render(
-        draw,
-        (6.4, 1.2 + size_in),
-        f'{CLASSIFIER_TITLES[CLASSIFIER]}, {short_scaling(score.scaling)}. Left: accuracy by '
-        'split, with its 95 % interval; dots are chance. Right: answers in % of each true label, '
-        f'{score.split}.',
-        simulated=result.recordings.simulated,
     )
 
 

@@ -25,7 +25,7 @@ from tactile_lab.commands.demo import run_demo
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys):
     folder = tmp_path / 'demo'
-    assert run_demo(folder, seed=5, short=True, as_json=True)
+    assert run_demo(folder, seed=5, short=True, trials=4, as_json=True)
     summary = json.loads(capsys.readouterr().out)
     assert summary == json.loads((folder / 'summary.json').read_text())
     assert summary['simulated'] is True

@@ -45,7 +45,6 @@ from tactile_lab.datasets.tables import (
 from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_lab.report.analysis import analyse, SetResult
-from tactile_lab.report.build import report_path, write_report
 from tactile_lab.report.lead import answer_rows, tell_result
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
 from tactile_ros.errors import TactileError
@@ -83,7 +82,11 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
     if (recordings := list_recordings(request.recordings)) != list(request.recordings):
         request = replace(request, recordings=tuple(recordings), is_experiment=True)
     output = Output(as_json)
-    file = None if request.report is None else report_path(request.report)
+    file = None
+    if request.report is not None:
+        from tactile_lab.report.build import report_path, write_report  # matplotlib
+
+        file = report_path(request.report)
     with output.progress() as progress:
         progress.add_task('reading', total=None)
         sets = [
