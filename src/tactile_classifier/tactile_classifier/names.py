@@ -12,12 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What there are classifiers for, and how their nodes are named."""
+"""What there are classifiers for, how their nodes are named, and titles for people."""
 
 from __future__ import annotations
 
 from tactile_classifier.records import CONTACTS, TASKS
+from tactile_features.feature_sets.registry import find_feature_set
+from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import TactileError
+
+CLASSIFIER_TITLES = {
+    'knn': '3 nearest neighbours',
+    'svm_linear': 'SVM, linear kernel',
+    'svm_rbf': 'SVM, RBF kernel',
+    'tree': 'decision tree',
+    'rocket': 'random convolutions, ridge',
+}
+
+SCALING_TITLES = {
+    'standard': 'scaled (zero mean, unit variance)',
+    'none': 'not scaled',
+}
 
 
 def classifier_name(task: str, contact: str) -> str:
@@ -49,3 +64,15 @@ def parse_classifier_name(name: str) -> tuple[str, str]:
         f'"{name}" does not name a classifier; it must be one of '
         + ', '.join(all_classifier_names())
     )
+
+
+def short_scaling(scaling: str) -> str:
+    """Return ``scaled`` or ``not scaled``."""
+    return SCALING_TITLES[scaling].partition(' (')[0]
+
+
+def describe_features(spec: FeatureSpec) -> str:
+    """Return which feature set it is, with its options."""
+    found = find_feature_set(spec.feature_set)
+    options = [f'{name} {spec.stated[name]}' for name in (found.options if found else ())]
+    return f'features: {", ".join([spec.feature_set, *options])}'

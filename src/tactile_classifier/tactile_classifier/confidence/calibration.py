@@ -35,6 +35,7 @@ from tactile_classifier.confidence.novelty import (
     NoveltyMeasure,
     rank_of_sessions,
 )
+from tactile_classifier.confidence.score_choice import ScoreChoice
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
@@ -293,6 +294,15 @@ def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
     return scores if score_kind == VOTES else Calibration(1.0, 0.0).compute(scores)
 
 
+def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matrix:
+    """Return probabilities by maps that were fitted on the other parts of the held-out scores."""
+    probabilities = np.zeros(scores.shape)
+    for i in np.unique(fold):
+        others = Calibration.fit(scores[fold != i], true[fold != i])
+        probabilities[fold == i] = others.compute(scores[fold == i])
+    return probabilities
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class CalibratedPart:
     """What held-out trials say of one length of window.
@@ -311,6 +321,8 @@ class CalibratedPart:
         trials; -1 where the trial is turned away as unknown.
     wrong : ndarray of bool, shape (trials,)
         Whether the answer is not the label.
+    choice : ScoreChoice
+        Whether raw scores do better on held-out trials.
     """
 
     calibration: Calibration
@@ -320,6 +332,7 @@ class CalibratedPart:
     error_after: float
     confidence: Matrix
     wrong: npt.NDArray[np.bool_]
+    choice: ScoreChoice
 
 
 def calibrate_part(
@@ -335,11 +348,9 @@ def calibrate_part(
     fold = dealt.fold
     scores, true = hold_out_scores(table, classifier, scaling, fold)
     measure, novelty, threshold = fit_novelty(table, dealt, false_alarm_rate)
-    probabilities = np.zeros(scores.shape)
-    for i in np.unique(fold):
-        others = Calibration.fit(scores[fold != i], true[fold != i])
-        probabilities[fold == i] = others.compute(scores[fold == i])
-    uncalibrated = compute_uncalibrated(scores, SCORE_KINDS[classifier])
+    probabilities = hold_out_probabilities(scores, true, fold)
+    kind = SCORE_KINDS[classifier]
+    uncalibrated = compute_uncalibrated(scores, kind)
     return CalibratedPart(
         calibration=Calibration.fit(scores, true),
         novelty=measure,
@@ -348,4 +359,5 @@ def calibrate_part(
         error_after=compute_calibration_error(probabilities, true),
         confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),
         wrong=scores.argmax(axis=1) != true,
+        choice=ScoreChoice.compare(uncalibrated, probabilities, true, dealt.session, kind),
     )

@@ -30,8 +30,10 @@ from tactile_classifier.confidence.calibration import (
     compute_uncalibrated,
     deal,
     fit_novelty,
+    hold_out_probabilities,
     hold_out_scores,
 )
+from tactile_classifier.confidence.score_choice import ScoreChoice
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators.classifiers import (
@@ -84,7 +86,10 @@ class OpenSetEvaluation:
         Means over ``unknown`` [1].
     unknown : tuple of UnknownLabel
     calibration_error_before, calibration_error_after : float
-        Expected calibration error on held-out trials [1].
+        Expected calibration error on held-out trials; after: of what a model file trained on
+        the other parts would state [1].
+    raw_parts : int
+        Parts held out for which that file would keep raw scores, see `ScoreChoice`.
     """
 
     classifier: str
@@ -101,6 +106,7 @@ class OpenSetEvaluation:
     unknown: tuple[UnknownLabel, ...]
     calibration_error_before: float
     calibration_error_after: float
+    raw_parts: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the evaluation as what JSON can hold."""
@@ -155,7 +161,7 @@ def evaluate_open_set(
         raise EvaluationError(f'the trials do not allow it: {error}') from error
     except ValueError as error:
         raise EvaluationError(str(error)) from error
-    rejected, right, before, after, true, unknown, splits = zip(*parts, strict=True)
+    rejected, right, before, after, true, unknown, splits, raw = zip(*parts, strict=True)
     all_true, all_right = np.concatenate(true), np.concatenate(right)
     kept = ~np.concatenate(rejected)
     found = tuple(_pool_unknown(str(label), unknown, outer.split) for label in labels)
@@ -174,6 +180,7 @@ def evaluate_open_set(
         unknown=found,
         calibration_error_before=compute_calibration_error(np.concatenate(before), all_true),
         calibration_error_after=compute_calibration_error(np.concatenate(after), all_true),
+        raw_parts=sum(raw),
     )
 
 
@@ -187,6 +194,7 @@ class _Part(NamedTuple):
     true: npt.NDArray[np.intp]
     unknown: dict[str, tuple[float, npt.NDArray[np.bool_]]]
     calibration_split: str
+    keeps_raw: bool
 
 
 def _evaluate_part(
@@ -202,9 +210,18 @@ def _evaluate_part(
     inner = deal(train, columns)
     scores, true = hold_out_scores(train, classifier, scaling, inner.fold)
     calibration = Calibration.fit(scores, true)
+    kind = SCORE_KINDS[classifier]
+    keeps_raw = ScoreChoice.compare(
+        compute_uncalibrated(scores, kind),
+        hold_out_probabilities(scores, true, inner.fold),
+        true,
+        inner.session,
+        kind,
+    ).keeps_raw
     estimator = build_estimator(classifier, scaling).fit(train.values, train.labels)
     scores = compute_raw_scores(estimator, test.values)
     true = np.searchsorted(classes, test.labels)
+    before = compute_uncalibrated(scores, kind)
 
     novelty, threshold = _fit_novelty(train, test, columns, rate)
     unknown = {}
@@ -218,11 +235,12 @@ def _evaluate_part(
     return _Part(
         rejected=novelty > threshold,
         right=scores.argmax(axis=1) == true,
-        before=compute_uncalibrated(scores, SCORE_KINDS[classifier]),
-        after=calibration.compute(scores),
+        before=before,
+        after=before if keeps_raw else calibration.compute(scores),
         true=true,
         unknown=unknown,
         calibration_split=inner.split,
+        keeps_raw=keeps_raw,
     )
 
 

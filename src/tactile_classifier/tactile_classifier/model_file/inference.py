@@ -27,8 +27,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.card import render_card
 from tactile_classifier.model_file.manifest import Manifest, WHOLE
-from tactile_classifier.model_file.onnx_container import check_seal, open_container
+from tactile_classifier.model_file.onnx_container import check_seal, open_container, read_card
 from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.model_file.specification import describe_mismatch
 from tactile_classifier.records import ClassificationResult, Outcome
@@ -84,6 +85,20 @@ class Correction(NamedTuple):
     offset: npt.NDArray[np.float64]
     novelty_threshold: float
     trials: int
+
+
+def read_model_card(path: str | Path) -> str:
+    """Return the card of a model file; of an older file, one made from its manifest.
+
+    Raises
+    ------
+    ModelFileError
+        With a sentence that says why the file is not used.
+    """
+    with _refusals_of(path):
+        data = _read_limited(path)
+        manifest = _read_sealed(data)
+        return read_card(data) or render_card(manifest)
 
 
 def read_manifest(path: str | Path) -> Manifest:

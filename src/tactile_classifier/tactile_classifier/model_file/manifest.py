@@ -21,7 +21,7 @@ import dataclasses
 from itertools import pairwise
 import json
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.records import (
@@ -36,9 +36,9 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.spec import FeatureSpec
 
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 """2: parts and calibration. 3: the digest of the specification, which states its gap policy.
-4: recalibration, whose offsets older software would not take."""
+4: recalibration, whose offsets older software would not take. 5: conditions of the training."""
 
 _DIGEST = 'specification_digest'
 
@@ -72,6 +72,30 @@ class Part:
 
 WHOLE = Part()
 """A whole window without novelty and calibration, as in files of format version 1."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainingTrials:
+    """Under how many conditions the training trials were recorded.
+
+    Attributes
+    ----------
+    sessions, mountings : int
+        How many different ones the trials name; 0: they name none; negative: not stated.
+    speeds : int
+        How many different sliding speeds they state; negative: not stated.
+    slowest_m_s, fastest_m_s : float
+        Of these [m/s]; negative: none is stated.
+    simulated : int
+        How many of the trials were simulated; negative: not stated.
+    """
+
+    sessions: int = -1
+    mountings: int = -1
+    speeds: int = -1
+    slowest_m_s: float = -1.0
+    fastest_m_s: float = -1.0
+    simulated: int = -1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,12 +133,15 @@ class Manifest:
         probabilities, and ``session_share``, the share of new sessions in which the thresholds
         hold (negative: there were no sessions), or ``reason`` why there are none. With
         sessions also ``session_statistics``, one entry a part, for `recalibrate`; and
-        ``recalibrated``, what `recalibrate` took and found.
+        ``recalibrated``, what `recalibrate` took and found. ``scores``: which were ``kept``,
+        ``raw`` or ``calibrated``, and the log losses behind the choice (`ScoreChoice`).
     false_alarm_rate : float
         Share of windows of known labels that the thresholds turn away [1]; negative: no
         thresholds.
     stop_error_rate : float
         Share of wrong answers among those given early [1]; negative: no running windows.
+    training : TrainingTrials
+        Files of format version 4 and older do not state it.
     """
 
     task: str
@@ -134,6 +161,7 @@ class Manifest:
     calibration: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     false_alarm_rate: float = -1.0
     stop_error_rate: float = -1.0
+    training: TrainingTrials = TrainingTrials()
 
     @property
     def running_samples(self) -> tuple[int, ...]:
@@ -151,6 +179,7 @@ class Manifest:
         fields['spec'] = self.spec.to_dict()
         fields[_DIGEST] = self.spec.digest
         fields['parts'] = [dataclasses.asdict(part) for part in self.parts]
+        fields['training'] = dataclasses.asdict(self.training)
         return json.dumps({'format_version': FORMAT_VERSION, **fields}, sort_keys=True)
 
     @classmethod
@@ -185,7 +214,9 @@ class Manifest:
             )
         fields['labels'] = tuple(fields['labels'])
         if version > 1:
-            fields['parts'] = tuple(map(_read_part, fields['parts']))
+            fields['parts'] = tuple(_read_entry('parts', part, WHOLE) for part in fields['parts'])
+        if version > 4:
+            fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
         manifest = cls(**fields)
         manifest._check()
         return manifest
@@ -250,19 +281,24 @@ _TYPES_2: dict[str, type] = {
 
 _TYPES_3: dict[str, type] = {**_TYPES_2, _DIGEST: str}
 
+_TYPES_5: dict[str, type] = {**_TYPES_3, 'training': dict}
 
-def _read_part(entry: Any) -> Part:
-    defaults = dataclasses.asdict(WHOLE)
+_Entry = TypeVar('_Entry', Part, TrainingTrials)
+
+
+def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:
+    """Return an entry of numbers with the fields and types of another, none below -1."""
+    defaults = dataclasses.asdict(absent)
     if not isinstance(entry, dict) or set(entry) != set(defaults):
-        raise ModelFileError('its manifest has no valid entry "parts"')
-    for name, value in entry.items():
-        if type(value) is not type(defaults[name]) or not -1 <= value < math.inf:
-            raise ModelFileError(f'its manifest has no valid entry "{name}" in "parts"')
-    return Part(**entry)
+        raise ModelFileError(f'its manifest has no valid entry "{name}"')
+    for key, value in entry.items():
+        if type(value) is not type(defaults[key]) or not -1 <= value < math.inf:
+            raise ModelFileError(f'its manifest has no valid entry "{key}" in "{name}"')
+    return type(absent)(**entry)
 
 
 def _check_types(fields: dict[str, Any], version: int) -> None:
-    types = (_TYPES, _TYPES_2, _TYPES_3, _TYPES_3)[version - 1]
+    types = (_TYPES, _TYPES_2, _TYPES_3, _TYPES_3, _TYPES_5)[version - 1]
     for name, expected in types.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')

@@ -18,6 +18,8 @@ Only what must be known before the file is handed to a runtime is read here, fro
 the protobuf encoding itself (onnx/onnx.proto): the metadata, the domains of the
 operators, and whether weights lie outside the file. The `onnx` package is not needed.
 
+A card for people may stand before the manifest: plain text, shown by ``tactile show``.
+
 The last metadata entry is the seal: the SHA-256 of all bytes before it. It tells a
 damaged file from a whole one; it is no signature.
 """
@@ -30,7 +32,11 @@ import hashlib
 from tactile_classifier.errors import ModelFileError
 
 MANIFEST_KEY = 'tactile_manifest'
+CARD_KEY = 'tactile_card'
 SEAL_KEY = 'tactile_sha256'
+
+MAX_CARD_BYTES = 64 * 2**10
+"""A file with a larger card is refused [byte]."""
 
 _ALLOWED_DOMAINS = {'', 'ai.onnx', 'ai.onnx.ml'}
 _MAX_DEPTH = 16  # graphs inside graphs
@@ -45,9 +51,9 @@ _TENSOR_EXTERNAL_DATA, _TENSOR_DATA_LOCATION = 13, 14
 _ENTRY_KEY, _ENTRY_VALUE = 1, 2
 
 
-def seal(model: bytes, manifest: str) -> bytes:
-    """Return the ONNX model with the manifest and the seal appended."""
-    body = model + _encode_entry(MANIFEST_KEY, manifest)
+def seal(model: bytes, manifest: str, card: str = '') -> bytes:
+    """Return the ONNX model with the card, unless it is empty, manifest and seal appended."""
+    body = model + _encode_card(card) + _encode_entry(MANIFEST_KEY, manifest)
     return body + _encode_seal(body)
 
 
@@ -58,24 +64,24 @@ def open_container(data: bytes) -> str:
     ------
     ModelFileError
         When the bytes are not ONNX, hold no manifest, use operators of other domains,
-        functions or weights outside the file.
+        functions or weights outside the file, or have a card that is no plain text.
     """
-    try:
-        metadata = _read_model(data)
-    except _NotProtobufError:
-        raise ModelFileError('it is not an ONNX file, or only a part of one') from None
-    if MANIFEST_KEY not in metadata:
-        raise ModelFileError('it has no manifest: it was not written by this software')
-    return metadata[MANIFEST_KEY]
+    return _open(data)[0]
 
 
-def replace_manifest(data: bytes, manifest: str) -> bytes:
-    """Return a sealed model with another manifest and the same graph."""
+def read_card(data: bytes) -> str:
+    """Return the card of a sealed ONNX file; empty: it has none. Raises as `open_container`."""
+    return _open(data)[1]
+
+
+def replace_manifest(data: bytes, manifest: str, card: str = '') -> bytes:
+    """Return a sealed model with another manifest, another card and the same graph."""
     body = data[: -len(_encode_seal(b''))]
-    old = _encode_entry(MANIFEST_KEY, open_container(data))
+    old_manifest, old_card = _open(data)
+    old = _encode_card(old_card) + _encode_entry(MANIFEST_KEY, old_manifest)
     if not body.endswith(old):
         raise ModelFileError('its manifest is not where this software writes it')
-    return seal(body.removesuffix(old), manifest)
+    return seal(body.removesuffix(old), manifest, card)
 
 
 def check_seal(data: bytes) -> None:
@@ -83,6 +89,26 @@ def check_seal(data: bytes) -> None:
     body = data[: -len(_encode_seal(b''))]
     if data != body + _encode_seal(body):
         raise ModelFileError('it was changed or damaged after it was written')
+
+
+def _open(data: bytes) -> tuple[str, str]:
+    """Return manifest and card."""
+    try:
+        metadata = _read_model(data)
+    except _NotProtobufError:
+        raise ModelFileError('it is not an ONNX file, or only a part of one') from None
+    if MANIFEST_KEY not in metadata:
+        raise ModelFileError('it has no manifest: it was not written by this software')
+    card = metadata.get(CARD_KEY, '')
+    if len(card.encode()) > MAX_CARD_BYTES:
+        raise ModelFileError(f'its card has more than {MAX_CARD_BYTES >> 10} KiB')
+    if not card.replace('\n', '').isprintable():  # nothing that a terminal would obey
+        raise ModelFileError('its card is no plain text')
+    return metadata[MANIFEST_KEY], card
+
+
+def _encode_card(card: str) -> bytes:
+    return _encode_entry(CARD_KEY, card) if card else b''
 
 
 def _encode_seal(body: bytes) -> bytes:

@@ -31,6 +31,7 @@ from tactile_classifier.model_file.answer_graph import (
     add_probabilities,
     add_scaling,
 )
+from tactile_classifier.model_file.card import render_card
 from tactile_classifier.model_file.inference import (
     ANSWER,
     INPUT,
@@ -79,7 +80,8 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
     """
     try:
         try:
-            data = seal(_convert(trained), trained.manifest.to_json())
+            card = render_card(trained.manifest)
+            data = seal(_convert(trained), trained.manifest.to_json(), card)
         except ImportError as error:
             raise ModelFileError(
                 f'writing a model needs skl2onnx ({error}): pip install skl2onnx'
@@ -173,11 +175,11 @@ def _add_part(graph: Graph, part: FittedPart, classifier: str) -> list[str]:
         }.get(classifier, add_svm)
         scores = add(graph, part.estimator.named_steps['classify'], scaled)
     answer = add_answer(graph, scores)
-    if part.calibration is None or part.novelty is None:
-        return [answer, scores]
-    labels = len(part.estimator.classes_)
-    scores = add_probabilities(graph, scores, answer, labels, part.calibration)
-    return [answer, scores, add_novelty(graph, INPUT, part.novelty)]
+    if part.calibration is not None:
+        labels = len(part.estimator.classes_)
+        scores = add_probabilities(graph, scores, answer, labels, part.calibration)
+    novelty = [] if part.novelty is None else [add_novelty(graph, INPUT, part.novelty)]
+    return [answer, scores, *novelty]
 
 
 def _convert_tree(estimator: Pipeline) -> Any:

@@ -25,6 +25,7 @@ import numpy as np
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.card import render_card
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.live_recalibration import (
     correct,
@@ -61,7 +62,7 @@ def write_recalibrated(
     """
     model = TactileModel.load(source)
     manifest = recalibrate(model, tables)
-    data = replace_manifest(Path(source).read_bytes(), manifest.to_json())
+    data = replace_manifest(Path(source).read_bytes(), manifest.to_json(), render_card(manifest))
     recalibrated = TactileModel(data)
     replace_file(Path(path), data)
     return recalibrated

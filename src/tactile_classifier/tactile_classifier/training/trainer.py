@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import dataclasses
 import datetime
 import importlib.metadata
@@ -41,7 +41,7 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import build_estimator, default_scaling, SCORE_KINDS
 from tactile_classifier.evaluation.cross_validation import Score
-from tactile_classifier.model_file.manifest import Manifest, Part, WHOLE
+from tactile_classifier.model_file.manifest import Manifest, Part, TrainingTrials, WHOLE
 from tactile_classifier.records import PROBABILITY, ROCKET
 
 LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
@@ -59,6 +59,7 @@ class FittedPart:
     values : ndarray of shape (trials, k)
         The features that it was fitted on.
     calibration : Calibration or None
+        None: raw scores are given.
     novelty : NoveltyMeasure or None
     """
 
@@ -98,6 +99,8 @@ def train(
     Thresholds and probabilities come from trials that are held out in turn, whole sessions
     where there are several (`calibration.deal`); the classifier in the file is then fitted to
     all trials. Too few trials: no novelty, no probabilities, and the manifest says why.
+    Raw scores are kept where calibration is worse on held-out sessions (`ScoreChoice`), unless
+    there are running answers, whose stopping rule needs probabilities.
 
     Parameters
     ----------
@@ -154,6 +157,11 @@ def train(
     )
     if running and not calibrated:
         raise DatasetError(f'running answers need calibrated ones: {stated["reason"]}')
+    raw = bool(calibrated) and not running and calibrated[0].choice.keeps_raw
+    if calibrated:
+        choice = dataclasses.asdict(calibrated[0].choice)
+        del choice['keeps_raw']
+        stated['scores'] = {'kept': 'raw' if raw else 'calibrated', **choice}
     parts = [
         FittedPart(
             sample_count=count,
@@ -161,7 +169,7 @@ def train(
                 part.values, part.labels
             ),
             values=part.values,
-            calibration=held_out.calibration if held_out else None,
+            calibration=held_out.calibration if held_out and not raw else None,
             novelty=held_out.novelty if held_out else None,
         )
         for (count, part), held_out in zip_longest(tables.items(), calibrated)
@@ -172,7 +180,7 @@ def train(
         contact=_only_contact(table),
         spec=table.spec,
         labels=tuple(str(label) for label in labels),
-        score_kind=PROBABILITY if calibrated else SCORE_KINDS[classifier],
+        score_kind=PROBABILITY if calibrated and not raw else SCORE_KINDS[classifier],
         classifier=classifier,
         scaling=scaling,
         simulated=bool(np.any(table.columns.get('simulated', False))),
@@ -198,6 +206,7 @@ def train(
         calibration=stated,
         false_alarm_rate=false_alarm_rate if calibrated else -1.0,
         stop_error_rate=stop_error_rate if running else -1.0,
+        training=describe_training(table),
     )
     return Trained(tuple(parts), manifest)
 
@@ -241,6 +250,26 @@ def _fit_stop_threshold(
         session,
     )
     return -1.0 if threshold is None else threshold
+
+
+def describe_training(table: FeatureTable) -> TrainingTrials:
+    """Return under how many conditions the trials were recorded, as their columns say."""
+    speeds = _different(table, ('glide_speed_m_s',))
+    speeds = [speed for speed in speeds if np.isfinite(speed) and speed > 0.0]
+    return TrainingTrials(
+        sessions=len(_different(table, ('session_id', 'session'))),
+        mountings=len(_different(table, ('mounting_id', 'mounting'))),
+        speeds=len(speeds),
+        slowest_m_s=float(min(speeds, default=-1.0)),
+        fastest_m_s=float(max(speeds, default=-1.0)),
+        simulated=int(np.count_nonzero(table.columns.get('simulated', False))),
+    )
+
+
+def _different(table: FeatureTable, names: Sequence[str]) -> list[Any]:
+    """Return the values of the first of some columns that the table has; no empty text."""
+    found = next((table.columns[name] for name in names if name in table.columns), np.empty(0))
+    return [value for value in np.unique(found).tolist() if value != '']
 
 
 def _only_contact(table: FeatureTable) -> str:

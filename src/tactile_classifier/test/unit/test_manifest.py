@@ -15,13 +15,14 @@
 import contextlib
 import dataclasses
 import json
+import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.manifest import Manifest, TrainingTrials
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -42,6 +43,17 @@ GOOD = Manifest(
 )
 
 
+TRAINING = dataclasses.asdict(TrainingTrials(2, 1, 1, 0.02, 0.02, 120))
+
+
+def test_file_of_format_version_4_states_no_conditions():
+    content = json.loads(GOOD.to_json())
+    del content['training']
+    old = Manifest.from_json(json.dumps({**content, 'format_version': 4}))
+    assert old == GOOD
+    assert old.training == TrainingTrials()
+
+
 def test_round_trip():
     assert Manifest.from_json(GOOD.to_json()) == GOOD
 
@@ -53,7 +65,7 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'format_version': 5}, 'format version 5, this software reads up to 4: update'),
+        ({'format_version': 6}, 'format version 6, this software reads up to 5: update'),
         ({'specification_digest': 'ab' * 8}, 'not that of its feature specification'),
         ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
         ({'format_version': None}, 'states no format version'),
@@ -71,6 +83,9 @@ def changed(**changes):
         ({'classifier': 'forest'}, 'classifier is "forest"'),
         ({'scaling': 'minmax'}, 'scaling is "minmax"'),
         ({'spec': {}}, 'manifest is damaged: .*no entry'),
+        ({'training': {}}, 'no valid entry "training"'),
+        ({'training': {**TRAINING, 'sessions': 1.5}}, 'no valid entry "sessions" in "training"'),
+        ({'training': {**TRAINING, 'fastest_m_s': math.inf}}, 'no valid entry "fastest_m_s"'),
         ({'surprise': 1}, 'unknown entry "surprise"'),
     ],
 )

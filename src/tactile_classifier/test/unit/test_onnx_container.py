@@ -22,7 +22,14 @@ import onnx
 from onnx import helper, TensorProto
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.onnx_container import check_seal, open_container, seal
+from tactile_classifier.model_file.onnx_container import (
+    check_seal,
+    MAX_CARD_BYTES,
+    open_container,
+    read_card,
+    replace_manifest,
+    seal,
+)
 
 
 def make_model(nodes=None, initializer=(), opsets=(('', 18),), functions=()):
@@ -62,6 +69,38 @@ def test_manifest_given_twice():
     model = seal(make_model().SerializeToString(), '{}')
     with pytest.raises(ModelFileError, match='the metadata "tactile_manifest" twice'):
         open_container(seal(model, '{"labels": ["other"]}'))
+
+
+def test_card_is_metadata_and_can_be_replaced():
+    card = '# Model card\n- answers: Möbelstoff\n'
+    model = make_model().SerializeToString()
+    data = seal(model, '{}', card)
+    assert onnx.load_model_from_string(data).metadata_props[0].value == card
+    assert (read_card(data), open_container(data)) == (card, '{}')
+    check_seal(data)
+    other = replace_manifest(data, '{"a": 1}', 'other')
+    assert other == seal(model, '{"a": 1}', 'other')
+    # A file of before has none; it may be given one, and lose it again.
+    old = seal(model, '{}')
+    assert read_card(old) == ''
+    assert replace_manifest(old, '{}', card) == data
+    assert replace_manifest(data, '{}') == old
+
+
+@pytest.mark.parametrize(
+    ('card', 'message'),
+    [
+        ('a' * (MAX_CARD_BYTES + 1), 'card has more than 64 KiB'),
+        ('ö' * (MAX_CARD_BYTES // 2 + 1), 'card has more than 64 KiB'),
+        ('\x1b[2J', 'no plain text'),
+        ('right\u202eleft', 'no plain text'),
+        ('line\rover', 'no plain text'),
+    ],
+)
+def test_card_that_is_no_short_plain_text_is_refused(card, message):
+    data = seal(make_model().SerializeToString(), '{}', card)
+    with pytest.raises(ModelFileError, match=message):
+        open_container(data)
 
 
 def custom(domain='com.microsoft'):

@@ -118,6 +118,7 @@ def test_manifest_states_rates_and_how_they_were_found(trained):
     assert manifest == trained.manifest
     stated = dict(manifest.calibration)
     assert len(stated.pop('session_statistics')) == len(manifest.parts)
+    assert stated.pop('scores')['kept'] == 'calibrated'
     assert stated == {
         'split': 'one session held out',
         'groups': 3,
@@ -191,7 +192,7 @@ def test_novelty_that_the_graph_does_not_give_is_refused(model, trained, tmp_pat
 
 def test_file_of_format_version_1_still_answers(small_table, make_window):
     fields = json.loads(train(small_table, 'svm_linear').manifest.to_json())
-    for name in ('parts', 'calibration', 'false_alarm_rate', 'stop_error_rate'):
+    for name in ('parts', 'calibration', 'false_alarm_rate', 'stop_error_rate', 'training'):
         del fields[name]
     del fields['specification_digest'], fields['spec']['parameters']['max_gap_samples']
     fields.update(format_version=1, score_kind='margin')

@@ -20,13 +20,14 @@ Imports of the work are inside the functions: ``--help`` must not wait for ROS.
 from collections.abc import Callable
 from contextlib import suppress
 import functools
+import inspect
 import os
 import sys
 from typing import Annotated, Any
 
 import click
 import typer
-from typer.core import TyperCommand, TyperOption
+from typer.core import TyperArgument, TyperCommand, TyperOption
 
 from tactile_lab.cli import experiment
 from tactile_lab.cli.bags import repair, replay, show
@@ -90,6 +91,15 @@ UNTIL_A_SIGNAL = (rig, sense, hand, watch)
 
 class StrictCommand(TyperCommand):
     """Refuses an option that is given twice where only the last one would count."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        # Click 8.5 has a help of its own for arguments, and with it Typer loses theirs.
+        declared = inspect.signature(self.callback).parameters if self.callback else {}
+        for param in self.params:
+            if isinstance(param, TyperArgument) and not param.help and param.name in declared:
+                (info, *_) = getattr(declared[param.name].annotation, '__metadata__', (None,))
+                param.help = getattr(info, 'help', None)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         _, _, order = self.make_parser(ctx).parse_args(args=list(args))

@@ -27,11 +27,10 @@ from rich.table import Table
 from tactile_bags import EVENT, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_classifier.datasets.archive import LabelledTrials, load_archive
-from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.card import describe_model, list_limits
+from tactile_classifier.model_file.inference import read_model_card, TactileModel
 from tactile_features.records import TrialEvent
 from tactile_lab.commands.output import Output
-from tactile_lab.datasets.tables import CLASSIFIER_TITLES, describe_features, SCALING_TITLES
 from tactile_lab.datasets.traces import read_trace
 from tactile_lab.plots import plot_strain, TRACE_COLOUR
 from tactile_ros.errors import TactileError
@@ -85,7 +84,7 @@ def run_show(path: Path, plot: Path | None, trial: int, *, as_json: bool) -> Non
     if plot is not None and plot.suffix.lower() not in SUFFIXES:
         raise TactileError(f'{plot}: the name must end in one of {", ".join(SUFFIXES)}')
     if path.suffix == '.onnx':
-        contents = describe_model(TactileModel.load(path).manifest)
+        contents = describe_card(path)
     elif path.suffix == '.npz':
         archive = load_archive(path, folds=0, skip_bad=True)
         contents = describe_archive(archive)
@@ -118,18 +117,45 @@ def run_show(path: Path, plot: Path | None, trial: int, *, as_json: bool) -> Non
 
 
 def _print(path: Path, contents: Contents, output: Output) -> None:
+    if 'card' in contents.details:
+        output.say(f'{path}: {contents.details["model_id"]}', plain=True)
+        output.say(contents.details['card'], plain=True)
+        return
     facts = Table(title=f'{contents.kind} {path}', title_justify='left', show_header=False)
     for name, value in contents.facts.items():
         facts.add_row(name, value)
     output.say(facts)
     if not contents.trials:
         return
-    table = Table(*contents.trials[0])
+    shown, same = _split_columns(contents.trials)
+    table = Table(*shown)
     for entry in contents.trials[:SHOWN]:
-        table.add_row(*(f'{v:.2f}' if isinstance(v, float) else str(v) for v in entry.values()))
+        table.add_row(*(_tell_value(entry[name]) for name in shown))
     output.say(table)
+    if same:
+        output.say(f'all trials: {same}', plain=True)
     if len(contents.trials) > SHOWN:
         output.say(f'... and {len(contents.trials) - SHOWN} more; --json lists all')
+
+
+def _split_columns(trials: list[dict[str, Any]]) -> tuple[list[str], str]:
+    """Return the columns of the terminal's table, and what all trials have in common.
+
+    ``trial_id`` is in JSON alone: it would leave no room for the others.
+    """
+    names = [name for name in trials[0] if name != 'trial_id']
+    values = {name: {_tell_value(entry[name]) for entry in trials} for name in names}
+    same = {name: found.pop() for name, found in values.items() if len(found) == 1}
+    if len(trials) == 1:
+        return names, ''
+    stated = (f'{name} {value}' for name, value in same.items() if value)
+    return [name for name in names if name not in same], ', '.join(stated)
+
+
+def _tell_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
+    return f'{value:.2f}' if isinstance(value, float) else str(value)
 
 
 def describe_bag(bag: TactileBag) -> Contents:
@@ -184,64 +210,32 @@ def describe_archive(archive: LabelledTrials) -> Contents:
     }
     if archive.skipped:
         facts['unusable'] = '; '.join(f'row {s.row}: {s.reason}' for s in archive.skipped[:5])
+    own = {'trial', 'label', 'seconds'}
     trials = [
         {
             'trial': i + 1,
             'label': str(archive.label[i]),
             'seconds': float(seconds[i]),
-            **{name: str(column[i]) for name, column in archive.columns.items()},
+            **{
+                f'column {name}' if name in own else name: str(column[i])
+                for name, column in archive.columns.items()
+            },
         }
         for i in range(len(archive))
     ]
     return Contents('archive', facts, trials)
 
 
-def describe_model(manifest: Manifest) -> Contents:
-    """Return the card of a model: what it takes, what it was trained on, how good it is."""
-    whole, *running = manifest.parts
-    score, calibration = manifest.cross_validation, manifest.calibration
-    sessions = calibration.get('groups', 0)
-    before, after = whole.calibration_error_before, whole.calibration_error_after
-    contact = manifest.contact or 'any contact'
-    facts = {
-        'answers': f'{manifest.task}, {contact}: {", ".join(manifest.labels)}',
-        'classifier': f'{CLASSIFIER_TITLES[manifest.classifier]}, '
-        f'{SCALING_TITLES[manifest.scaling]}',
-        'takes': f'{len(manifest.spec.names)} {describe_features(manifest.spec)}, from '
-        f'{manifest.spec.sample_count} samples at {manifest.spec.rate_hz:g} Hz',
-        'trained on': f'{manifest.trials} {"SIMULATED " * manifest.simulated}trials, '
-        + (f'{sessions} sessions' if sessions else 'no sessions told apart')
-        + f', {manifest.created}',
-        'cross-validation': f'{100 * score["mean"]:.1f} % ± {100 * score["spread"]:.1f} over '
-        f'{score["spread_of"]} ({score["split"]})'
-        if score
-        else 'not stated',
-        'held out': f'{100 * whole.accuracy:.1f} % ({calibration["split"]})'
-        if whole.accuracy >= 0.0 and 'split' in calibration
-        else f'not calibrated: {calibration.get("reason", "not stated")}',
+def describe_card(path: Path) -> Contents:
+    """Return the card of a model file, and its facts."""
+    model = TactileModel.load(path)
+    details = {
+        'card': read_model_card(path),
+        'limits': list_limits(model.manifest),
+        'model_id': model.model_id,
+        'versions': dict(model.manifest.versions),
     }
-    if after >= 0.0:
-        facts['calibration error'] = (
-            f'{100 * before:.1f} % before, {100 * after:.1f} % after'
-            + ': calibration made it WORSE on held-out trials' * (after > before)
-        )
-    if whole.novelty_threshold >= 0.0:
-        facts['unknown'] = (
-            f'above novelty {whole.novelty_threshold:.2f}, at '
-            f'{100 * manifest.false_alarm_rate:g} % false alarms'
-        )
-    if running:
-        facts['running answers'] = ', '.join(
-            f'{part.sample_count / manifest.spec.rate_hz:g} s {100 * part.accuracy:.1f} %'
-            for part in running
-        )
-    limits = []
-    if manifest.simulated:
-        limits.append('SIMULATED trials say nothing of a real finger')
-    if sessions < 2:
-        limits.append('no session was held out: a new session may do worse')
-    facts['limits'] = '; '.join(limits) or f'a new session beside these {sessions} may differ'
-    return Contents('model', facts, details={'versions': dict(manifest.versions)})
+    return Contents('model', describe_model(model.manifest), details=details)
 
 
 def plot_bag(plot: Path, path: Path, entry: dict[str, Any], number: int) -> None:

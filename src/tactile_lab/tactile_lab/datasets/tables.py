@@ -22,26 +22,7 @@ from rich.table import Table
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.intervals import Interval
-from tactile_features.feature_sets.registry import find_feature_set
-from tactile_features.spec import FeatureSpec
-
-CLASSIFIER_TITLES = {
-    'knn': '3 nearest neighbours',
-    'svm_linear': 'SVM, linear kernel',
-    'svm_rbf': 'SVM, RBF kernel',
-    'tree': 'decision tree',
-    'rocket': 'random convolutions, ridge',
-}
-
-SCALING_TITLES = {
-    'standard': 'scaled (zero mean, unit variance)',
-    'none': 'not scaled',
-}
-
-
-def short_scaling(scaling: str) -> str:
-    """Return ``scaled`` or ``not scaled``."""
-    return SCALING_TITLES[scaling].partition(' (')[0]
+from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
 
 
 def tell_interval(interval: Interval) -> str:
@@ -49,13 +30,6 @@ def tell_interval(interval: Interval) -> str:
     if interval.reason:
         return f'none: {interval.reason}'
     return f'{100 * interval.low:.1f} to {100 * interval.high:.1f}'
-
-
-def describe_features(spec: FeatureSpec) -> str:
-    """Return which feature set it is, with its options."""
-    found = find_feature_set(spec.feature_set)
-    options = [f'{name} {spec.stated[name]}' for name in (found.options if found else ())]
-    return f'features: {", ".join([spec.feature_set, *options])}'
 
 
 def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:

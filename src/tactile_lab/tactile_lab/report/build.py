@@ -21,13 +21,8 @@ from pathlib import Path
 
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.feature_selection import SelectionResult
-from tactile_lab.datasets.tables import (
-    CLASSIFIER_TITLES,
-    describe_features,
-    short_scaling,
-    tell_interval,
-    tell_warnings,
-)
+from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, short_scaling
+from tactile_lab.datasets.tables import tell_interval, tell_warnings
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answer_sections import add_answers
 from tactile_lab.report.components import find_components

@@ -16,6 +16,7 @@
 
 from collections import Counter
 
+import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
@@ -33,6 +34,7 @@ from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.wiring.model_folder import find_models, model_path
 from tactile_classifier.conversions import classification_to_msg
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -44,6 +46,7 @@ from tactile_lab.simulation.simulated_trials import SimulationPlan
 
 NODE = 'stiffness_flexion_classifier'
 TRIALS = 6
+NOISE = 1.0
 
 
 def simulate(folder, **plan):
@@ -105,3 +108,31 @@ def test_known_trials_correct_the_nodes_and_the_replay_alike(models, tmp_path, c
     pairs = zip(untouched.classifications, nodes.classifications, strict=True)
     changed = [one.novelty != other.novelty for one, other in pairs]
     assert changed == 2 * (TRIALS * [False] + 4 * [True])
+
+
+def test_raw_scores_are_the_same_live_and_replayed(tmp_path, context):
+    """A model whose training kept raw scores: margins in nodes, core and replay, bit for bit."""
+    (tmp_path / 'models').mkdir()
+    training = simulate(tmp_path / 'training', trials_per_label=12, seed=3, sessions=2)
+    ((key, table),) = read_tables([training]).tables.items()
+    values = table.values.copy()
+    noisy = table.column('session_id') == table.column('session_id')[-1]
+    noise = np.random.default_rng(0).normal(size=values.shape)
+    values[noisy] += NOISE * (noise * values.std(axis=0))[noisy]
+    table = FeatureTable(values, table.labels, table.spec, table.columns)
+    model = write_model(model_path(tmp_path / 'models', *key), train(table, 'svm_linear'))
+    assert model.manifest.calibration['scores']['kept'] == 'raw'
+    paths = find_models(tmp_path / 'models')
+    source = simulate(tmp_path / 'new', trials_per_label=2, seed=11)
+    with TactileBag(source) as bag:
+        config = recorded_config(bag)
+        core = replay_through_core(bag, load_models(paths), config)
+        nodes = replay_through_nodes(bag, paths, config, context, expected=core)
+    assert len(nodes.classifications) == 10
+    for answer, window in zip(nodes.classifications, nodes.windows, strict=True):
+        assert answer.score_kind == 'margin'
+        assert answer.scores == tuple(model.compute(window.values[np.newaxis]).scores[0].tolist())
+    (report,) = replay_and_compare(
+        record_answers(source, tmp_path / 'live', nodes), tmp_path / 'models', through_nodes=True
+    )
+    assert report.is_equal, report.comparisons

@@ -41,3 +41,10 @@ def test_what_is_mistyped_is_named_once(arguments):
     done = CliRunner().invoke(cli.app, arguments)
     assert done.exit_code == 2
     assert done.output.count('Did you mean') == 1
+
+
+def test_help_describes_arguments():
+    # Click 8.5 keeps a help of its own for arguments, and Typer's was lost.
+    for command, text in (('import', 'CSV'), ('show', '(.onnx)'), ('repair', 'never closed')):
+        found = CliRunner().invoke(cli.app, [command, '--help'])
+        assert text in ' '.join(found.output.split('Options')[0].split())

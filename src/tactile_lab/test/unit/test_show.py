@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.model_file.onnx_container import read_card
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -57,6 +58,26 @@ def test_archive_of_one_trial_is_enough(tmp_path, capsys):
         run_show(path, tmp_path / 'one.txt', 1, as_json=True)
 
 
+def test_table_numbers_trials_as_the_plot_does_and_has_room(tmp_path, capsys):
+    path = tmp_path / 'two.npz'
+    x = np.sin(np.arange(600.0)).reshape(2, 1, 300)
+    np.savez(
+        path,
+        x=x,
+        label=np.array(['R1', 'C1']),
+        rate_hz=100.0,
+        trial=np.array(['lab/07.csv', 'lab/03.csv']),
+        day=np.array([2, 2]),
+    )
+    found = show(capsys, path)['trials']
+    assert [entry['trial'] for entry in found] == [1, 2]
+    assert [entry['column trial'] for entry in found] == ['lab/07.csv', 'lab/03.csv']
+    run_show(path, None, 1, as_json=False)
+    printed = capsys.readouterr().out
+    assert 'lab/07.csv' in printed
+    assert 'all trials: seconds 3.00, day 2' in printed
+
+
 @pytest.mark.parametrize('sessions', [1, 3])
 def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
     generator = np.random.default_rng(2)
@@ -67,11 +88,29 @@ def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
     table = FeatureTable(values, np.array(['pla', 'sponge'])[code], spec, columns)
     path = tmp_path / 'model.onnx'
     manifest = write_model(path, train(table, 'knn')).manifest
-    facts = show(capsys, path)['facts']
+    found = show(capsys, path)
+    facts = found['facts']
     assert facts['answers'] == 'stiffness, any contact: pla, sponge'
-    assert facts['trained on'].startswith('72 trials')
+    plural = 's' * (sessions > 1)
+    assert facts['trained on'].startswith(f'72 measured trials, {sessions} session{plural},')
     assert (
         f'{100 * manifest.parts[0].calibration_error_after:.1f} % after'
         in (facts['calibration error'])
     )
-    assert ('no session was held out' in facts['limits']) == (sessions == 1)
+    assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
+    # One text: what is printed is the card inside the file.
+    assert found['card'] == read_card(path.read_bytes())
+    run_show(path, None, 1, as_json=False)
+    printed = capsys.readouterr().out
+    assert found['card'].strip() in printed
+    assert found['model_id'] in printed
+
+
+def test_card_of_a_stranger_is_shown_as_text_and_not_as_markup(tmp_path, capsys):
+    labels = np.repeat(['[red]pla[/red]', '[link=x]sponge'], 36)
+    values = np.random.default_rng(2).normal(size=(72, 3)) + (labels == labels[0])[:, None]
+    spec = spec_for('stiffness', FeatureConfig())
+    path = tmp_path / 'model.onnx'
+    write_model(path, train(FeatureTable(values, labels, spec), 'knn'))
+    run_show(path, None, 1, as_json=False)
+    assert 'any contact: [link=x]sponge, [red]pla[/red]' in capsys.readouterr().out

@@ -16,6 +16,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
@@ -24,10 +25,11 @@ from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.replaying.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
+from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_features.config import FeatureConfig
-from tactile_features.spec import spec_for
+from tactile_features.spec import array_spec, spec_for
 from tactile_lab.commands.analysis.train import (
     describe_answers,
     run_recalibrate,
@@ -36,7 +38,7 @@ from tactile_lab.commands.analysis.train import (
     TrainRequest,
 )
 from tactile_lab.commands.output import Output
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.running_tables import read_running_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
@@ -161,3 +163,26 @@ def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(ba
     assert 'session_statistics' not in trained.to_dict()['calibration']
     with pytest.raises(TactileError, match='would be replaced'):
         run_recalibrate(trained.path, [bag], today, force=False, as_json=True)
+
+
+def test_raw_scores_that_are_kept_are_printed_and_in_json(tmp_path, capsys):
+    rng = np.random.default_rng(3)
+    label, session = np.tile(np.repeat(np.arange(3), 20), 2), np.repeat([0, 1], 60)
+    noise = np.where(session == 0, 0.2, 4.0)[:, np.newaxis]
+    table = FeatureTable(
+        3.0 * np.eye(3)[label] + noise * rng.normal(size=(120, 3)),
+        np.array(['foam', 'pla', 'steel'])[label],
+        array_spec('stiffness', 50, 60.0),
+        {'session_id': session.astype(str)},
+    )
+    request = TrainRequest(
+        tmp_path, classifier='svm_linear', cross_validation={'folds': 3, 'repetitions': 1}
+    )
+    found = BagTables({('stiffness', ''): table}, ())
+    (trained,) = train_models(found, request, Output(as_json=False))
+    printed = ' '.join(capsys.readouterr().out.split())
+    assert (
+        'scores: raw (margin) are kept, because calibration was worse in both held-out sessions'
+        in printed
+    )
+    assert trained.to_dict()['calibration']['scores']['kept'] == 'raw'

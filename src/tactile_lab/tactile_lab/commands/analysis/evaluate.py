@@ -27,6 +27,7 @@ import numpy as np
 
 from tactile_classifier.datasets.dataset import ALL, FeatureTable
 from tactile_classifier.evaluation.cross_validation import evaluate, Evaluation
+from tactile_classifier.names import describe_features
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
@@ -36,12 +37,7 @@ from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials, PreparedTrials
 from tactile_lab.datasets.sources.load import split_sources
-from tactile_lab.datasets.tables import (
-    accuracy_caption,
-    accuracy_table,
-    describe_features,
-    tell_warnings,
-)
+from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
 from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_lab.report.analysis import analyse, SetResult

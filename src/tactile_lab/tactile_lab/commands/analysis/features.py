@@ -25,12 +25,12 @@ import numpy as np
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
+from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_classifier.training.feature_choice import Candidate, choose_candidate, FeatureChoice
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables
-from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling
 
 AUTO = 'auto'
 """In place of a set of features: choose one inside the folds."""

@@ -29,8 +29,11 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import choose_repetitions, FOLDS
 from tactile_classifier.estimators.classifiers import default_scaling, RANDOM_STATE
 from tactile_classifier.evaluation.cross_validation import Evaluation
+from tactile_classifier.model_file.card import tell_scores
 from tactile_classifier.model_file.live_recalibration import RECALIBRATED, STATISTICS
 from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, SCALING_TITLES
+from tactile_classifier.records import PROBABILITY
 from tactile_classifier.training.model_writer import TactileModel, write_model
 from tactile_classifier.training.recalibrated_model import write_recalibrated
 from tactile_classifier.training.trainer import train
@@ -45,14 +48,7 @@ from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.running_tables import read_running_tables
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.sources.load import split_sources
-from tactile_lab.datasets.tables import (
-    accuracy_caption,
-    accuracy_table,
-    CLASSIFIER_TITLES,
-    describe_features,
-    SCALING_TITLES,
-    tell_warnings,
-)
+from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
 from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
@@ -337,6 +333,8 @@ def describe_answers(manifest: Manifest) -> list[str]:
         f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false alarms; '
         f'both by {manifest.calibration["split"]}'
     ]
+    if manifest.score_kind != PROBABILITY:
+        sentences.append(f'scores: {tell_scores(manifest)}')
     share = manifest.calibration.get('session_share', -1.0)
     sentences.append(
         f'thresholds hold in {100 * share:.0f} % of new sessions like these'

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, SCALINGS
-from tactile_lab.datasets.tables import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
+from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
 from tactile_lab.report.published import lowest_published

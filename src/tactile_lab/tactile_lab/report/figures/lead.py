@@ -19,7 +19,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 import numpy as np
 
-from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.figures.accuracy import draw_matrix
 from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render

@@ -23,7 +23,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.report.figures.drawing import Drawing, INK, render
 from tactile_lab.report.page import Page
 from tactile_lab.report.provenance import find_versions

@@ -1,0 +1,164 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The card of a model file: what it says, and that strangers' entries do no harm."""
+
+import contextlib
+import dataclasses
+import json
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.card import describe_model, list_limits, render_card
+from tactile_classifier.model_file.inference import read_manifest, read_model_card
+from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.onnx_container import (
+    MAX_CARD_BYTES,
+    read_card,
+    replace_manifest,
+)
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.recalibrated_model import write_recalibrated
+from tactile_classifier.training.trainer import describe_training, train
+
+NO_SESSION = 'No session was held out: a new session may do worse.'
+
+
+def with_columns(table, **columns):
+    filled = {name: np.resize(np.asarray(values), len(table)) for name, values in columns.items()}
+    return FeatureTable(table.values, table.labels, table.spec, filled)
+
+
+def test_file_holds_the_card_of_its_manifest(small_table, tmp_path):
+    model = write_model(tmp_path / 'm.onnx', train(small_table, 'knn'))
+    card = read_card((tmp_path / 'm.onnx').read_bytes())
+    assert card == render_card(model.manifest) == read_model_card(tmp_path / 'm.onnx')
+    assert '- answers: texture, flexion: plate 0, plate 1, plate 2\n' in card
+    assert 'SIMULATED trials say nothing of a real finger.' in card
+
+
+def test_old_file_without_a_card_gets_one_from_its_manifest(small_table, tmp_path):
+    path = tmp_path / 'm.onnx'
+    manifest = write_model(path, train(small_table, 'knn')).manifest
+    fields = json.loads(manifest.to_json())
+    del fields['training'], fields['calibration']['scores']
+    fields['format_version'] = 4
+    path.write_bytes(replace_manifest(path.read_bytes(), json.dumps(fields)))
+    assert read_card(path.read_bytes()) == ''
+    old = read_manifest(path)
+    assert read_model_card(path) == render_card(old)
+    # All that an old file says of sessions is how many calibration held out.
+    assert '36 SIMULATED trials, 3 sessions;' in describe_model(old)['trained on']
+
+
+def test_conditions_come_from_the_training_trials(small_table):
+    found = describe_training(
+        with_columns(
+            small_table,
+            session_id=['a', 'b', 'c'],
+            mounting_id=['m'],
+            glide_speed_m_s=[0.02, 0.04],
+            simulated=[True, False],
+        )
+    )
+    assert (found.sessions, found.mountings, found.simulated) == (3, 1, 18)
+    assert (found.speeds, found.slowest_m_s, found.fastest_m_s) == (2, 0.02, 0.04)
+    none = describe_training(with_columns(small_table, session_id=['']))
+    assert (none.sessions, none.mountings, none.speeds, none.simulated) == (0, 0, 0, 0)
+    # Archives of others may say "session".
+    assert describe_training(with_columns(small_table, session=[1, 2])).sessions == 2
+
+
+def test_sessions_are_counted_where_none_can_be_held_out(small_table):
+    # Each label in a session of its own: calibration deals trials, and knows no session.
+    tied = with_columns(small_table, session_id=small_table.labels)
+    manifest = train(tied, 'knn').manifest
+    assert manifest.calibration['groups'] == 0
+    assert '3 sessions' in describe_model(manifest)['trained on']
+    assert any('a label occurs in one session only' in limit for limit in list_limits(manifest))
+
+
+def test_limits_follow_the_conditions(small_table):
+    one = with_columns(small_table, session_id=['a'], mounting_id=['m'], glide_speed_m_s=[0.02])
+    limits = list_limits(train(one, 'knn').manifest)
+    assert NO_SESSION in limits
+    assert 'All trials are of one mounting: another mounting was not tested.' in limits
+    assert any('at 20 mm/s: another sliding speed was not tested' in limit for limit in limits)
+    assert not any('SIMULATED' in limit for limit in limits)
+    several = with_columns(
+        small_table,
+        session_id=np.arange(36) // 3 % 3,
+        mounting_id=np.arange(36) // 3 % 3,
+        glide_speed_m_s=[0.02, 0.03],
+    )
+    limits = list_limits(train(several, 'knn').manifest)
+    assert '3 sessions were held out in turn.' in limits[0]
+    assert not any('mounting' in limit or 'speed' in limit for limit in limits)
+
+
+def test_recalibrated_file_has_a_card_of_its_own(small_table, tmp_path):
+    source = tmp_path / 'm.onnx'
+    write_model(source, train(with_columns(small_table, session_id=np.arange(36) % 3), 'knn'))
+    known = small_table.take(np.arange(0, 36, 6))
+    model = write_recalibrated(tmp_path / 'r.onnx', source, {0: known})
+    card = read_model_card(tmp_path / 'r.onnx')
+    assert card == render_card(model.manifest)
+    assert 'recalibrated: for one session, with 6 known trials; from model texture' in card
+
+
+def test_card_of_many_long_and_strange_labels_stays_short_plain_text(small_table, tmp_path):
+    labels = [f'{i:03d}\x1b[2J\u202e{"x" * 900}' for i in range(18)]
+    table = FeatureTable(small_table.values, np.resize(labels, 36), small_table.spec)
+    write_model(tmp_path / 'm.onnx', train(table, 'tree'))
+    card = read_model_card(tmp_path / 'm.onnx')
+    assert card.replace('\n', '').isprintable()
+    assert len(card.encode()) < MAX_CARD_BYTES / 4
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+    max_leaves=5,
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from(['cross_validation', 'calibration']),
+    st.sampled_from(
+        ['mean', 'split', 'groups', 'session_share', 'reason', 'scores', 'recalibrated', 'spread']
+    ),
+    JSON,
+)
+def test_any_entry_may_hold_anything(small_manifest, where, name, value):
+    entry = {**getattr(small_manifest, where), name: value}
+    manifest = dataclasses.replace(small_manifest, **{where: entry}, score_kind='votes')
+    with contextlib.suppress(ModelFileError):
+        card = render_card(Manifest.from_json(manifest.to_json()))
+        assert card.replace('\n', '').isprintable()
+        assert len(card.encode()) < MAX_CARD_BYTES
+
+
+@pytest.fixture(scope='session')
+def small_manifest(small_table):
+    manifest = train(small_table, 'knn').manifest
+    score = {'mean': 0.9, 'spread': 0.1, 'spread_of': 'folds', 'split': 'random'}
+    return dataclasses.replace(manifest, cross_validation=score)
