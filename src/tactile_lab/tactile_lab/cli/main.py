@@ -33,7 +33,7 @@ from tactile_lab.cli import experiment
 from tactile_lab.cli.bags import repair, replay, show
 from tactile_lab.cli.calibrate import calibrate
 from tactile_lab.cli.data import robustness, simulate, train
-from tactile_lab.cli.recordings import evaluate, features, import_recordings
+from tactile_lab.cli.recordings import compare, evaluate, features, import_recordings
 from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
 from tactile_lab.cli.watch import watch
 from tactile_ros.errors import TactileError
@@ -135,6 +135,7 @@ for command in (
     import_recordings,
     train,
     evaluate,
+    compare,
     features,
     robustness,
     replay,

@@ -294,3 +294,80 @@ def evaluate(
                 ),
                 as_json=json_output,
             )
+
+
+def compare(
+    model_a: Annotated[
+        Path, typer.Argument(help='Model file, or a folder of them as `tactile train` writes.')
+    ],
+    model_b: Annotated[Path, typer.Argument(help='The other one.')],
+    recordings: RecordingsArgument,
+    group: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Columns that make a group of trials, with commas, for the interval. '
+            'Default: session_id, or session.'
+        ),
+    ] = None,
+    unseen: Annotated[
+        bool,
+        typer.Option('--unseen', help='Leave out trials that one of the models was trained on.'),
+    ] = False,
+    channel: ChannelOption = None,
+    where: WhereOption = None,
+    crop: CropOption = None,
+    resample_hz: ResampleOption = None,
+    skip_bad: SkipBadOption = False,
+    speed_column: SpeedColumnOption = None,
+    column: ColumnOption = None,
+    rate_hz: RateOption = None,
+    label: LabelOption = '',
+    label_from: LabelFromOption = '',
+    labels: LabelsOption = None,
+    topic: TopicOption = '',
+    field: FieldOption = '',
+    json_output: JsonOption = False,
+) -> None:
+    """Say which of two models is better, and whether the difference is more than chance.
+
+    As in: tactile compare old/texture_flexion.onnx new/texture_flexion.onnx bags/new_session
+
+    Each model names every trial by its own features. It may answer "unknown", which counts as
+    not right. The difference of the accuracies has a paired 95 % interval: Student's t over the
+    sessions, or with one session that of McNemar's exact test over the trials. The table also
+    shows rejected trials and file sizes. Below it are the confusions in which the models differ
+    most, and the time of one answer of B against that of A.
+
+    Take trials that neither model was trained on. The command warns of others: most model files
+    tell which trials they were trained on. Two folders of models are compared file by file, for
+    each task and contact.
+    """
+    with refusals():
+        check_paths(model_a, model_b, *recordings)
+        from tactile_lab.commands.analysis.compare import CompareRequest, run_compare
+        from tactile_lab.datasets.sources.options import SourceOptions
+
+        run_compare(
+            CompareRequest(
+                models=(model_a, model_b),
+                recordings=tuple(recordings),
+                group=group,
+                unseen=unseen,
+                channel=channel,
+                where=where,
+                crop=crop,
+                resample_hz=resample_hz,
+                skip_bad=skip_bad,
+                speed_column=speed_column,
+                sources=SourceOptions(
+                    columns=tuple(column or ()),
+                    rate_hz=rate_hz,
+                    label=label,
+                    label_from=label_from,
+                    labels=labels,
+                    topic=topic,
+                    field=field,
+                ),
+            ),
+            as_json=json_output,
+        )

@@ -28,7 +28,6 @@ from tactile_classifier.datasets.dataset import (
     ALL,
     Channel,
     FeatureTable,
-    table_from_trials,
     usable_table,
 )
 from tactile_features.config import FeatureConfig
@@ -73,10 +72,10 @@ class PreparedTrials:
     def compute_table(self, fields: Mapping[str, Any]) -> FeatureTable:
         """Return other features of the same trials, by fields of `FeatureConfig`."""
         config = replace(self.config, **fields)
-        table = table_from_trials(
+        table, trials = usable_table(
             self.task, self.trials, self.channel, config=config, speeds_m_s=self.speeds_m_s
         )
-        return replace(table, columns=self.table.columns)
+        return _name_trials(table, trials)
 
     def running_tables(
         self, table: FeatureTable, seconds: Sequence[float]
@@ -175,12 +174,18 @@ def prepare_trials(
     )
     if speeds_m_s is not None:
         speeds_m_s = _speeds_m_s(options, trials)  # of those that are left
-    if 'trial_id' not in table.columns:
-        rows = trials.columns.get('trial', trials.rows).astype(str)
-        table = replace(table, columns={**table.columns, 'trial_id': rows})
+    table = _name_trials(table, trials)
     return PreparedTrials(
         ', '.join(title), options.task, trials, channel, config, speeds_m_s, table
     )
+
+
+def _name_trials(table: FeatureTable, trials: LabelledTrials) -> FeatureTable:
+    """Return the table with a column ``trial_id``."""
+    if 'trial_id' in table.columns:
+        return table
+    rows = trials.columns.get('trial', trials.rows).astype(str)
+    return replace(table, columns={**table.columns, 'trial_id': rows})
 
 
 def _speeds_m_s(options: TrialOptions, trials: LabelledTrials) -> NDArray[np.float64]:

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The commands on recordings of many trials: import, features, train, evaluate, robustness."""
+"""The commands on recordings of many trials."""

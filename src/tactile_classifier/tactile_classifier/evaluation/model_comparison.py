@@ -1,0 +1,259 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Two models on the same trials: which is better, and is the difference more than chance."""
+
+from __future__ import annotations
+
+from collections import Counter
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import binomtest
+
+from tactile_classifier.errors import EvaluationError
+from tactile_classifier.evaluation.intervals import (
+    accuracy_interval,
+    difference_interval,
+    Interval,
+    LEVEL,
+)
+from tactile_classifier.records import NO_ANSWER, UNKNOWN
+
+Names = npt.NDArray[np.str_]
+
+
+@dataclasses.dataclass(frozen=True)
+class Answered:
+    """What one model's answers were.
+
+    Attributes
+    ----------
+    accuracy : float
+        Share of all trials that are named correctly [1]; a rejected one is not.
+    interval : Interval
+    unknown_rate, no_answer_rate : float
+        Share of trials that it rejects, and that it says nothing of [1].
+    answered_accuracy : float or None
+        Share of right ones among the labels that it gives [1]; None: it gives none.
+    """
+
+    accuracy: float
+    interval: Interval
+    unknown_rate: float
+    no_answer_rate: float
+    answered_accuracy: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {**vars(self), 'interval': self.interval.to_dict()}
+
+
+@dataclasses.dataclass(frozen=True)
+class Confusion:
+    """One wrong answer, and how often either model gives it."""
+
+    label: str
+    answer: str
+    count_a: int
+    count_b: int
+    trials: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Two models, A and B, on the same trials.
+
+    Attributes
+    ----------
+    trials : int
+    groups : int
+        Such as sessions; 0 where none are told apart.
+    parts_are : str
+        What the groups are.
+    a, b : Answered
+    difference : float
+        Accuracy of B less that of A [1].
+    interval : Interval
+        Of the difference.
+    only_a, only_b : int
+        Trials that only one of the two names correctly.
+    p_value : float
+        Exact test of McNemar on these, as if trials were independent [1].
+    agreement : float
+        Share of trials with the same answer [1].
+    confusions : tuple of Confusion
+        Wrong answers whose counts differ, the largest difference first.
+    """
+
+    trials: int
+    groups: int
+    parts_are: str
+    a: Answered
+    b: Answered
+    difference: float
+    interval: Interval
+    only_a: int
+    only_b: int
+    p_value: float
+    agreement: float
+    confusions: tuple[Confusion, ...]
+
+    @property
+    def better(self) -> str:
+        """``A``, ``B``, or empty when the interval holds 0 or there is none."""
+        if self.interval.reason or self.interval.low <= 0.0 <= self.interval.high:
+            return ''
+        return 'B' if self.interval.low > 0.0 else 'A'
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON can hold."""
+        return {
+            **vars(self),
+            'a': self.a.to_dict(),
+            'b': self.b.to_dict(),
+            'interval': self.interval.to_dict(),
+            'confusions': [vars(each) for each in self.confusions],
+            'better': self.better,
+        }
+
+
+def compare_answers(
+    labels: npt.ArrayLike,
+    answers_a: npt.ArrayLike,
+    answers_b: npt.ArrayLike,
+    groups: npt.ArrayLike | None = None,
+    parts_are: str = 'sessions',
+) -> Comparison:
+    """Compare the answers of two models on the same trials.
+
+    With two groups or more, the interval is Student's over the differences of the groups, each
+    weighted by its trials. Otherwise, or where all groups have the same difference, it is that
+    of `discordant_interval` over trials.
+
+    Parameters
+    ----------
+    labels, answers_a, answers_b : array_like of str, shape (trials,)
+        What is true, and what the models say: labels, `UNKNOWN` or `NO_ANSWER`.
+    groups : array_like of shape (trials,), optional
+        Such as the session of each trial.
+    parts_are : str
+        What the groups are, in the plural.
+
+    Raises
+    ------
+    EvaluationError
+        When there are no trials, or not one label and one answer of each model a trial.
+    """
+    true, says_a, says_b = (
+        np.asarray(each).astype(str) for each in (labels, answers_a, answers_b)
+    )
+    group = np.zeros(len(true)) if groups is None else np.asarray(groups)
+    if not len(true) or not true.shape == says_a.shape == says_b.shape == group.shape:
+        raise EvaluationError(
+            'a comparison takes one label, one answer of each model and one group a trial; there '
+            f'are {len(true)} labels, {len(says_a)} and {len(says_b)} answers, {len(group)} groups'
+        )
+    right_a, right_b = says_a == true, says_b == true
+    only_a, only_b = int((right_a & ~right_b).sum()), int((right_b & ~right_a).sum())
+    owner = np.unique(group, return_inverse=True)[1]
+    sizes = np.bincount(owner)
+    gain = right_b.astype(np.float64) - right_a
+    interval = Interval(0.0, 0.0, '', 'one group')
+    if len(sizes) > 1:
+        interval = difference_interval(np.bincount(owner, gain) / sizes, parts_are, sizes)
+    if interval.reason:
+        interval = discordant_interval(only_a, only_b, len(true))
+    sides = [_count_answers(true, says, owner, sizes, parts_are) for says in (says_a, says_b)]
+    return Comparison(
+        trials=len(true),
+        groups=len(sizes) if len(sizes) > 1 else 0,
+        parts_are=parts_are,
+        a=sides[0],
+        b=sides[1],
+        difference=float(gain.mean()),
+        interval=interval,
+        only_a=only_a,
+        only_b=only_b,
+        p_value=_test_discordant(only_a, only_b),
+        agreement=float((says_a == says_b).mean()),
+        confusions=_list_confusions(true, says_a, says_b),
+    )
+
+
+def discordant_interval(only_a: int, only_b: int, trials: int) -> Interval:
+    """Return the exact interval of the difference of two models on independent trials.
+
+    Clopper and Pearson's for the share of B among the trials that only one of the two names
+    correctly, given their number. It leaves 0 out exactly when McNemar's exact test has a p-value
+    below 0.05.
+
+    Parameters
+    ----------
+    only_a, only_b : int
+        Trials that only A, or only B, names correctly.
+    trials : int
+        All of them.
+    """
+    discordant = only_a + only_b
+    if not discordant:
+        return Interval(0.0, 0.0, '', f'both are right on the same of the {trials} trials')
+    share = binomtest(only_b, discordant).proportion_ci(LEVEL, method='exact')
+    low, high = ((2.0 * end - 1.0) * discordant / trials for end in (share.low, share.high))
+    trials_are = 'trial' if discordant == 1 else 'trials'
+    return Interval(
+        float(low), float(high), f'exact, over {discordant} {trials_are} that only one names'
+    )
+
+
+def _test_discordant(only_a: int, only_b: int) -> float:
+    return float(binomtest(only_b, only_a + only_b).pvalue) if only_a + only_b else 1.0
+
+
+def _count_answers(
+    true: Names,
+    says: Names,
+    owner: npt.NDArray[np.intp],
+    sizes: npt.NDArray[np.intp],
+    parts_are: str,
+) -> Answered:
+    right = (says == true).astype(np.float64)
+    is_label = ~np.isin(says, (UNKNOWN, NO_ANSWER))
+    if len(sizes) > 1:
+        interval = accuracy_interval(np.bincount(owner, right) / sizes, parts_are, sizes)
+    elif len(true) > 1:
+        interval = accuracy_interval(right, 'trials')
+    else:
+        interval = Interval(0.0, 0.0, '', 'one trial')
+    return Answered(
+        accuracy=float(right.mean()),
+        interval=interval,
+        unknown_rate=float((says == UNKNOWN).mean()),
+        no_answer_rate=float((says == NO_ANSWER).mean()),
+        answered_accuracy=float(right[is_label].mean()) if is_label.any() else None,
+    )
+
+
+def _list_confusions(true: Names, says_a: Names, says_b: Names) -> tuple[Confusion, ...]:
+    trials = Counter(true.tolist())
+    pairs_a, pairs_b = (
+        Counter(zip(true.tolist(), says.tolist(), strict=True)) for says in (says_a, says_b)
+    )
+    found = [
+        Confusion(*pair, pairs_a[pair], pairs_b[pair], trials[pair[0]])
+        for pair in {**pairs_a, **pairs_b}
+        if pair[0] != pair[1] and pairs_a[pair] != pairs_b[pair]
+    ]
+    return tuple(sorted(found, key=lambda c: (-abs(c.count_b - c.count_a), c.label, c.answer)))

@@ -1,0 +1,69 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a model answers on many recorded trials, as the node would on each."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.model_file.live_recalibration import RECALIBRATED
+from tactile_classifier.records import NO_ANSWER, UNKNOWN
+
+SAME_TRIAL = 1e-4
+"""Novelty below which a trial is one of the training: its distance to a training trial, against
+what is usual between trials of that label. Rounding gives below 1e-6, new trials give above 0.05.
+"""
+
+
+def name_trials(model: TactileModel, values: npt.NDArray[np.float64]) -> npt.NDArray[np.str_]:
+    """Return label, `UNKNOWN` or `NO_ANSWER` for each whole window, as `TactileModel.classify`.
+
+    Parameters
+    ----------
+    model : TactileModel
+    values : ndarray of shape (trials, k)
+    """
+    if not len(values):
+        return np.array([], dtype=str)
+    found = model.compute(values)
+    names = np.array([model.labels[i] for i in found.answer], dtype=object)
+    valid = np.isfinite(found.scores).all(axis=1)
+    if len(found.novelty):
+        valid &= np.isfinite(found.novelty)
+        threshold = model.manifest.parts[0].novelty_threshold
+        if threshold >= 0.0:
+            names[found.novelty > threshold] = UNKNOWN
+    names[~valid] = NO_ANSWER
+    return names.astype(str)
+
+
+def find_training_trials(
+    model: TactileModel, values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.bool_] | None:
+    """Return which trials the model was trained on; None: its file does not tell.
+
+    A calibrated model measures novelty from its training trials, so these have none. A model
+    without novelty, or recalibrated for a session, does not tell.
+
+    Parameters
+    ----------
+    model : TactileModel
+    values : ndarray of shape (trials, k)
+    """
+    if RECALIBRATED in model.manifest.calibration or not len(values):
+        return None
+    novelty = model.compute(values).novelty
+    return novelty < SAME_TRIAL if len(novelty) else None

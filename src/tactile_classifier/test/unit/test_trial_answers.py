@@ -1,0 +1,57 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Answers on many trials are those on each, and a model knows what it was trained on."""
+
+import numpy as np
+import pytest
+
+from tactile_classifier.model_file.trial_answers import find_training_trials, name_trials
+from tactile_classifier.records import NO_ANSWER, Outcome, UNKNOWN
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+
+
+@pytest.mark.parametrize('classifier', ['knn', 'svm_rbf', 'tree'])
+def test_answers_are_those_of_the_node(small_table, make_window, tmp_path, classifier):
+    model = write_model(tmp_path / 'm.onnx', train(small_table, classifier))
+    generator = np.random.default_rng(2)
+    values = small_table.values * generator.uniform(0.2, 5.0, (len(small_table), 1))
+    outcomes = {Outcome.UNKNOWN: UNKNOWN, Outcome.NO_FEATURES: NO_ANSWER}
+    expected = []
+    for row in values:
+        result = model.classify(make_window(0, values=row))
+        expected.append(outcomes.get(result.outcome, result.label))
+    assert name_trials(model, values).tolist() == expected
+    assert {UNKNOWN, *small_table.labels} >= set(expected) > {UNKNOWN}
+
+
+def test_a_model_tells_its_training_trials_from_others_like_them(texture_table, tmp_path):
+    keep = np.arange(len(texture_table)) % 4 == 0
+    for classifier in ('knn', 'svm_linear', 'tree'):
+        model = write_model(tmp_path / 'm.onnx', train(texture_table.take(keep), classifier))
+        found = find_training_trials(model, texture_table.values)
+        np.testing.assert_array_equal(found, keep)
+
+
+def test_a_model_without_novelty_does_not_tell(stiffness_table, tmp_path):
+    few = stiffness_table.take(np.arange(len(stiffness_table)) % 4 == 0)
+    model = write_model(tmp_path / 'm.onnx', train(few, 'knn'))
+    assert 'reason' in model.manifest.calibration
+    assert find_training_trials(model, few.values) is None
+    assert set(name_trials(model, few.values)) <= set(few.labels)
+
+
+def test_no_trials_no_answers(small_table, tmp_path):
+    model = write_model(tmp_path / 'm.onnx', train(small_table, 'knn'))
+    assert name_trials(model, small_table.values[:0]).shape == (0,)

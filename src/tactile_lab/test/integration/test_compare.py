@@ -1,0 +1,192 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""`tactile compare` from the command line, on simulated trials and models trained on them."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bringup.records import TrialConfig
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+from tactile_features.spec import spec_for
+from tactile_lab.cli.main import app
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
+from tactile_lab.simulation.simulated_trials import SimulationPlan
+
+
+def tactile(*arguments, code=0):
+    """Run `tactile compare`; return its standard output, or what it says of a refusal."""
+    done = CliRunner().invoke(app, ['compare', *map(str, arguments)])
+    assert done.exit_code == code, done.output
+    return done.stdout if code == 0 else done.output
+
+
+def compare(*arguments):
+    (found,) = json.loads(tactile(*arguments, '--json'))['comparisons']
+    return found
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """Return bags of two seeds, of five sessions each: to train on and to compare on."""
+    folder = tmp_path_factory.mktemp('bags')
+    config = TrialConfig(simulated=True)
+    found = []
+    for name, seed in (('training', 3), ('new', 4)):
+        plan = SimulationPlan('texture', 'flexion', 3, seed=seed, sessions=5)
+        found.append(write_simulated_bag(folder / name, plan, config, FeatureConfig()).path)
+    return found
+
+
+@pytest.fixture(scope='module')
+def models(bags, tmp_path_factory):
+    """Return a good model and a worse one: half of its labels were shuffled in training."""
+    folder = tmp_path_factory.mktemp('models')
+    (table,) = read_tables(bags[:1]).tables.values()
+    write_model(folder / 'good.onnx', train(table, 'knn'))
+    labels = table.labels.copy()
+    mixed = np.random.default_rng(1).permutation(len(labels))[: len(labels) // 2]
+    labels[mixed] = np.roll(labels[mixed], 1)
+    worse = FeatureTable(table.values, labels, table.spec, table.columns)
+    write_model(folder / 'worse.onnx', train(worse, 'svm_linear', 'none'))
+    return folder / 'good.onnx', folder / 'worse.onnx'
+
+
+def test_the_worse_model_is_found_on_new_sessions(bags, models):
+    found = compare(*models, bags[1])
+    (table,) = read_tables(bags[1:]).tables.values()
+    assert found['trials'] == len(table)
+    assert (found['groups'], found['parts_are']) == (5, 'sessions')
+    assert found['better'] == 'A'
+    assert found['interval']['low'] < found['difference'] < found['interval']['high'] < 0.0
+    assert found['difference'] == pytest.approx(found['b']['accuracy'] - found['a']['accuracy'])
+    assert found['only_a'] - found['only_b'] == round(-found['difference'] * found['trials'])
+    assert found['verdict'].startswith('A is better by ')
+    assert [found['models'][side]['training_trials_among_these'] for side in 'ab'] == [0, 0]
+    assert not found['warnings']
+    assert found['models']['a']['size_bytes'] == models[0].stat().st_size
+    assert found['predict_time_ratio_b_to_a'] > 0.0
+    assert compare(*models[::-1], bags[1])['better'] == 'B'
+
+
+def test_a_model_is_not_told_apart_from_itself(bags, models):
+    found = compare(models[0], models[0], bags[1])
+    assert (found['better'], found['difference'], found['agreement']) == ('', 0.0, 1.0)
+    assert found['verdict'].startswith('Not told apart: both are right on the same')
+
+
+def test_trials_of_the_training_are_counted_and_left_out(bags, models):
+    found = compare(*models, *bags)
+    (table,) = read_tables(bags[:1]).tables.values()
+    for side in 'ab':
+        assert found['models'][side]['training_trials_among_these'] == len(table)
+    assert f'{len(table)} of these {2 * len(table)} trials' in found['warnings'][0]
+    assert 'on trials that A and B was trained on' in found['verdict']
+    assert found['groups'] == 10
+    unseen = compare(*models, *bags, '--unseen')
+    alone = compare(*models, bags[1])
+    for name in ('trials', 'difference', 'interval', 'confusions', 'verdict', 'groups'):
+        assert unseen[name] == alone[name]
+    said = tactile(*models, bags[0], '--unseen', code=2)
+    assert 'both models were trained on these trials, so none is left' in said
+
+
+def test_each_model_has_features_of_its_own(bags, models, tmp_path):
+    (table,) = read_tables(bags[:1], {'texture_features': 'glide_waveform'}).tables.values()
+    other = tmp_path / 'other.onnx'
+    write_model(other, train(table, 'knn'))
+    found = compare(models[0], other, bags[1])
+    features = [found['models'][side]['feature_set'] for side in 'ab']
+    assert features == ['texture_spectrum', 'glide_waveform']
+    assert found['a'] == compare(*models, bags[1])['a']
+
+
+def test_one_session_is_said_and_groups_may_be_others(bags, models):
+    said = tactile(*models, bags[1], '--group', 'bag')
+    assert 'of one session, or it is not stated' in said
+    assert 'exact McNemar' in said
+    assert 'SIMULATED' in said
+    found = compare(*models, bags[1], '--group', 'session_id,mounting_id')
+    assert found['parts_are'] == 'groups of session_id and mounting_id'
+    assert found['groups'] > 5
+    assert 'there is no column "weekday"' in tactile(
+        *models, bags[1], '--group', 'weekday', code=2
+    )
+
+
+def test_an_archive_with_sessions_and_a_new_label(tmp_path):
+    generator = np.random.default_rng(5)
+    time_s = np.arange(200) / 100.0
+    label = np.tile(['a', 'b', 'c'], 60)
+    hz = np.array([3.0, 9.0, 21.0])[np.tile(np.arange(3), 60)]
+    x = np.sin(2 * np.pi * hz[:, None] * time_s) + generator.normal(0.0, 0.8, (180, 200))
+    day = np.repeat(['mo', 'tu', 'we', 'th'], 45)
+    known = label != 'c'
+    first, paths = day < 'n', []
+    for name, keep in (('train', first & known), ('new', ~first)):
+        paths.append(tmp_path / f'{name}.npz')
+        np.savez(paths[-1], x=x[keep, None], label=label[keep], rate_hz=100.0, session=day[keep])
+    for folder, classifier in (('m1', 'knn'), ('m2', 'svm_linear')):
+        options = ['--task', 'texture', '--classifier', classifier, '--repetitions', '1']
+        command = ['train', paths[0], '-o', tmp_path / folder, *options]
+        assert CliRunner().invoke(app, [str(each) for each in command]).exit_code == 0
+    found = compare(tmp_path / 'm1', tmp_path / 'm2', paths[1])
+    assert (found['trials'], found['groups']) == (int((~first & known).sum()), 2 + 1)
+    assert found['new_labels']['labels'] == ['c']
+    assert found['new_labels']['trials'] == int((~first & ~known).sum())
+    assert found['a']['accuracy'] > 0.8
+
+
+def test_what_cannot_be_compared_is_one_sentence(bags, models, stiffness_bag, trained, tmp_path):
+    assert 'does not exist' in tactile(models[0], tmp_path / 'no.onnx', bags[1], code=2)
+    bad = tmp_path / 'bad.onnx'
+    bad.write_bytes(b'no model')
+    assert 'is refused' in tactile(models[0], bad, bags[1], code=2)
+    said = tactile(models[0], trained, bags[1], code=2)
+    assert 'A answers texture, flexion and B stiffness, flexion' in said
+    said = tactile(*models, stiffness_bag, code=2)
+    assert 'hold no labelled trials of texture, flexion' in said
+    (table,) = read_tables(bags[:1]).tables.values()
+    fewer = tmp_path / 'fewer.onnx'
+    write_model(fewer, train(table.take(table.labels != 'F'), 'knn'))
+    said = tactile(models[0], fewer, bags[1], code=2)
+    assert 'know different labels: only A knows F, only B none' in said
+    both = tmp_path / 'both'
+    shutil.copytree(trained, both)
+    shutil.copy(models[0], both / 'texture_flexion.onnx')
+    told = json.loads(tactile(both, models[1], bags[1], '--json'))
+    assert told['left_out'] == ['only A has a model for stiffness, flexion: not compared']
+
+
+def test_trials_of_other_labels_alone_are_refused(tmp_path, bags):
+    generator = np.random.default_rng(0)
+    spec = spec_for('texture', FeatureConfig())
+    values = generator.normal(size=(40, len(spec.names)))
+    paths = []
+    for name in ('one', 'two'):
+        table = FeatureTable(values, np.repeat(['felt', 'silk'], 20), spec)
+        paths.append(tmp_path / f'{name}.onnx')
+        write_model(paths[-1], train(table, 'knn'))
+    said = tactile(*paths, bags[1], code=2)
+    assert 'no trial has a label that the models know: the trials have' in said
+    assert 'the models know felt, silk' in said
