@@ -120,7 +120,7 @@
         this.newSpectrum = undefined;
       }
       const last = this.tension.last;
-      set(this.find('.tension'), last === null ? '\u2013' : last.toFixed(2));
+      set(this.find('.tension'), last === null ? '\u2013' : last.toFixed(2).replace(/^-(0\.0*)$/, '$1'));
     }
 
     /* What is wrong with the signal, with its remedy; the health of the sensor says it best. */
