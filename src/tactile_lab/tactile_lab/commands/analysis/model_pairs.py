@@ -20,7 +20,7 @@ from pathlib import Path
 
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_lab.datasets.tables import CLASSIFIER_TITLES, short_scaling
+from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_ros.errors import TactileError
 
 SIDES = ('A', 'B')
