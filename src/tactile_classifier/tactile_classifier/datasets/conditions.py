@@ -22,7 +22,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 
 GROUPS = ('session_id', 'mounting_id', 'bag', 'session', 'mounting')
 """Columns that say which trials share a state of the rig."""
@@ -59,11 +59,12 @@ class Cells:
 
     @property
     def warning(self) -> str:
-        """What random folds do with near copies, in one sentence."""
+        """What random folds do with repeats, in one sentence."""
+        same = ' and '.join(map(plain_name, self.columns))
         return (
-            f'random folds test near copies: {len(self.cell)} trials are {self.count} cells of '
-            f'equal label, {", ".join(self.columns)}, most of them in training and test at once; '
-            'a new condition may do worse, and the intervals are over cells'
+            f'random folds test repeats of what they train on: the {len(self.cell)} trials are '
+            f'{self.count} groups of the same label and {same}. A new {same} may do worse. '
+            'Intervals are over these groups'
         )
 
 
@@ -120,17 +121,17 @@ def find_tied_labels(table: FeatureTable, columns: Sequence[str] = ()) -> list[s
         alone = together[:, together.sum(axis=0) == 1].sum(axis=1)
         once = together.sum(axis=1) == 1
         tied = once & (alone == 1)
-        what = name.removesuffix('_id')
+        what = plain_name(name)
         if tied.any():
             warnings.append(
-                f'{name} and label coincide for {_count(labels, tied)}: a '
+                f'{what} and label coincide for {_count(labels, tied)}: a '
                 f'model may learn the {what} instead of the label, and random '
                 f'folds cannot show it; record each label in several'
             )
         shared = once & ~tied
         if shared.any() and together.shape[1] > 1 and name != 'bag':
             warnings.append(
-                f'one {name} holds all trials of {_count(labels, shared)}: how they do in another '
+                f'one {what} holds all trials of {_count(labels, shared)}: how they do in another '
                 f'{what} cannot be tested; record each label in several'
             )
     return warnings

@@ -147,6 +147,19 @@ class FeatureTable:
         return digest.hexdigest()
 
 
+_TITLES = {
+    'session_id': 'session',
+    'mounting_id': 'mounting',
+    'trial_block': 'block of trials',
+    'glide_speed_m_s': 'sliding speed',
+}
+
+
+def plain_name(column: str) -> str:
+    """Return the name of one of our columns for people; a column of others keeps its name."""
+    return _TITLES.get(column, column)
+
+
 def table_from_trials(
     task: str,
     trials: LabelledTrials,

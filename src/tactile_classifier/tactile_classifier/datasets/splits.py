@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, StratifiedKFold
 
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.errors import EvaluationError
 
 IndexArray = npt.NDArray[np.intp]
@@ -168,7 +168,7 @@ def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
     DatasetError
         When there is no such column.
     """
-    name = ' and '.join(columns)
+    name = ' and '.join(map(plain_name, columns))
     _check_classes(table)
     groups = np.zeros(len(table), dtype=np.intp)
     for column in columns:

@@ -281,7 +281,7 @@ class AccuracyPlan:
             return accuracy_interval(accuracies, 'groups')
         if self._cells is not None:
             share, sizes = self._cells.average(right[self._tested])
-            return accuracy_interval(share, 'cells of near copies', sizes)
+            return accuracy_interval(share, 'groups of repeats', sizes)
         return accuracy_interval(right[self._tested], 'trials')
 
     def _score(

@@ -162,7 +162,7 @@ class SelectionPlan:
         if cells is None:
             return difference_interval(gain, 'trials')
         means, sizes = cells.average(gain)
-        return difference_interval(means, 'cells of near copies', sizes)
+        return difference_interval(means, 'groups of repeats', sizes)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -38,7 +38,7 @@ def test_cells_are_label_and_conditions_without_numbering_columns():
     )
     assert cells.columns == ('speed', 'force')
     assert cells.count == 8
-    assert '8 cells' in cells.warning
+    assert '24 trials are 8 groups of the same label and speed and force' in cells.warning
     means, sizes = cells.average(np.arange(24.0))
     assert sizes.tolist() == [3] * 8
     assert means == pytest.approx(np.arange(24.0).reshape(8, 3).mean(axis=1))
@@ -58,7 +58,7 @@ def test_labels_that_share_no_group_are_told():
     labels = np.repeat(['a', 'b', 'c'], 4)
     each_its_own = np.repeat(['s1', 's2', 's3'], 4)
     (warning,) = find_tied_labels(make_table(labels, mounting_id=each_its_own))
-    assert 'mounting_id and label coincide for 3 of 3 labels (a, b, c)' in warning
+    assert 'mounting and label coincide for 3 of 3 labels (a, b, c)' in warning
     one_alone = np.array(['s1', 's2'] * 4 + ['s3'] * 4)
     (warning,) = find_tied_labels(make_table(labels, session_id=one_alone))
     assert '1 of 3 labels (c)' in warning
@@ -68,7 +68,7 @@ def test_labels_of_one_session_among_several_are_told():
     labels = np.repeat(['a', 'b', 'c'], 4)
     session = np.array(['s1'] * 8 + ['s1', 's2', 's1', 's2'])
     (warning,) = find_tied_labels(make_table(labels, session_id=session))
-    assert 'one session_id holds all trials of 2 of 3 labels (a, b)' in warning
+    assert 'one session holds all trials of 2 of 3 labels (a, b)' in warning
     both = np.array(['s1'] * 6 + ['s2', 's2'] + ['s3'] * 4)
     warnings = find_tied_labels(make_table(labels, session_id=both))
     assert ['coincide for 1 of 3 labels (c)' in each for each in warnings] == [True, False]
@@ -91,7 +91,7 @@ def test_random_folds_over_near_copies_say_so_and_their_interval_is_over_cells()
     spec = array_spec('stiffness', 50, 60.0)
     table = FeatureTable(values, labels, spec, {'session_id': session})
     found = evaluate(table, ['tree'], ['none'], repetitions=1)
-    assert any('near copies' in warning for warning in found.warnings)
+    assert any('repeats of what they train on' in warning for warning in found.warnings)
     assert found.to_dict()['warnings'] == list(found.warnings)
     held_out = evaluate(table, ['tree'], ['none'], hold_out=['session_id'])
     assert not held_out.warnings
@@ -107,7 +107,7 @@ def test_intervals_over_cells_are_wider_than_over_trials():
     found = evaluate(FeatureTable(values, labels, spec, columns), ['svm_linear'], ['none'])
     plain = evaluate(FeatureTable(values, labels, spec), ['svm_linear'], ['none'])
     assert found.scores[0].mean == plain.scores[0].mean
-    assert found.scores[0].interval.method == 'Wilson with t over 12 cells of near copies'
+    assert found.scores[0].interval.method == 'Wilson with t over 12 groups of repeats'
     widths = [
         each.scores[0].interval.high - each.scores[0].interval.low for each in (found, plain)
     ]

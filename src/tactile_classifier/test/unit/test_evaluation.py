@@ -64,7 +64,7 @@ def test_scores_agree_with_folds_done_by_hand(noisy_table):
     assert score.spread == pytest.approx(np.std(accuracies.mean(axis=1), ddof=1), abs=1e-15)
     assert 0.3 < score.mean < 1.0
     assert score.interval.low < score.mean < score.interval.high
-    assert score.interval.method == 'Wilson with t over 12 cells of near copies'
+    assert score.interval.method == 'Wilson with t over 12 groups of repeats'
     assert score.spread > 0
 
 
@@ -102,7 +102,7 @@ def test_held_out_group_is_never_trained_on():
 
 def test_groups_of_two_columns(noisy_table):
     evaluation = evaluate(noisy_table, ['knn'], ['none'], hold_out=['session_id', 'day'])
-    assert evaluation.split == 'one session_id and day held out'
+    assert evaluation.split == 'one session and day held out'
     assert evaluation.scores[0].fold_accuracies.shape == (1, 4)  # day follows from session
 
 

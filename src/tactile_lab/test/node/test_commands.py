@@ -163,7 +163,7 @@ def test_simulated_bags_become_models(tmp_path):
     assert found['trials'] == 30
     assert [e['split'] for e in found['evaluations']] == [
         'stratified 6-fold, once',
-        'one trial_block held out',
+        'one block of trials held out',
     ]
     assert 'SIMULATED' in (report / 'report.html').read_text()
 

@@ -48,7 +48,7 @@ def tied_bag(stiffness_bag, rewrite, tmp_path_factory):
 
 
 def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
-    sentence = 'session_id and label coincide for 5 of 5 labels'
+    sentence = 'session and label coincide for 5 of 5 labels'
     report = tmp_path / 'report.html'
     done = run('evaluate', tied_bag, *OPTIONS, '--report', report)
     assert sentence in done.output
@@ -60,7 +60,7 @@ def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
 
 def test_tied_labels_are_told_at_training(tied_bag, tmp_path):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    sentence = 'session_id and label coincide for 5 of 5 labels'
+    sentence = 'session and label coincide for 5 of 5 labels'
     assert sentence in run('train', tied_bag, '-o', tmp_path / 'one', *OPTIONS).output
     done = run('train', tied_bag, '-o', tmp_path / 'two', *OPTIONS, '--json')
     (model,) = json.loads(done.stdout)['models']
@@ -108,6 +108,6 @@ def test_an_experiment_is_evaluated_with_a_session_and_a_mounting_held_out(
     done = run('evaluate', folder.path, *OPTIONS, '--json')
     (found,) = json.loads(done.stdout)['sets']
     assert [evaluation['split'] for evaluation in found['evaluations']][1:] == [
-        'one session_id held out',
-        'one mounting_id held out',
+        'one session held out',
+        'one mounting held out',
     ]
