@@ -75,7 +75,7 @@ def main() -> None:
         for contact in ('abduction', 'flexion'):
             found: dict[str, list[Array]] = {}
             for seed in range(seeds):
-                table = _simulate(protocol, contact, FIRST_SEED + seed, train, tests)
+                table = simulate_table(protocol, contact, FIRST_SEED + seed, train, tests)
                 for name, rows in _judge(table, seed, train).items():
                     found.setdefault(name, []).append(rows)
             for name, runs in found.items():
@@ -108,7 +108,8 @@ def simulate_windows(
     return x[good], np.array(labels)[good], np.array(sessions)[good], planned.rate_hz
 
 
-def _simulate(protocol: str, contact: str, seed: int, train: int, tests: int) -> FeatureTable:
+def simulate_table(protocol: str, contact: str, seed: int, train: int, tests: int) -> FeatureTable:
+    """Return the features of `simulate_windows`."""
     x, labels, sessions, rate_hz = simulate_windows(protocol, contact, seed, train, tests)
     values, spec = features_from_trials(protocol, x, rate_hz)
     return FeatureTable(values, labels, spec, {'session_id': sessions})
