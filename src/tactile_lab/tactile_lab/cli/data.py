@@ -231,9 +231,9 @@ def train(
 
     Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
     classifiers with and without scaling. One ONNX file is written for each task and
-    kind of contact that the recordings hold. Its scores are calibrated probabilities, and it
-    says *unknown* to what is unlike all training trials. Nothing is written over
-    files of an earlier training without --force.
+    kind of contact that the recordings hold. Its scores are calibrated probabilities, or raw
+    where calibration was worse in both of two sessions. It says *unknown* to what is unlike all
+    training trials. Nothing is written over files of an earlier training without --force.
     """
     with refusals():
         check_paths(*recordings)

@@ -24,6 +24,7 @@ from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import MeasureSummary
 from tactile_lab.report.figures.answers import draw_open_set, draw_stopping
+from tactile_lab.report.lead import tell_raw_scores
 from tactile_lab.report.page import Page
 
 _SHOWN = {'m': ('mm', 1e3), 'N/m': ('N/mm', 1e-3)}
@@ -53,8 +54,7 @@ def _add_open_sets(page: Page, found: Sequence[tuple[SetResult, OpenSetEvaluatio
         'mean over trials like those of the calibration, and single parts held out may have far '
         'more. Calibration error: mean distance of stated probabilities from the share of right '
         'answers, before probabilities are fitted to held-out trials and after. Threshold and '
-        'probabilities come from parts of the training alone. Of two sessions in which '
-        'calibration is worse, training may keep the raw scores, and after means these.'
+        'probabilities come from parts of the training alone.'
     )
     rows = [
         [
@@ -85,11 +85,8 @@ def _add_open_sets(page: Page, found: Sequence[tuple[SetResult, OpenSetEvaluatio
     )
     for result, each in found:
         page.subheading(result.recordings.title)
-        if each.raw_parts:
-            page.paragraph(
-                f'Raw scores were kept with {each.raw_parts} of '
-                f'{len(each.group_false_alarm_rates)} parts held out: calibration made them worse.'
-            )
+        if result.answers is not None and result.answers.raw_scores:
+            page.paragraph(f'{tell_raw_scores(result.answers)}.')
         page.drawing(draw_open_set(result, each))
         page.table(
             f'each label unknown in turn, in %, at {100 * each.false_alarm_rate:g} % false '

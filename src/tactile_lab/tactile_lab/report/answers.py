@@ -24,11 +24,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_classifier.confidence.calibration import calibrate_part, deal
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
+from tactile_classifier.estimators.classifiers import (
+    CLASSIFIERS,
+    default_scaling,
+    SCORE_KINDS,
+)
 from tactile_classifier.evaluation.early_answers import evaluate_stopping, StoppingEvaluation
 from tactile_classifier.evaluation.open_set import evaluate_open_set, OpenSetEvaluation
 from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.records import MARGIN
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import Measure, PROTOCOL_TEXTURE
@@ -81,12 +88,17 @@ class MeasureSummary:
 
 @dataclass(frozen=True)
 class Answers:
-    """What was found on one set of trials; None or empty where ``not_done`` says why."""
+    """What was found on one set of trials; None or empty where ``not_done`` says why.
+
+    ``raw_scores`` names the classifiers whose model file, trained on all these trials, would
+    keep raw scores, because calibration was worse in both of two sessions.
+    """
 
     open_set: OpenSetEvaluation | None
     stopping: StoppingEvaluation | None
     measures: tuple[MeasureSummary, ...]
     not_done: tuple[str, ...]
+    raw_scores: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answers as what JSON can hold."""
@@ -95,11 +107,12 @@ class Answers:
             'stopping': None if self.stopping is None else self.stopping.to_dict(),
             'measures': [asdict(measure) for measure in self.measures],
             'not_done': list(self.not_done),
+            'raw_scores': list(self.raw_scores),
         }
 
 
 class AnswersPlan:
-    """The work on one set of trials, in three parts.
+    """The work on one set of trials, in four parts.
 
     Parameters
     ----------
@@ -114,12 +127,12 @@ class AnswersPlan:
 
     def tasks(self) -> list[Task]:
         """Return the parts; see `Plan`."""
-        works = (_evaluate_open_set, _evaluate_stopping, _summarise_measures)
+        works = (_evaluate_open_set, _evaluate_stopping, _summarise_measures, _find_raw_scores)
         return [(_try, (work, self._table, self._hold_out)) for work in works]
 
     def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
         """Put the parts together; see `Plan`."""
-        (open_set, _), (stopping, _), (measures, _) = answers
+        (open_set, _), (stopping, _), (measures, _), (raw_scores, _) = answers
         names = ('"I don\'t know"', 'running answers', 'measures')
         return Answers(
             open_set,
@@ -127,9 +140,10 @@ class AnswersPlan:
             measures or (),
             tuple(
                 f'{name}: {reason}'
-                for name, (_, reason) in zip(names, answers, strict=True)
+                for name, (_, reason) in zip(names, answers, strict=False)
                 if reason
             ),
+            raw_scores or (),
         )
 
 
@@ -167,6 +181,20 @@ def _evaluate_stopping(table: FeatureTable, hold_out: Sequence[str]) -> Stopping
     running = read_running_tables(table, seconds)
     return evaluate_stopping(
         table, running, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
+    )
+
+
+def _find_raw_scores(table: FeatureTable, _: Sequence[str]) -> tuple[str, ...]:
+    dealt = deal(table)
+    if dealt.groups != 2:  # for others nothing needs to be fitted
+        return ()
+    return tuple(
+        name
+        for name in CLASSIFIERS
+        if SCORE_KINDS[name] == MARGIN
+        and calibrate_part(
+            table, name, default_scaling(table.task, name), dealt, FALSE_ALARM_RATE
+        ).choice.keeps_raw
     )
 
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
+from tactile_classifier.names import CLASSIFIER_TITLES
 from tactile_lab.datasets.tables import tell_interval
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers
@@ -81,6 +82,15 @@ def tell_confusion(score: Score) -> str:
     )
 
 
+def tell_raw_scores(answers: Answers) -> str:
+    """Return which classifiers would keep raw scores, and why."""
+    names = ' and '.join(CLASSIFIER_TITLES[name] for name in answers.raw_scores)
+    return (
+        f'{names} would keep raw scores when trained on all these trials, because calibration '
+        'was worse in both held-out sessions'
+    )
+
+
 def answer_rows(answers: Answers) -> list[tuple[str, str]]:
     """Return what became of unknown labels, probabilities and early answers, in rows."""
     rows = []
@@ -96,6 +106,8 @@ def answer_rows(answers: Answers) -> list[tuple[str, str]]:
             ('calibration error before', f'{100 * unknown.calibration_error_before:.1f} %'),
             ('calibration error after', f'{100 * unknown.calibration_error_after:.1f} %'),
         ]
+    if answers.raw_scores:
+        rows.append(('calibration', tell_raw_scores(answers)))
     for rule in answers.stopping.rules if answers.stopping is not None else ():
         rows.append(
             (
