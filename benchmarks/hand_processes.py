@@ -286,7 +286,7 @@ def _count_lost(node: Any) -> int:
     extractor = getattr(node, 'extractor', None)
     if extractor is None or not extractor.sample_count:
         return 0
-    return int(extractor._buffer.samples['sequence'][-1]) + 1 - extractor.sample_count
+    return int(extractor._buffer.samples['sequence'][-1]) + 1 - extractor.sample_count  # noqa: SLF001
 
 
 def _resident_mb() -> float:

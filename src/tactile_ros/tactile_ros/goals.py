@@ -186,7 +186,7 @@ class GoalRunner:
             for runner in getattr(self._node, 'goal_runners', [self]):
                 while runner.is_busy:
                     runner.end_goal()
-                    await runner._ended
+                    await runner._ended  # noqa: SLF001 - of its own class
         with self._lock:
             reason = 'another goal is running' if self._goal else self._accepting()
             if not reason:

@@ -22,7 +22,6 @@ import threading
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -30,6 +29,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from tactile_ros.message_guard import MessageGuard
 from tactile_ros.parameters import declare_config, read_config
 from tactile_ros.qos import RESULTS, STREAM
+from tactile_ros.rclpy_internals import change_state_service, RCLError
 
 
 class TactileNode(LifecycleNode):
@@ -202,13 +202,13 @@ class TactileNode(LifecycleNode):
         rclpy raises instead, which leaves the stranger without an answer, and the executor
         without the requests that came with it.
         """
-        service = self._service_change_state
+        service = change_state_service(self)
         change_state = service.callback
 
         def answer(request: Any, response: Any) -> Any:
             try:
                 return change_state(request, response)
-            except rclpy_implementation.RCLError as error:
+            except RCLError as error:
                 self.get_logger().error(f'a transition is not possible: {error}')
                 response.success = False
                 return response

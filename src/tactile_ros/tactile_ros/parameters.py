@@ -39,6 +39,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from tactile_ros.rclpy_internals import parameter_overrides
+
 Config = TypeVar('Config')
 
 REMEDY = 'deactivate and clean up the node first'
@@ -82,7 +84,7 @@ def declare_config(node: Node, config_class: type[Config]) -> None:
             is_integer = field.metadata.get('element') is int
             types = Parameter.Type
             default = types.INTEGER_ARRAY if is_integer else types.STRING_ARRAY
-        overrides = node._parameter_overrides  # rclpy offers no other way to them
+        overrides = parameter_overrides(node)
         if field.name in overrides:
             overrides[field.name] = _with_float(field, overrides[field.name])
         node.declare_parameter(field.name, default, describe_field(field))

@@ -250,7 +250,7 @@ class Calibration:
         target[np.arange(trials), true] = 1.0 - doubt
 
         def loss(parameters: Matrix) -> float:
-            return float(-(target * cls._from(parameters)._logarithms(scores)).sum())
+            return float(-(target * cls._from(parameters)._logarithms(scores)).sum())  # noqa: SLF001
 
         return cls._from(minimize(loss, [0.0, 0.0], method='Nelder-Mead').x)
 

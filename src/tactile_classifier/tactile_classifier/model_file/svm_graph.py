@@ -62,7 +62,7 @@ def _add_kernel(graph: Graph, svm: SVC, x: str) -> str:
     change = graph.add('Sub', rows, graph.constant(vectors))
     axes = graph.constant(np.array([2]))
     distance = graph.add('ReduceSumSquare', change, axes, keepdims=0)
-    return graph.add('Exp', graph.add('Mul', distance, graph.constant(-svm._gamma)))
+    return graph.add('Exp', graph.add('Mul', distance, graph.constant(-svm._gamma)))  # noqa: SLF001
 
 
 def _pair_weights(svm: SVC) -> Matrix:

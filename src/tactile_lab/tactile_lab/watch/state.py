@@ -234,10 +234,10 @@ class Frames:
     def next(self) -> dict[str, Any] | None:
         """Return the next frame, as what JSON can hold; None if nothing is new."""
         state = self._state
-        with state._lock:
-            now_s = state._clock()
+        with state._lock:  # noqa: SLF001 - both are the state's
+            now_s = state._clock()  # noqa: SLF001
             frame: dict[str, Any] = {}
-            versions = state._versions()
+            versions = state._versions()  # noqa: SLF001
             if versions != self._versions:
                 self._versions = versions
                 frame['state'] = state.describe()

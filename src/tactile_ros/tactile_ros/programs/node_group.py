@@ -27,12 +27,12 @@ from typing import Any
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.signals import hold_signals, ignore_signals, Signals, STDERR
+from tactile_ros.rclpy_internals import RCLError
 
 REST_TIMEOUT_S = 3.0
 """How long the end of a process waits for running goals to come to rest."""
@@ -176,7 +176,7 @@ class NodeGroup:
 def _spin_once(executor: SingleThreadedExecutor) -> None:
     try:
         executor.spin_once(timeout_sec=SPIN_S)
-    except rclpy_implementation.RCLError as error:
+    except RCLError as error:
         # rclpy raises here for what a stranger asks amiss. That must not stop the rig.
         _logger().error(f'a request failed: {error}')
 

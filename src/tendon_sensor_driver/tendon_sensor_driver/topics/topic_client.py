@@ -22,7 +22,6 @@ import copy
 import time
 from typing import Any
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import (
     qos_check_compatible,
     QoSCompatibility,
@@ -34,6 +33,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.worker import Periodic
 from tactile_ros.message_classes import message_class
+from tactile_ros.rclpy_internals import RCLError
 from tendon_sensor_driver.client_base import BlockClient
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
@@ -247,7 +247,7 @@ class TopicClient(BlockClient):
                 copy.copy(BEST_EFFORT),  # rclpy writes the overrides into it
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             )
-        except rclpy_implementation.RCLError as error:  # a topic has one type within a process
+        except RCLError as error:  # a topic has one type within a process
             self._type_name = ''
             self._refusal = f'cannot subscribe to {self._topic} as {type_name}: {error}'
         else:

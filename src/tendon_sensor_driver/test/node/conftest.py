@@ -76,10 +76,14 @@ class Graph:
             self.executor.spin_once(timeout_sec=0.05)
 
     def is_matched(self):
-        return all(
-            self.listener.count_publishers(f'/left/tendon_sensor/{topic}')
-            and self.node.count_subscribers(f'/left/tendon_sensor/{topic}')
-            for topic in ('strain', 'wrench')
+        """Whether both ends know each other; the graph's counts come before that."""
+        topics = {f'/left/tendon_sensor/{topic}' for topic in ('strain', 'wrench')}
+        writers = [p for p in self.node.publishers if p.topic_name in topics]
+        readers = [s for s in self.listener.subscriptions if s.topic_name in topics]
+        return (
+            len(writers) == len(readers) == 2
+            and all(writer.get_subscription_count() for writer in writers)
+            and all(reader.get_publisher_count() for reader in readers)
         )
 
     def call(self, name):

@@ -1,0 +1,43 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""All that the packages use of rclpy without rclpy offering it.
+
+Look here first when a new version of rclpy breaks something.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+RCLError = rclpy_implementation.RCLError
+"""What the C layer raises. `rclpy.exceptions` has no name for it."""
+
+
+def parameter_overrides(node: Node) -> dict[str, Parameter]:
+    """Return the parameters that a node was started with, to be changed before they are declared.
+
+    rclpy offers no other way: an integer for a float is refused as soon as it is declared.
+    """
+    overrides: dict[str, Parameter] = node._parameter_overrides
+    return overrides
+
+
+def change_state_service(node: LifecycleNode) -> Any:
+    """Return the service that carries out transitions, to answer what it cannot with "no"."""
+    return node._service_change_state
