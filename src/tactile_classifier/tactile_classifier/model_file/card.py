@@ -154,9 +154,13 @@ def _tell_sessions(manifest: Manifest) -> str:
     calibration = manifest.calibration
     share, groups = calibration.get('session_share', -1.0), calibration.get('groups', 0)
     if isinstance(share, float) and share > 0.0:
+        holds = (
+            'was shifted by the known trials of one session'
+            if 'recalibrated' in calibration
+            else f'holds in {100 * share:.0f} % of new sessions like these'
+        )
         return (
-            f'{groups} sessions were held out in turn. The threshold for unknown objects holds in '
-            f'{100 * share:.0f} % of new sessions like these.'
+            f'{groups} sessions were held out in turn. The threshold for unknown objects {holds}.'
         )
     if manifest.training.sessions > 1:
         return (

@@ -122,6 +122,8 @@ def test_recalibrated_file_has_a_card_of_its_own(small_table, tmp_path):
     card = read_model_card(tmp_path / 'r.onnx')
     assert card == render_card(model.manifest)
     assert 'recalibrated: for one session, with 6 known trials; from model texture' in card
+    assert 'was shifted by the known trials of one session' in card
+    assert '% of new sessions' not in card
 
 
 def test_card_of_many_long_and_strange_labels_stays_short_plain_text(small_table, tmp_path):
