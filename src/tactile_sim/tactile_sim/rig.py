@@ -38,6 +38,9 @@ _MOST_TRIALS = 10**6  # of a mounting
 class PalpationRig:
     """The rig in virtual time: whoever calls `advance` is its clock.
 
+    The sensor's noise begins anew with each pull, from a stream that belongs to it. So the same
+    trials have the same noise, however long anybody waits between them.
+
     Parameters
     ----------
     seed
@@ -70,7 +73,8 @@ class PalpationRig:
         self._variation = variation
         self._steps = 0
         self._mounted = {'protocol': 'stiffness', 'object': 'none', 'contact': 'flexion'}
-        self._trials = 0
+        self._trials = self._pulls = 0
+        self._is_pulled = False
         scene = build_scene('stiffness', 'none', 'flexion', self._catalogue)
         guide_m = self.guide.position_m(0.0)
         self._plant = Plant(scene, Variation.none(), guide_m, 0.0, STEP_S)
@@ -85,9 +89,17 @@ class PalpationRig:
         while (next_s := (self._steps + 1) * STEP_S) <= now_s:
             self._steps += 1
             self.tendon.advance(next_s, self._plant.tension_n)
+            self._note_pull()
             self._plant.step(self.guide.position_m(next_s), self.tendon.displacement_m)
             self._record(next_s)
         return self.now_s
+
+    def _note_pull(self) -> None:
+        was_pulled, self._is_pulled = self._is_pulled, self.tendon.displacement_m > _SLACK_M
+        if self._is_pulled and not was_pulled:
+            self._pulls += 1
+            names = (self._seed, 'sensor', self._trials, self._pulls)
+            self.sensor.draw_from(make_generator(*names))
 
     def _record(self, time_s: float) -> None:
         self.sensor.record(time_s, self._plant.tension_n, self._plant.contact_force_n)
@@ -145,6 +157,7 @@ class PalpationRig:
         self.sensor.set_bias(float(variation.sensor_bias_n[0]))
         self._mounted = {'protocol': protocol, 'object': object_label, 'contact': contact}
         self._trials += 1
+        self._pulls = 0
         return {'ok': True, **self._mounted, 'trial': self._trials}
 
     def read_truth(self) -> dict[str, Any]:

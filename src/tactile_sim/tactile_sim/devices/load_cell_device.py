@@ -80,6 +80,10 @@ class LoadCellDevice:
         """Reading without load from now on [N]; the drift goes on from where it is."""
         self._bias_n = bias_n
 
+    def draw_from(self, generator: np.random.Generator) -> None:
+        """Take noise and drift from another stream from now on."""
+        self._generator = generator
+
     def record(self, time_s: float, tension_n: float, contact_force_n: float) -> None:
         """Take note of the forces at the end of a step of the physics.
 

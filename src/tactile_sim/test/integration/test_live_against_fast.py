@@ -122,3 +122,23 @@ def test_mounting_needs_a_slack_tendon():
     driver.wait_until(11.0)
     with pytest.raises(RigError, match=r'wound in by 3\.0 mm; release it'):
         driver.rig.mount('texture', 'F', 'flexion')
+
+
+def test_the_noise_of_a_trial_does_not_depend_on_when_it_begins():
+    heard_n = []
+    for waited_s in (0.0, 1.0):  # the same phase of the sensor's clock
+        driver = Driver()
+        driver.prepare()
+        driver.rig.mount('stiffness', 'none', 'flexion')
+        driver.wait_until(10.5 + waited_s)
+        driver.lines = b''
+        for _ in range(2):
+            driver.pull(0.003)
+            driver.wait_until(driver.rig.now_s + 2.0)
+            driver.pull(0.0)
+            driver.wait_until(driver.rig.now_s + 1.0)
+        rows = [line.split(b',') for line in driver.lines.split(b'\r\n')[:-1]]
+        heard_n.append(9.80665 * np.array([float(row[1]) for row in rows[:360]]))
+    difference = np.diff(heard_n, axis=0)[0, 60:]
+    noise = heard_n[0][60:120] - heard_n[0][240:300]  # of two pulls
+    assert difference.std() < 0.1 * noise.std()
