@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass, field, replace
+import os
 from pathlib import Path
 import time
 from typing import Any
@@ -258,7 +259,12 @@ def run_live_trials(
                 rig.operator.tell_progress(number, len(requests), request)
                 if hand is not None:
                     hand.mount(request.protocol, request.object_label, request.contact)
-                live.append(run_with_second_try(rig, request, output))
+                try:
+                    live.append(run_with_second_try(rig, request, output))
+                except TactileError as error:
+                    if hand is not None and (burden := describe_load()):
+                        raise TactileError(f'{error} {burden}') from error
+                    raise
                 output.say(describe_trial(live[-1]))
     finally:
         if rig is not None:
@@ -276,6 +282,17 @@ def run_with_second_try(rig: LiveRig, request: TrialRequest, output: Output) -> 
         check_recording(rig.recorder)
         output.say(f'   {error}; once more')
         return rig.run(replace(request, trial_id=f'{request.trial_id}-again'))
+
+
+def describe_load() -> str:
+    """Return that this computer is too busy for a simulated rig; empty where it is not."""
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    if load <= cores:
+        return ''
+    return (
+        f'This computer is busy (load {load:.1f}, {cores} cores), and the simulated rig needs half '
+        'a core to keep real time; try again when less runs beside it.'
+    )
 
 
 def wait_until_matched(recorder: Any) -> None:
