@@ -285,13 +285,13 @@ def run_with_second_try(rig: LiveRig, request: TrialRequest, output: Output) -> 
 
 
 def describe_load() -> str:
-    """Return that this computer is too busy for a simulated rig; empty where it is not."""
+    """Return that this computer may be too busy for live trials; empty where it is not."""
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if load <= cores:
         return ''
     return (
-        f'This computer is busy (load {load:.1f}, {cores} cores), and the simulated rig needs half '
-        'a core to keep real time; try again when less runs beside it.'
+        f'This computer is busy (load {load:.1f}, {cores} cores), and live trials keep real time; '
+        'try again when less runs beside them.'
     )
 
 
