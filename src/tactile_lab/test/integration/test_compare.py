@@ -24,12 +24,15 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bringup.records import TrialConfig
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.model_file.inference import TactileModel
+from tactile_classifier.records import NO_ANSWER
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.cli.main import app
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.bag_tables import BagTables, read_tables
+from tactile_lab.datasets.paired_tables import pair_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 
@@ -101,14 +104,54 @@ def test_trials_of_the_training_are_counted_and_left_out(bags, models):
     for side in 'ab':
         assert found['models'][side]['training_trials_among_these'] == len(table)
     assert f'{len(table)} of these {2 * len(table)} trials' in found['warnings'][0]
-    assert 'on trials that A and B was trained on' in found['verdict']
+    assert 'on trials that A and B were trained on' in found['verdict']
     assert found['groups'] == 10
     unseen = compare(*models, *bags, '--unseen')
     alone = compare(*models, bags[1])
     for name in ('trials', 'difference', 'interval', 'confusions', 'verdict', 'groups'):
         assert unseen[name] == alone[name]
     said = tactile(*models, bags[0], '--unseen', code=2)
-    assert 'both models were trained on these trials, so none is left' in said
+    assert 'a model was trained on each of these trials, so none is left' in said
+
+
+def test_new_trials_of_a_session_of_the_training_are_pointed_out(bags, tmp_path):
+    (table,) = read_tables(bags[:1]).tables.values()
+    half = np.arange(len(table)) // 8 % 2 == 0
+    model = tmp_path / 'half.onnx'
+    write_model(model, train(table.take(half), 'knn'))
+    found = compare(model, model, bags[0], '--unseen')
+    count = int((~half).sum())
+    assert found['trials'] == found['trials_in_sessions_of_the_training'] == count
+    assert f'{count} of these trials share one of the sessions' in found['warnings'][0]
+
+
+def test_a_model_that_does_not_tell_its_trials_is_said(bags, models, tmp_path):
+    (table,) = read_tables(bags[:1]).tables.values()
+    few = np.concatenate([np.flatnonzero(table.labels == x)[:2] for x in np.unique(table.labels)])
+    silent = tmp_path / 'few.onnx'
+    write_model(silent, train(table.take(few), 'knn'))
+    found = compare(models[0], silent, bags[1])
+    assert found['models']['b']['training_trials_among_these'] is None
+    assert 'whether B has seen these trials is not known' in found['warnings']
+    said = tactile(models[0], silent, bags[1], '--unseen', code=2)
+    assert 'does not tell which trials it was trained on' in said
+
+
+def test_a_trial_without_features_for_one_model_is_no_answer_of_it(bags, models):
+    loaded = tuple(TactileModel.load(path) for path in (models[0], models[0]))
+    ((key, table),) = read_tables(bags[1:]).tables.items()
+    parts = [table.take(np.arange(5, len(table))), table.take(np.arange(len(table))[::-1])]
+    parts[1] = parts[1].take(np.arange(3, len(table)))
+    answers = iter(parts)
+    (paired,) = pair_tables(lambda _: BagTables({key: next(answers)}, ()), loaded, [])
+    assert len(paired) == len(table)
+    for side, missing in ((0, range(5)), (1, range(len(table) - 3, len(table)))):
+        found = paired.spread(side, parts[side].column('trial_id'), NO_ANSWER)
+        lacks = np.isin(paired.trial_ids, table.column('trial_id')[list(missing)])
+        np.testing.assert_array_equal(found, np.where(lacks, NO_ANSWER, paired.trial_ids))
+    order = [table.column('trial_id').tolist().index(name) for name in paired.trial_ids]
+    np.testing.assert_array_equal(paired.labels, table.labels[order])
+    np.testing.assert_array_equal(paired.groups, table.column('session_id')[order])
 
 
 def test_each_model_has_features_of_its_own(bags, models, tmp_path):

@@ -82,6 +82,8 @@ class Compared:
         Trials that were in the training of each; None: its file does not tell.
     left_out : str
         Trials that do not count, in words; empty: none.
+    beside_seen : int
+        With trials of the training left out: trials that share a session with these.
     new_labels : dict
         Of trials with labels that the models do not know: how many, and the share of them that
         each calls unknown; empty: there are none.
@@ -94,6 +96,7 @@ class Compared:
     comparison: Comparison
     seen: tuple[int | None, int | None]
     left_out: str
+    beside_seen: int
     new_labels: dict[str, Any]
     seconds: tuple[float, float]
 
@@ -107,6 +110,11 @@ class Compared:
                     f'{seen} of these {self.comparison.trials} trials were in the training of '
                     f'{side}, which favours it; --unseen leaves them out'
                 )
+        if self.beside_seen:
+            found.append(
+                f'{self.beside_seen} of these trials share one of the {self.comparison.parts_are} '
+                'with trials that a model was trained on; new ones may differ more'
+            )
         silent = [s for s, seen in zip(SIDES, self.seen, strict=True) if seen is None]
         if silent:
             found.append(f'whether {" and ".join(silent)} has seen these trials is not known')
@@ -121,7 +129,9 @@ class Compared:
     def verdict(self) -> str:
         """Which is better, by how much and on what, in one sentence."""
         trained_on = [s for s, seen in zip(SIDES, self.seen, strict=True) if seen]
-        caution = f', on trials that {" and ".join(trained_on)} was trained on' * bool(trained_on)
+        was = 'were' if len(trained_on) > 1 else 'was'
+        caution = f', on trials that {" and ".join(trained_on)} {was} trained on'
+        caution *= bool(trained_on)
         return tell_verdict(self.comparison, caution)
 
     def to_dict(self) -> dict[str, Any]:
@@ -144,6 +154,7 @@ class Compared:
             'predict_time_ratio_b_to_a': self.seconds[1] / self.seconds[0],
             **self.comparison.to_dict(),
             'left_out': self.left_out,
+            'trials_in_sessions_of_the_training': self.beside_seen,
             'new_labels': self.new_labels,
             'warnings': self.warnings,
             'verdict': self.verdict,
@@ -210,7 +221,7 @@ def _compare(pair: tuple[Contender, Contender], paired: PairedTrials, *, unseen:
     name = ', '.join(filter(None, paired.key))
     is_known = np.isin(paired.labels, models[0].labels)
     new_labels = _count_new(paired, ~is_known, answers)
-    keep, left_out = is_known, ''
+    keep, left_out, beside_seen = is_known, '', 0
     if unseen:
         if any(each is None for each in seen):
             raise TactileError(
@@ -220,10 +231,12 @@ def _compare(pair: tuple[Contender, Contender], paired: PairedTrials, *, unseen:
         trained_on = np.any(np.array(seen), axis=0)
         left_out = f'{trained_on[keep].sum()} trials that a model was trained on are left out'
         keep = keep & ~trained_on
+        if paired.groups is not None:
+            beside_seen = int(np.isin(paired.groups[keep], paired.groups[trained_on]).sum())
     if not keep.any():
         labels = ', '.join(np.unique(paired.labels))
         raise TactileError(
-            f'{name}: both models were trained on these trials, so none is left'
+            f'{name}: a model was trained on each of these trials, so none is left'
             if is_known.any()
             else f'{name}: no trial has a label that the models know: the trials have {labels}, '
             f'the models know {", ".join(models[0].labels)}'
@@ -242,6 +255,7 @@ def _compare(pair: tuple[Contender, Contender], paired: PairedTrials, *, unseen:
         ),
         seen=tuple(None if each is None else int(each[keep].sum()) for each in seen),  # type: ignore[arg-type]
         left_out=left_out,
+        beside_seen=beside_seen,
         new_labels=new_labels,
         seconds=time_answers(models, paired.tables),
     )
