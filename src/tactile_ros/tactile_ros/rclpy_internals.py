@@ -24,9 +24,17 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.subscription import Subscription
 
 RCLError = rclpy_implementation.RCLError
 """What the C layer raises. `rclpy.exceptions` has no name for it."""
+
+InvalidHandle = rclpy_implementation.InvalidHandle
+"""What is raised for something that is being destroyed."""
+
+GuardCondition = rclpy_implementation.GuardCondition
+WaitSet = rclpy_implementation.WaitSet
+"""What executors wait with. rclpy offers no way to wait for data alone."""
 
 
 def parameter_overrides(node: Node) -> dict[str, Parameter]:
@@ -41,3 +49,8 @@ def parameter_overrides(node: Node) -> dict[str, Parameter]:
 def change_state_service(node: LifecycleNode) -> Any:
     """Return the service that carries out transitions, to answer what it cannot with "no"."""
     return node._service_change_state
+
+
+def takes_message_info(subscription: Subscription) -> bool:
+    """Return whether the callback of a subscription takes the information beside the message."""
+    return subscription._callback_type is not Subscription.CallbackType.MessageOnly

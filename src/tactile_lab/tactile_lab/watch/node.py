@@ -110,11 +110,6 @@ class WatchNode(Node):  # type: ignore[misc]
         self.worker.submit(self._look)
         self.worker.start()
 
-    def wake_executor(self) -> None:
-        """Have the executor look anew at what the node waits for."""
-        if self.executor is not None:
-            self.executor.wake()
-
     def destroy_node(self) -> None:
         self.worker.stop()
         for subscription in self._closables:

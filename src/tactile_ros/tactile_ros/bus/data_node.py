@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import functools
 from typing import Any
 
 from rclpy.executors import Executor
@@ -25,17 +24,19 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from tactile_ros.bus.local_bus import RecordPublisher, RecordSubscription
+from tactile_ros.bus.local_bus import depth_of, Inbox, RecordPublisher, RecordSubscription
+from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
 from tactile_ros.bus.worker import Periodic, Worker
 from tactile_ros.lifecycle import TactileNode
+from tactile_ros.rclpy_internals import takes_message_info
 
 
 class DataNode(TactileNode):
     """A `TactileNode` that hands data to its neighbours in the process without messages.
 
-    Records of neighbours and periodic calls come on the node's worker, messages and services on
-    its executor. Transitions and callbacks of subscriptions exclude them: a subclass needs no
-    lock. What a callback on the worker raises ends the executor, as if it had been its own.
+    Records of neighbours, messages and periodic calls come on the node's worker, services on its
+    executor. Transitions exclude them: a subclass needs no lock. What a callback on the worker
+    raises ends the executor, as if it had been its own.
 
     The worker runs from the moment that the node is given to an executor.
     """
@@ -74,14 +75,24 @@ class DataNode(TactileNode):
         *args: Any,
         **options: Any,
     ) -> Any:
-        """Subscribe; the callback never runs beside one of the worker."""
+        """Subscribe; the callback runs on the worker."""
+        options['callback_group'] = NotOnExecutor()
+        subscription = super().create_subscription(message_type, topic, callback, *args, **options)
+        takes_info = takes_message_info(subscription)
 
-        @functools.wraps(callback)  # rclpy looks at the signature
-        def excluding(*arguments: Any) -> None:
-            with self.worker.lock:
-                callback(*arguments)
+        def call() -> None:
+            taken = inbox.take()
+            if subscription in self.subscriptions:
+                subscription.callback(*(taken if takes_info else taken[:1]))
 
-        return super().create_subscription(message_type, topic, excluding, *args, **options)
+        inbox = Inbox(depth_of(subscription.qos_profile), lambda: self.worker.submit(call))
+        receiver_of(self.context).add(subscription, inbox.put)
+        return subscription
+
+    def destroy_subscription(self, subscription: Any) -> bool:
+        """Destroy a subscription; its callback is not called any more."""
+        receiver_of(self.context).remove(subscription)
+        return bool(super().destroy_subscription(subscription))
 
     # -- transitions ---------------------------------------------------------------
 
@@ -118,11 +129,6 @@ class DataNode(TactileNode):
         Node.executor.fset(self, executor)
         if executor is not None:
             self.worker.start()
-
-    def wake_executor(self) -> None:
-        """Have the executor look anew at what the node waits for."""
-        if self.executor is not None:
-            self.executor.wake()
 
     def destroy_node(self) -> None:
         if not self.worker.stop():

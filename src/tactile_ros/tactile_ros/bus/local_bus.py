@@ -24,12 +24,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Hashable
 import copy
+import sys
 import threading
 from typing import Any, TYPE_CHECKING
 
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.qos import DurabilityPolicy, qos_check_compatible, QoSCompatibility, QoSProfile
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    qos_check_compatible,
+    QoSCompatibility,
+    QoSProfile,
+)
 from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
 
 if TYPE_CHECKING:
     from tactile_ros.bus.data_node import DataNode
@@ -181,15 +190,6 @@ class RecordPublisher:
             choose()
 
 
-class _Gate(MutuallyExclusiveCallbackGroup):
-    """Keeps the executor from waiting on a subscription whose records come in memory."""
-
-    is_open = True
-
-    def can_execute(self, entity: Any) -> bool:
-        return self.is_open and bool(super().can_execute(entity))
-
-
 class RecordSubscription:
     """Takes records of a topic: in memory while all its publishers live here, else as messages.
 
@@ -199,7 +199,7 @@ class RecordSubscription:
     Parameters
     ----------
     node : DataNode
-        Its worker calls for records, its executor for messages, never both at once.
+        Its worker calls.
     message_type : type
     topic : str
     callback : callable
@@ -210,7 +210,7 @@ class RecordSubscription:
     profile : QoSProfile
         Its depth bounds the inbox, too.
     poll_s : float, optional
-        The worker looks for messages this often, instead of the executor waking for each. Cheaper
+        The worker looks for messages this often, instead of waking for each. Cheaper
         for a stream that may come late, such as one that is only looked at.
 
     Attributes
@@ -236,13 +236,16 @@ class RecordSubscription:
         self._is_polled = poll_s is not None
         self._message_type = message_type
         self._name = topic
-        self._on_message = lambda message: callback(from_message(message))
-        self._on_taken = node.message_guard.wrap(topic, self._on_message)
+        self._on_message = node.message_guard.wrap(
+            topic, lambda message: callback(from_message(message))
+        )
         self._on_record = node.message_guard.wrap(
             topic, lambda record: callback(from_record(record))
         )
         self.is_local = False
         self._is_closed = False
+        self._receiver = receiver_of(node.context)
+        self._messages = Inbox(profile.depth, lambda: node.worker.submit(self._take_message))
         self._subscribe()
         self._key = (node.context, self._subscription.topic_name, message_type)
         self._inbox = Inbox(profile.depth, lambda: node.worker.submit(self._take))
@@ -260,32 +263,39 @@ class RecordSubscription:
             self._poll.cancel()
         BUS.remove(self._key, 'observers', self._observer)
         BUS.remove(self._key, 'inboxes', self._inbox)
+        self._receiver.remove(self._subscription)
         self._node.destroy_subscription(self._subscription)
 
     def _subscribe(self) -> None:
-        self._gate = _Gate()
-        self._gate.is_open = not (self.is_local or self._is_polled)
-        self._subscription = self._node.create_subscription(
+        self._subscription = Node.create_subscription(
+            self._node,
             self._message_type,
             self._name,
             self._on_message,
             self._profile,
-            callback_group=self._gate,
+            callback_group=NotOnExecutor(),
         )
+        if not self._is_polled:
+            self._receiver.add(self._subscription, self._messages.put)
 
     def _take(self) -> None:
         record = self._inbox.take()
         if not self._is_closed:
             self._on_record(record)
 
+    def _take_message(self) -> None:
+        message, _ = self._messages.take()
+        if not self._is_closed:
+            self._on_message(message)
+
     def _take_messages(self) -> None:
-        """Take the messages that have come, as the executor would."""
+        """Take the messages that have come."""
         while not (self.is_local or self._is_closed):
             with self._subscription.handle:
                 taken = self._subscription.handle.take_message(self._message_type, False)
             if taken is None:
                 return
-            self._on_taken(taken[0])
+            self._on_message(taken[0])
 
     def _choose(self) -> None:
         """Take records if all publishers are in this process, and messages if one is not."""
@@ -300,7 +310,7 @@ class RecordSubscription:
         if wants_records == self.is_local:
             return
         if wants_records:
-            self._gate.is_open = False
+            self._receiver.remove(self._subscription)
             self.is_local = True
             BUS.add(self._key, 'inboxes', self._inbox)
             return
@@ -310,10 +320,13 @@ class RecordSubscription:
         self._node.destroy_subscription(before)
         BUS.remove(self._key, 'inboxes', self._inbox)
         self.is_local = False
-        self._gate.is_open = not self._is_polled
-        self._node.wake_executor()
 
 
 def _is_compatible(publisher: QoSProfile, subscription: QoSProfile) -> bool:
     """Return whether DDS would connect the two."""
     return bool(qos_check_compatible(publisher, subscription)[0] != QoSCompatibility.ERROR)
+
+
+def depth_of(profile: QoSProfile) -> int:
+    """Return how many messages a queue of this profile keeps."""
+    return int(profile.depth) if profile.history == HistoryPolicy.KEEP_LAST else sys.maxsize

@@ -82,7 +82,7 @@ class TendonSensorClient(BlockClient):
         super().__init__(config, on_block, now_ns)
         self._decoder = LineDecoder(config)
         self._stream = StrainStream(config)
-        self._chunks: queue.Queue[_Chunk | None] = queue.Queue(_QUEUED_CHUNKS)
+        self._chunks: queue.SimpleQueue[_Chunk | None] = queue.SimpleQueue()
         self._transport: SerialTransport | None = None
         self._reader = threading.Thread(target=self._read, name='sensor-reader', daemon=True)
         self._worker = threading.Thread(target=self._work, name='sensor-worker', daemon=True)
@@ -123,13 +123,11 @@ class TendonSensorClient(BlockClient):
             return
         transport.cancel()
         self._reader.join(JOIN_TIMEOUT_S)
-        try:
-            self._chunks.put(None, timeout=JOIN_TIMEOUT_S)
-        except queue.Full:
-            self._last_error = 'the consumer of the blocks does not return'
-            return
+        self._chunks.put(None)
         if self._worker is not threading.current_thread():
             self._worker.join(JOIN_TIMEOUT_S)
+            if self._worker.is_alive():
+                self._last_error = 'the consumer of the blocks does not return'
 
     def health(self) -> Health:
         """Return the state of the link now."""
@@ -173,11 +171,12 @@ class TendonSensorClient(BlockClient):
             self._delay_s = FIRST_DELAY_S
             received_at_ns = self._arrivals.now_ns()
             step_ns += self._arrivals.take_step_ns()
-            chunk = _Chunk(data, received_at_ns, self._reconnects, is_cut, step_ns)
-            try:
-                self._chunks.put_nowait(chunk)
+            # This thread alone adds, so the queue cannot grow beyond its bound meanwhile.
+            if self._chunks.qsize() < _QUEUED_CHUNKS:
+                chunk = _Chunk(data, received_at_ns, self._reconnects, is_cut, step_ns)
+                self._chunks.put(chunk)
                 is_cut, step_ns = False, 0
-            except queue.Full:
+            else:
                 self._overruns += 1
                 is_cut = True
         self._is_connected = False

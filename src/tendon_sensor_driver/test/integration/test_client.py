@@ -243,7 +243,7 @@ def test_pieces_of_two_lines_are_not_joined_where_bytes_were_dropped(
     sensor.write(b'\n' + encode_reading(0, 0.5))
     wait_for(lambda: client.health().readings == 1)
     sensor.write(b'17,0.')  # waits in the queue
-    wait_for(client._chunks.full)
+    wait_for(lambda: client._chunks.qsize() == 1)
     sensor.write(b'50000,kg,\r\n33,0.50000,kg,\r\n50,0.')  # has no room
     wait_for(lambda: client.health().overruns)
     gate.set()
