@@ -32,7 +32,6 @@ from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.trial_options import TrialOptions
-from tactile_ros.errors import TactileError
 
 Key = tuple[str, str]
 """Task and contact."""
@@ -138,7 +137,7 @@ def trial_reader(leaves: Sequence[Leaf], options: TrialOptions) -> Reader:
 def pair_tables(
     read: Reader, models: tuple[TactileModel, TactileModel], columns: Sequence[str]
 ) -> list[PairedTrials]:
-    """Return the trials that both models are for, by contact.
+    """Return the trials that both models are for, by contact; none: there are no such trials.
 
     Parameters
     ----------
@@ -150,8 +149,8 @@ def pair_tables(
 
     Raises
     ------
-    TactileError
-        When the recordings hold no trials for them, or lack a column.
+    DatasetError
+        When the recordings lack a column.
     ModelFileError
         When the features of the recordings are not those that a model takes.
     """
@@ -164,9 +163,6 @@ def pair_tables(
         for model, table in zip(models, tables, strict=True):
             model.check_fits(table.spec)
         paired.append(_pair(key, tables, columns))
-    if not paired:
-        wanted = ', '.join(filter(None, (models[0].task, models[0].contact or models[1].contact)))
-        raise TactileError(f'these recordings hold no labelled trials of {wanted}')
     return paired
 
 

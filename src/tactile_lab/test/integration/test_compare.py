@@ -208,7 +208,7 @@ def test_what_cannot_be_compared_is_one_sentence(bags, models, stiffness_bag, tr
     said = tactile(models[0], trained, bags[1], code=2)
     assert 'A answers texture, flexion and B stiffness, flexion' in said
     said = tactile(*models, stiffness_bag, code=2)
-    assert 'hold no labelled trials of texture, flexion' in said
+    assert 'no labelled trials of texture, flexion in these recordings' in said
     (table,) = read_tables(bags[:1]).tables.values()
     fewer = tmp_path / 'fewer.onnx'
     write_model(fewer, train(table.take(table.labels != 'F'), 'knn'))
@@ -219,6 +219,9 @@ def test_what_cannot_be_compared_is_one_sentence(bags, models, stiffness_bag, tr
     shutil.copy(models[0], both / 'texture_flexion.onnx')
     told = json.loads(tactile(both, models[1], bags[1], '--json'))
     assert told['left_out'] == ['only A has a model for stiffness, flexion: not compared']
+    told = json.loads(tactile(both, both, bags[1], '--json'))
+    assert [each['title'] for each in told['comparisons']] == ['texture, flexion, SIMULATED']
+    assert told['left_out'] == ['no labelled trials of stiffness, flexion in these recordings']
 
 
 def test_trials_of_other_labels_alone_are_refused(tmp_path, bags):

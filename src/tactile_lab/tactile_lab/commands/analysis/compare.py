@@ -36,6 +36,7 @@ from tactile_lab.commands.analysis.model_pairs import (
     Contender,
     load_models,
     pair_models,
+    question_of,
     SIDES,
 )
 from tactile_lab.commands.output import Output
@@ -188,10 +189,15 @@ def run_compare(request: CompareRequest, *, as_json: bool) -> None:
     with output.progress() as progress:
         bar = progress.add_task('comparing', total=len(pairs))
         for pair in pairs:
-            found += compare_pair(read, pair, columns, unseen=request.unseen)
+            compared = compare_pair(read, pair, columns, unseen=request.unseen)
+            if not compared:
+                alone.append(f'no labelled trials of {question_of(pair)} in these recordings')
+            found += compared
             progress.advance(bar)
-    for compared in found:
-        _print(compared, output)
+    if not found:
+        raise TactileError('; '.join(alone))
+    for each in found:
+        _print(each, output)
     for sentence in alone:
         output.say(sentence, plain=True)
     output.result({'comparisons': [each.to_dict() for each in found], 'left_out': alone})
@@ -331,13 +337,15 @@ def _print(compared: Compared, output: Output) -> None:
     table = Table(title=compared.title, title_justify='left', title_style='bold')
     table.add_column('')
     for side, each in zip(SIDES, compared.contenders, strict=True):
-        table.add_column(f'{side}: {each.name}\n{each.title}', justify='right')
+        table.add_column(f'{side}: {each.title}', justify='right')
     table.add_row('features', *(each.model.spec.feature_set for each in compared.contenders))
     for name, tell in _ROWS.items():
         table.add_row(name, *(tell(side) for side in sides))
     table.add_row('only this one is right', str(comparison.only_a), str(comparison.only_b))
     table.add_row('file', *(f'{each.size_bytes / 1024:.0f} KiB' for each in compared.contenders))
     output.say(table)
+    for side, each in zip(SIDES, compared.contenders, strict=True):
+        output.say(f'  {side}: {each.path}', plain=True)
     ratio = compared.seconds[1] / compared.seconds[0]
     output.say(f'  {_tell_interval_of(comparison)}')
     output.say(f'  same answer: {100 * comparison.agreement:.1f} % of the trials')

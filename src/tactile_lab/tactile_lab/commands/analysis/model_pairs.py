@@ -39,11 +39,6 @@ class Contender:
         return f'{CLASSIFIER_TITLES[manifest.classifier]}, {short_scaling(manifest.scaling)}'
 
     @property
-    def name(self) -> str:
-        """Folder and file: two files often share their name."""
-        return f'{self.path.parent.name}/{self.path.name}'
-
-    @property
     def size_bytes(self) -> int:
         return self.path.stat().st_size
 
@@ -99,6 +94,11 @@ def pair_models(
         if each not in paired
     ]
     return pairs, alone
+
+
+def question_of(pair: tuple[Contender, Contender]) -> str:
+    """Return the task of a pair, and the contact where one is for it alone."""
+    return max((_question(each.model) for each in pair), key=len)
 
 
 def _question(model: TactileModel) -> str:
