@@ -16,11 +16,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 import time
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,10 +27,11 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.evaluation.model_comparison import Answered, compare_answers, Comparison
+from tactile_classifier.evaluation.model_comparison import compare_answers, Comparison
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.trial_answers import find_training_trials, name_trials
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
+from tactile_lab.commands.analysis.compare_text import ROWS, tell_difference, tell_verdict
 from tactile_lab.commands.analysis.model_pairs import (
     Contender,
     load_models,
@@ -48,7 +48,6 @@ from tactile_lab.datasets.paired_tables import (
     trial_reader,
 )
 from tactile_lab.datasets.sources.load import split_sources
-from tactile_lab.datasets.tables import tell_interval
 from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
@@ -312,25 +311,6 @@ def time_answers(
     return float(np.median(taken_ns[0])) * 1e-9, float(np.median(taken_ns[1])) * 1e-9
 
 
-def tell_verdict(comparison: Comparison, caution: str = '') -> str:
-    """Return which model is better, by how much and on what, in one sentence."""
-    over = f'{comparison.trials} trials{caution}'
-    if comparison.groups:
-        over = f'{comparison.groups} {comparison.parts_are}, {over}'
-    interval = comparison.interval
-    if interval.reason:
-        return f'Not told apart: {interval.reason}; {over}.'
-    points, low, high = (100 * n for n in (comparison.difference, interval.low, interval.high))
-    if not comparison.better:
-        span = f'{points:+.1f} points ({low:+.1f} to {high:+.1f})'
-        return f'Not told apart: B less A is {span}, {over}.'
-    if comparison.better == 'A':
-        points, low, high = -points, -high, -low
-    return (
-        f'{comparison.better} is better by {points:.1f} points ({low:.1f} to {high:.1f}), {over}.'
-    )
-
-
 def _print(compared: Compared, output: Output) -> None:
     comparison = compared.comparison
     sides = (comparison.a, comparison.b)
@@ -339,7 +319,7 @@ def _print(compared: Compared, output: Output) -> None:
     for side, each in zip(SIDES, compared.contenders, strict=True):
         table.add_column(f'{side}: {each.title}', justify='right')
     table.add_row('features', *(each.model.spec.feature_set for each in compared.contenders))
-    for name, tell in _ROWS.items():
+    for name, tell in ROWS.items():
         table.add_row(name, *(tell(side) for side in sides))
     table.add_row('only this one is right', str(comparison.only_a), str(comparison.only_b))
     table.add_row('file', *(f'{each.size_bytes / 1024:.0f} KiB' for each in compared.contenders))
@@ -347,7 +327,7 @@ def _print(compared: Compared, output: Output) -> None:
     for side, each in zip(SIDES, compared.contenders, strict=True):
         output.say(f'  {side}: {each.path}', plain=True)
     ratio = compared.seconds[1] / compared.seconds[0]
-    output.say(f'  {_tell_interval_of(comparison)}')
+    output.say(f'  {tell_difference(comparison)}')
     output.say(f'  same answer: {100 * comparison.agreement:.1f} % of the trials')
     output.say(f'  time of one answer, B to A, features apart: {ratio:.2f}')
     for wrong in comparison.confusions[:CONFUSIONS]:
@@ -370,31 +350,3 @@ def _print(compared: Compared, output: Output) -> None:
         output.say(f'  warning: {warning}', plain=True)
     output.say(compared.verdict)
     output.say()
-
-
-def _tell_interval_of(comparison: Comparison) -> str:
-    if comparison.interval.reason:
-        return f'difference: no interval, {comparison.interval.reason}'
-    over = comparison.interval.method
-    p = '' if over.startswith('t over') else f', p {comparison.p_value:.2g} (exact McNemar)'
-    return f'difference: 95 % interval of paired trials, {over}{p}'
-
-
-def _tell_accuracy(side: Answered) -> str:
-    accuracy = f'{100 * side.accuracy:.1f} %'
-    return accuracy if side.interval.reason else f'{accuracy}  ({tell_interval(side.interval)})'
-
-
-def _tell_answered(side: Answered) -> str:
-    share = side.answered_accuracy
-    return 'it gives none' if share is None else f'{100 * share:.1f} %'
-
-
-_ROWS: Mapping[str, Callable[[Answered], str]] = MappingProxyType(
-    {
-        'named correctly': _tell_accuracy,
-        'right, where it gives a label': _tell_answered,
-        'unknown': lambda side: f'{100 * side.unknown_rate:.1f} %',
-        'no answer': lambda side: f'{100 * side.no_answer_rate:.1f} %',
-    }
-)
