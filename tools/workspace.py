@@ -281,6 +281,7 @@ class Workspace:
         if 'ROS_AUTOMATIC_DISCOVERY_RANGE' not in env:
             fast = 'FASTRTPS' if self.distro == 'jazzy' else 'FASTDDS'
             env.setdefault(f'{fast}_DEFAULT_PROFILES_FILE', str(LOOPBACK))
+        env.setdefault('OPENBLAS_NUM_THREADS', '1')  # small matrices: its threads would only wait
         # These two would go into the home folder.
         env.setdefault('ROS_LOG_DIR', str(self.base / 'ros_log'))
         env.setdefault('MPLCONFIGDIR', str(self.base / 'matplotlib'))

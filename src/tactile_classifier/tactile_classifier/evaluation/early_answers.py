@@ -32,6 +32,7 @@ from tactile_classifier.estimators.classifiers import (
     compute_raw_scores,
     default_scaling,
 )
+from tactile_classifier.estimators.threads import on_one_thread
 
 Matrix = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -95,6 +96,7 @@ class StoppingEvaluation:
         return dataclasses.asdict(self)
 
 
+@on_one_thread
 def evaluate_stopping(
     table: FeatureTable,
     running: Mapping[int, FeatureTable],

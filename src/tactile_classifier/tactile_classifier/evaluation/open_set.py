@@ -42,6 +42,7 @@ from tactile_classifier.estimators.classifiers import (
     default_scaling,
     SCORE_KINDS,
 )
+from tactile_classifier.estimators.threads import on_one_thread
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,6 +114,7 @@ class OpenSetEvaluation:
         return dataclasses.asdict(self)
 
 
+@on_one_thread
 def evaluate_open_set(
     table: FeatureTable,
     classifier: str,

@@ -20,7 +20,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from joblib import delayed, Parallel
-from threadpoolctl import threadpool_limits
+
+from tactile_classifier.estimators.threads import on_one_thread
 
 Result = TypeVar('Result', covariant=True)
 Task = tuple[Callable[..., Any], tuple[Any, ...]]
@@ -37,6 +38,7 @@ class Plan(Protocol[Result]):
         """Make the result of the answers, which are in the order of the tasks."""
 
 
+@on_one_thread
 def run_plans(
     plans: Sequence[Plan[Any]],
     jobs: int | None = 1,
@@ -61,11 +63,9 @@ def run_plans(
     total = sum(map(len, parts))
     work = (delayed(function)(*arguments) for tasks in parts for function, arguments in tasks)
     answers = []
-    # scikit-learn requires threadpoolctl, so it is there wherever that is.
-    with threadpool_limits(1, user_api='blas'):
-        for answer in Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work):
-            answers.append(answer)
-            progress(len(answers), total)
+    for answer in Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work):
+        answers.append(answer)
+        progress(len(answers), total)
     results, first = [], 0
     for plan, tasks in zip(plans, parts, strict=True):
         results.append(plan.finish(answers[first : first + len(tasks)]))

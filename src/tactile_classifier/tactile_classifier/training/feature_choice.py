@@ -29,6 +29,7 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
+from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
 from tactile_classifier.records import ROCKET
 
@@ -103,6 +104,7 @@ class FeatureChoice:
         }
 
 
+@on_one_thread
 def choose_candidate(
     tables: Mapping[str, FeatureTable], split: Split, random_state: int = RANDOM_STATE
 ) -> FeatureChoice:

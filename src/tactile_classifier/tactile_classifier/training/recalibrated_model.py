@@ -25,6 +25,7 @@ import numpy as np
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
+from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.model_file.card import render_card
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.live_recalibration import (
@@ -68,6 +69,7 @@ def write_recalibrated(
     return recalibrated
 
 
+@on_one_thread
 def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Manifest:
     """Return the manifest of the recalibrated model. See `write_recalibrated`."""
     manifest = model.manifest

@@ -40,6 +40,7 @@ from tactile_classifier.confidence.stopping import fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import build_estimator, default_scaling, SCORE_KINDS
+from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.model_file.manifest import Manifest, Part, TrainingTrials, WHOLE
 from tactile_classifier.records import PROBABILITY, ROCKET
@@ -83,6 +84,7 @@ class Trained:
         return self.parts[0].estimator
 
 
+@on_one_thread
 def train(
     table: FeatureTable,
     classifier: str,

@@ -1,0 +1,43 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Linear algebra on one thread.
+
+The matrices of this package are small. OpenBLAS shares even these out among threads, which then
+wait for each other: on two busy cores that took five times as long as one thread. One thread also
+gives the same bits on every computer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import functools
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+_Arguments = ParamSpec('_Arguments')
+_Result = TypeVar('_Result')
+
+
+def on_one_thread(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Decorate a function so that linear algebra keeps to one thread while it runs."""
+
+    @functools.wraps(function)
+    def limited(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
+        # scikit-learn requires threadpoolctl, so it is there wherever that is.
+        with threadpool_limits(1, user_api='blas'):
+            return function(*args, **options)
+
+    return limited
