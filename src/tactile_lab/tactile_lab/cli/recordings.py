@@ -251,8 +251,9 @@ def evaluate(
 
     On your own trials, real or simulated: the same features as the live node, every
     classifier with and without scaling, and the split stated beside each number. Random
-    folds, and beside them whole groups held out, such as sessions; learning curves; what
-    choosing features brings. The report has the paper's figures, made of your trials.
+    folds, and beside them whole groups held out, such as sessions. ``--report`` and ``--json``
+    add learning curves and what choosing features brings, and take twice as long. The report
+    has the paper's figures, made of your trials.
     """
     with refusals():
         check_paths(*recordings)

@@ -136,6 +136,7 @@ class _SetPlans:
         random_state: int,
         *,
         answers: bool,
+        details: bool,
     ) -> None:
         self._recordings = recordings
         self._random_state = random_state
@@ -151,22 +152,22 @@ class _SetPlans:
         published = recordings.published
         self._published = (
             []
-            if published is None
+            if published is None or not details
             else [AccuracyPlan(published, splits[0], random_state=random_state)]
         )
         self._learning = [
             plan
-            for split in ([] if saving else splits)
+            for split in (splits if details and not saving else [])
             if (plan := LearningPlan(table, split, random_state=random_state)).trials_per_class
         ]
-        if saving:
+        if saving and details:
             self._not_done.append(
                 'learning curves, feature selection, choice of the classifier inside the folds: '
                 'left out of a large table without --repetitions'
             )
-        self._selection = [] if saving else self._plan_selection(splits)
+        self._selection = self._plan_selection(splits) if details and not saving else []
         self._units: list[AccuracyPlan] = []
-        if table.task == PROTOCOL_STIFFNESS:
+        if table.task == PROTOCOL_STIFFNESS and details:
             self._units = [
                 AccuracyPlan(in_unit(table, factor), splits[0].once(), ['svm_rbf'], ['none'])
                 for factor in FORCE_UNITS.values()
@@ -246,19 +247,25 @@ def analyse(
     repetitions: int | None,
     random_state: int,
     answers: bool = False,
+    details: bool = True,
     jobs: int | None = -1,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[SetResult]:
     """Evaluate all sets under plain folds and their grouped splits.
 
     With ``answers``, also what a model says besides a label, under the first grouped split.
+    Without ``details`` accuracies alone: no learning curves, no feature selection, nothing in
+    other units or with the features that the paper computes.
 
     Raises
     ------
     EvaluationError
         When the trials do not allow a split.
     """
-    planned = [_SetPlans(each, folds, repetitions, random_state, answers=answers) for each in sets]
+    planned = [
+        _SetPlans(each, folds, repetitions, random_state, answers=answers, details=details)
+        for each in sets
+    ]
     counts = [len(each.plans()) for each in planned]
     results = run_plans([plan for each in planned for plan in each.plans()], jobs, progress)
     finished, first = [], 0

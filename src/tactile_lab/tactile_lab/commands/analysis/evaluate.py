@@ -96,6 +96,7 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
         repetitions=request.repetitions,
         random_state=request.seed,
         answers=request.answers,
+        details=as_json or file is not None,  # the terminal has no place for them
     )
     for result in results:
         _print_result(result, output)
