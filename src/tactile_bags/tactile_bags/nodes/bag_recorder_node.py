@@ -25,8 +25,7 @@ import threading
 import time
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
 from tactile_bags.auditing.audit import Audit, AuditSummary, FingerAuditor, nominal_rate_hz
 from tactile_bags.bag_writer import BagWriter
@@ -42,8 +41,9 @@ from tactile_bags.recorded_topics import (
 from tactile_bags.records import RecorderConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_msgs.msg import RecordingAudit
+from tactile_ros.bus.data_node import DataNode
+from tactile_ros.bus.worker import Periodic
 from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
-from tactile_ros.lifecycle import TactileNode
 from tactile_ros.message_classes import message_class
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
@@ -56,7 +56,7 @@ MAX_AUDITS = 10_000
 """Audits of trials that are kept for who runs the node; the summary in the bag counts all."""
 
 
-class BagRecorderNode(TactileNode):
+class BagRecorderNode(DataNode):
     """Records while active; the bag is complete once the node is cleaned up.
 
     Messages are written as they arrived on the wire, so that a replay sends the
@@ -83,7 +83,7 @@ class BagRecorderNode(TactileNode):
         self._recording: dict[str, Any] = {}
         self._savers: list[_Saver] = []
         self._diagnostics: Diagnostics | None = None
-        self._check_timer: Any = None
+        self._check: Periodic | None = None
         self._audit_publisher: Any = None
         self._audit_topic = ''
         self._started_ns = 0
@@ -117,10 +117,8 @@ class BagRecorderNode(TactileNode):
         )
         self._audit_publisher = self.create_publisher(RecordingAudit, '~/audit', EVENTS)
         self._diagnostics = Diagnostics(self, lambda: str(writer.path), self._health)
-        # On a timer, because a disk can fail while nothing comes.
-        self._check_timer = self.create_timer(
-            SAVE_PERIOD_S, self._check_savers, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        # A disk can fail while nothing comes.
+        self._check = self.call_every(SAVE_PERIOD_S, self._check_savers)
         # Two threads: a disk that is slow to confirm must not keep the file from growing.
         self._savers = [_Saver(writer.save), _Saver(writer.sync)]
 
@@ -146,7 +144,7 @@ class BagRecorderNode(TactileNode):
                 if topic in (STRAIN_TOPIC, EVENT_TOPIC):
                     self._audit(self._auditors[finger], topic, data, writer)
             except BagError as error:
-                self._fail(error)
+                self._end_recording(error)
 
         return self.create_subscription(
             message_class(topic.type_name),
@@ -168,11 +166,11 @@ class BagRecorderNode(TactileNode):
             try:
                 self._finish(self._writer)
             except BagError as error:
-                self._fail(error)
+                self._end_recording(error)
             self._writer = None
-        if self._check_timer is not None:
-            self.destroy_timer(self._check_timer)
-            self._check_timer = None
+        if self._check is not None:
+            self._check.cancel()
+            self._check = None
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
@@ -205,7 +203,7 @@ class BagRecorderNode(TactileNode):
 
     # -- failure -------------------------------------------------------------------------
 
-    def _fail(self, error: BagError) -> None:
+    def _end_recording(self, error: BagError) -> None:
         """End the recording, and no other node's work, because of what befell the bag."""
         self.stop()
         self._close_savers()
@@ -228,7 +226,7 @@ class BagRecorderNode(TactileNode):
     def _check_savers(self) -> None:
         for saver in self._savers:
             if saver.error is not None:
-                self._fail(saver.error)
+                self._end_recording(saver.error)
                 return
 
     def _close_savers(self) -> None:
@@ -241,7 +239,7 @@ class BagRecorderNode(TactileNode):
         self, auditor: FingerAuditor, topic: RecordedTopic, data: bytes, writer: BagWriter
     ) -> None:
         try:
-            message = writer.store.deserialize_cdr(data, topic.type_name)
+            message = deserialize_message(data, message_class(topic.type_name))
             if topic == STRAIN_TOPIC:
                 audits = auditor.add_block(strain_block_from_msg(message))
             else:

@@ -43,6 +43,7 @@ class DataNode(TactileNode):
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
         self.worker = Worker(f'worker of {name}', self._fail)
+        self._listening: set[Any] = set()
         super().__init__(name, config_class, **node_options)
 
     # -- for subclasses ----------------------------------------------------------
@@ -82,15 +83,17 @@ class DataNode(TactileNode):
 
         def call() -> None:
             taken = inbox.take()
-            if subscription in self.subscriptions:
+            if subscription in self._listening:
                 subscription.callback(*(taken if takes_info else taken[:1]))
 
         inbox = Inbox(depth_of(subscription.qos_profile), lambda: self.worker.submit(call))
+        self._listening.add(subscription)
         receiver_of(self.context).add(subscription, inbox.put)
         return subscription
 
     def destroy_subscription(self, subscription: Any) -> bool:
         """Destroy a subscription; its callback is not called any more."""
+        self._listening.discard(subscription)
         receiver_of(self.context).remove(subscription)
         return bool(super().destroy_subscription(subscription))
 
