@@ -1,0 +1,37 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Programs that tests start: on a ROS domain of this process's own, and with Ctrl-C."""
+
+import os
+import signal
+
+import pytest
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A script's background ignores Ctrl-C, and so would the programs that are started there.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope='session', autouse=True)
+def domain_of_programs():
+    """Keep the programs of one test process from hearing those of another."""
+    try:
+        from domain_coordinator import domain_id
+    except ImportError:  # without ROS
+        yield
+        return
+    with domain_id() as domain:
+        os.environ['ROS_DOMAIN_ID'] = str(int(domain))
+        yield
