@@ -64,8 +64,8 @@ class ScoreChoice:
         """Compare held-out probabilities, session by session.
 
         The margin is the larger of two: the standard error of the mean difference over sessions,
-        and what one further miss at a stated certainty would add to the raw loss. Of two
-        sessions, the first asks that calibration is worse in both.
+        and what one further miss at a stated certainty would add to the raw loss. With two
+        sessions, a mean above its standard error means that calibration is worse in both.
 
         Raw scores are kept with two sessions alone. The map in the file is fitted to all
         sessions, each one that is compared to all but one: from three sessions on the comparison

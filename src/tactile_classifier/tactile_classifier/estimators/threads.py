@@ -16,7 +16,7 @@
 
 The matrices of this package are small. OpenBLAS shares even these out among threads, which then
 wait for each other: on two busy cores that took five times as long as one thread. One thread also
-gives the same bits on every computer.
+gives the same bits whatever the number of cores.
 """
 
 from __future__ import annotations

@@ -93,8 +93,8 @@ def run(
     later.
     """
     with refusals():
-        from tactile_lab.commands.experiment import ExperimentRequest, run_plan
-        from tactile_lab.commands.rig import PortArguments
+        from tactile_lab.commands.running.experiment import ExperimentRequest, run_plan
+        from tactile_lab.commands.running.rig import PortArguments
         from tactile_lab.watch.options import WatchOptions
 
         is_well = run_plan(
@@ -136,7 +136,7 @@ def new(
     one.
     """
     with refusals():
-        from tactile_lab.commands.experiment import run_new
+        from tactile_lab.commands.running.experiment import run_new
         from tactile_lab.experiment.plan import ExperimentPlan
 
         plan = ExperimentPlan(
@@ -158,7 +158,7 @@ def status(
 ) -> None:
     """Print how far an experiment is."""
     with refusals():
-        from tactile_lab.commands.experiment import run_status
+        from tactile_lab.commands.running.experiment import run_status
 
         run_status(folder, as_json=json_output)
 

@@ -33,8 +33,10 @@ from tactile_lab.cli import experiment
 from tactile_lab.cli.bags import repair, replay, show
 from tactile_lab.cli.calibrate import calibrate
 from tactile_lab.cli.data import robustness, simulate, train
+from tactile_lab.cli.devices import check, devices
 from tactile_lab.cli.recordings import compare, evaluate, features, import_recordings
-from tactile_lab.cli.rig import check, demo, devices, hand, rig, sense, trials
+from tactile_lab.cli.rig import demo, rig, trials
+from tactile_lab.cli.sensing import hand, sense
 from tactile_lab.cli.watch import watch
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import held_signals

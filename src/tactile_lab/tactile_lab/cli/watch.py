@@ -54,7 +54,7 @@ def watch(
     **stop** only. Stop is no replacement for the switch of your rig.
     """
     with refusals():
-        from tactile_lab.commands.watch import run_watch
+        from tactile_lab.commands.running.watch import run_watch
         from tactile_lab.watch.options import WatchOptions
 
         run_watch(WatchOptions(host, port), terminal=terminal)

@@ -14,5 +14,5 @@
 
 """What each subcommand of ``tactile`` does; `tactile_lab.cli.main` holds their arguments.
 
-`analysis` holds those on recordings of many trials.
+`analysis` holds those on recordings of many trials, `running` those that run nodes.
 """

@@ -36,7 +36,7 @@ from tactile_bags.replaying.replay import (
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_features.config import FeatureConfig
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.watch import say_address
+from tactile_lab.commands.running.watch import say_address
 from tactile_lab.watch.options import WatchOptions
 from tactile_ros.errors import TactileError
 

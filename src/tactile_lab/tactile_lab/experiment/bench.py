@@ -32,8 +32,8 @@ from tactile_bringup.trial_protocols import (
 )
 from tactile_classifier.records import Outcome as AnswerOutcome
 from tactile_features.records import FeatureWindow, Outcome
-from tactile_lab.commands.live_trials import live_rig, LiveRig, LiveSetup, LiveTrial
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.running.live_trials import live_rig, LiveRig, LiveSetup, LiveTrial
 from tactile_lab.experiment.loop import TrialOrder, TrialResult
 from tactile_lab.experiment.observer_node import ObserverNode
 from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan

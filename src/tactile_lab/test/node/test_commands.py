@@ -31,9 +31,11 @@ import pytest
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_lab.cli import data as cli_data
+from tactile_lab.cli import devices as cli_devices
 from tactile_lab.cli import experiment as cli_experiment
 from tactile_lab.cli import options as cli_options
 from tactile_lab.cli import rig as cli_rig
+from tactile_lab.cli import sensing as cli_sensing
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
 
@@ -89,7 +91,9 @@ def test_help_reads_like_a_manual(command):
     assert len(done.stdout.splitlines()) > 10
 
 
-@pytest.mark.parametrize('module', [cli_options, cli_data, cli_rig, cli_experiment])
+@pytest.mark.parametrize(
+    'module', [cli_options, cli_data, cli_rig, cli_sensing, cli_devices, cli_experiment]
+)
 def test_options_are_declared_as_typer_0_9_reads_them(module):
     """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
     tree = ast.parse(Path(module.__file__).read_text())

@@ -20,7 +20,7 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_lab.commands.demo import run_demo
+from tactile_lab.commands.running.demo import run_demo
 
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys):

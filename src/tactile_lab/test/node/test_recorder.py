@@ -40,7 +40,7 @@ from tactile_bags.storage.mcap_writer import McapWriter
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
 from tactile_bringup.wiring.graph import recorder_node
 from tactile_features.conversions import strain_block_from_msg
-from tactile_lab.commands.live_trials import check_recording
+from tactile_lab.commands.running.live_trials import check_recording
 from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup

@@ -31,9 +31,9 @@ from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
-from tactile_lab.commands.live_trials import LiveSetup, run_live_trials
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import replay_and_compare
+from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.running_tables import read_running_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag

@@ -26,8 +26,8 @@ from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_bringup.wiring.graph import Ports, rig_graph
 from tactile_bringup.wiring.model_folder import find_models
-from tactile_lab.commands.live_trials import LiveRig, run_with_second_try
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.running.live_trials import LiveRig, run_with_second_try
 from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.watching import watching
 from tactile_ros.programs.node_group import NodeGroup

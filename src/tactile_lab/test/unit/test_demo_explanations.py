@@ -26,8 +26,8 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import FeatureConfig, FeatureWindow, Outcome, spec_for
 from tactile_lab.commands.analysis.train import TrainedModel
-from tactile_lab.commands.demo import explain_misses
-from tactile_lab.commands.live_trials import LiveTrial
+from tactile_lab.commands.running.demo import explain_misses
+from tactile_lab.commands.running.live_trials import LiveTrial
 
 
 @pytest.fixture(scope='module')

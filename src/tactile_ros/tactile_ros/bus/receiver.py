@@ -27,7 +27,7 @@ from rclpy.context import Context
 from rclpy.logging import get_logger
 from rclpy.subscription import Subscription
 
-from tactile_ros.rclpy_internals import GuardCondition, InvalidHandle, RCLError, WaitSet
+from tactile_ros.rclpy_internals import GuardCondition, InvalidHandle, WaitSet
 
 WAIT_NS = 2 * 10**9
 """Longest sleep. Data, a change of what is waited for, and the end wake it earlier."""
@@ -121,7 +121,7 @@ class Receiver:
                     return
             try:
                 self._receive(deliveries)
-            except (InvalidHandle, RCLError) as error:
+            except Exception as error:  # the others' messages must go on
                 if self._context.ok():
                     get_logger('tactile').error(f'waiting for messages failed: {error}')
                     time.sleep(RETRY_S)
@@ -168,13 +168,13 @@ def _take(handle: Any, subscription: Subscription, deliver: Deliver) -> None:
     for _ in range(MOST_MESSAGES):
         try:
             taken = handle.take_message(subscription.msg_type, subscription.raw)
-        except RCLError as error:
-            # Bytes that are no message of this type. That must not stop the others.
+            if taken is None:
+                return
+            deliver(taken)
+        except Exception as error:  # noqa: PERF203
+            # Such as bytes that are no message of this type. That must not stop the others.
             get_logger('tactile').error(f'a message of {subscription.topic_name} failed: {error}')
             return
-        if taken is None:
-            return
-        deliver(taken)
 
 
 class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]

@@ -27,7 +27,7 @@ from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Int32
 
 from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.receiver import receiver_of
+from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
 
@@ -182,6 +182,28 @@ def test_a_fault_of_a_callback_ends_the_group(context, spun):
     publisher.publish(Int32(data=1))
     assert group.ended.wait(DEADLINE_S)
     assert isinstance(group.error, ValueError)
+
+
+def test_a_fault_of_one_delivery_is_told_and_the_others_go_on(context, spun):
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
+    failed = peer.create_subscription(
+        Int32, 'numbers', lambda _: None, STREAM, callback_group=NotOnExecutor()
+    )
+    deliveries = []
+
+    def fail(taken):
+        deliveries.append(taken[0].data)
+        raise ValueError('no place')
+
+    receiver_of(context).add(failed, fail)
+    listener.create_subscription(Int32, 'numbers', listener.take, STREAM)
+    spun(peer, listener)
+    wait_until(lambda: publisher.get_subscription_count() == 2)
+    for i in range(10):
+        publisher.publish(Int32(data=i))
+        wait_until(lambda i=i: listener.values[-1:] == deliveries[-1:] == [i])
+    receiver_of(context).remove(failed)
 
 
 def test_the_thread_ends_with_its_context():

@@ -37,7 +37,7 @@ from tactile_bringup.wiring.graph import (
 from tactile_bringup.wiring.model_folder import find_models
 from tactile_bringup.wiring.parameter_files import read_parameters
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.watch import answer_line, say_address
+from tactile_lab.commands.running.watch import answer_line, say_address
 from tactile_lab.watch.options import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import hold_signals

@@ -42,9 +42,9 @@ from tactile_lab.commands.analysis.train import (
     TrainedModel,
     TrainRequest,
 )
-from tactile_lab.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_report, replay_and_compare, ReplayReport
+from tactile_lab.commands.running.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_lab.commands.simulate import make_bags
 from tactile_lab.datasets.traces import read_trace
 from tactile_lab.simulation.simulated_bags import paper_plans

@@ -22,9 +22,9 @@ from pathlib import Path
 import time
 
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_lab.commands.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.rig import open_ports, PortArguments, read_rig_parameters
+from tactile_lab.commands.running.live_trials import LiveSetup, LiveTrial, run_live_trials
+from tactile_lab.commands.running.rig import open_ports, PortArguments, read_rig_parameters
 from tactile_lab.watch.options import WatchOptions
 
 

@@ -22,9 +22,9 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from tactile_lab.commands.live_trials import LiveSetup
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.rig import open_ports, PortArguments, read_rig_parameters
+from tactile_lab.commands.running.live_trials import LiveSetup
+from tactile_lab.commands.running.rig import open_ports, PortArguments, read_rig_parameters
 from tactile_lab.experiment.bench import LiveBench
 from tactile_lab.experiment.folder import ExperimentFolder, is_experiment, PLAN
 from tactile_lab.experiment.journal import write_atomically

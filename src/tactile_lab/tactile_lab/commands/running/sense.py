@@ -22,7 +22,7 @@ from pathlib import Path
 import tempfile
 
 from tactile_bringup.wiring.launch_plans import plan_launch
-from tactile_lab.commands.rig import run_nodes, View
+from tactile_lab.commands.running.rig import run_nodes, View
 from tactile_ros.programs.signals import hold_signals
 from tactile_sim.rig_process import SimulatedRig
 

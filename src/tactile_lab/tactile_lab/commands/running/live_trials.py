@@ -41,7 +41,7 @@ from tactile_bringup.wiring.model_folder import find_models, models_for
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits
-from tactile_lab.commands.watch import say_address
+from tactile_lab.commands.running.watch import say_address
 from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.watching import Watch, watching
 from tactile_ros.errors import TactileError

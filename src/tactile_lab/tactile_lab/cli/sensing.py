@@ -1,0 +1,154 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The commands that sense with fingers that something else moves."""
+
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from tactile_lab.cli.options import (
+    check_paths,
+    DetectedContact,
+    DetectedContactOption,
+    ModelOption,
+    NamespaceOption,
+    ParamsOption,
+    Phases,
+    PhasesOption,
+    QuietOption,
+    RecalibrateOption,
+    RecordOption,
+    refusals,
+    SensorOption,
+    SensorTopicOption,
+    SimulatedOption,
+    SlipOption,
+    WatchOption,
+)
+
+
+def sense(
+    sensor: SensorOption = '',
+    sensor_topic: SensorTopicOption = '',
+    model: ModelOption = None,
+    recalibrate: RecalibrateOption = 0,
+    phases: PhasesOption = Phases.stated,
+    contact: DetectedContactOption = DetectedContact.unknown,
+    slip: SlipOption = False,
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    namespace: NamespaceOption = '',
+    record: RecordOption = None,
+    watch: WatchOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Run the nodes of one finger that something else moves, in this process until Ctrl-C.
+
+    Sensor, features and classifiers, as ``ros2 launch tactile_bringup sense.launch.py`` starts
+    them in processes of their own. Prints a line for each answer. Whoever moves the finger
+    publishes trial events on ``trial_runner/events``; or ``--phases`` has them found in the
+    tension.
+    """
+    with refusals():
+        check_paths(model, params)
+        from tactile_lab.commands.running.rig import View
+        from tactile_lab.commands.running.sense import run_sensing
+        from tactile_lab.watch.options import WatchOptions
+
+        run_sensing(
+            'sense',
+            {
+                'sensor_port': sensor,
+                'sensor_topic': sensor_topic,
+                **_sensing_values(
+                    model, recalibrate, phases, contact, slip, simulated, params, namespace, record
+                ),
+            },
+            View(WatchOptions() if watch else None, quiet),
+        )
+
+
+def hand(
+    fingers: Annotated[
+        str, typer.Option(help='Namespaces of the fingers, such as index,middle.')
+    ] = '',
+    hand_file: Annotated[
+        Optional[Path],
+        typer.Option(
+            help="YAML file with each finger's port or topic, model, phases, slip and parameters."
+        ),
+    ] = None,
+    sensor_topic: SensorTopicOption = '',
+    model: ModelOption = None,
+    recalibrate: RecalibrateOption = 0,
+    phases: PhasesOption = Phases.stated,
+    contact: DetectedContactOption = DetectedContact.unknown,
+    slip: SlipOption = False,
+    simulated: SimulatedOption = False,
+    params: ParamsOption = None,
+    namespace: NamespaceOption = '',
+    record: RecordOption = None,
+    watch: WatchOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Run the nodes of any number of fingers, in this process until Ctrl-C.
+
+    What `tactile sense` runs, once a finger, each in the namespace of its name; as ``ros2
+    launch tactile_bringup hand.launch.py`` starts them in processes of their own.
+    ``--record`` makes one bag a finger.
+    """
+    with refusals():
+        check_paths(hand_file, model, params)
+        from tactile_lab.commands.running.rig import View
+        from tactile_lab.commands.running.sense import run_sensing
+        from tactile_lab.watch.options import WatchOptions
+
+        run_sensing(
+            'hand',
+            {
+                'fingers': fingers,
+                'hand_file': str(hand_file or ''),
+                'sensor_topic': sensor_topic,
+                **_sensing_values(
+                    model, recalibrate, phases, contact, slip, simulated, params, namespace, record
+                ),
+            },
+            View(WatchOptions() if watch else None, quiet),
+        )
+
+
+def _sensing_values(
+    model: Optional[Path],
+    recalibrate: int,
+    phases: Phases,
+    contact: DetectedContact,
+    slip: bool,
+    simulated: bool,
+    params: Optional[Path],
+    namespace: str,
+    record: Optional[Path],
+) -> dict[str, str]:
+    return {
+        'model': str(model or ''),
+        'recalibrate': str(recalibrate),
+        'phases': phases.value,
+        'contact': contact.value,
+        'slip': 'true' if slip else 'false',
+        'rig': 'simulated' if simulated else 'hardware',
+        'params_file': str(params or ''),
+        'namespace': namespace,
+        'record': str(record or ''),
+    }
