@@ -53,7 +53,7 @@ PAPER_SLOPE_N_S, PAPER_INTERCEPT_N, PAPER_CORRELATION = -0.90, 12.62, -0.99
 def main() -> None:
     """Renew them all."""
     IMAGES.mkdir(exist_ok=True)
-    page = IMAGES.parent / 'simulation.md'
+    page = IMAGES.parent / 'simulator_constants.md'
     config = Path(tactile_sim.__file__).parent / 'config'
     page.write_text(
         replace_tables(page.read_text(encoding='utf-8'), build_tables(config)), 'utf-8'
