@@ -46,7 +46,7 @@ from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
 from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.finger import numpy_solver
-from tactile_sim.physics.finger.mechanics import compute_line
+from tactile_sim.physics.finger.bent_line import compute_line
 from tactile_sim.physics.finger.solver import advance_trials, TOLERANCE_NM
 from tactile_sim.physics.finger.steps import BDF2, split_inputs
 from tactile_sim.physics.scene import Scene

@@ -14,7 +14,7 @@
 
 """The finger's equations once more, with as many curvature modes as asked for.
 
-Written apart from `tactile_sim.physics.finger.mechanics`, in matrices and one trial at a time,
+Written apart from `tactile_sim.physics.finger`, in matrices and one trial at a time,
 to tell what three modes leave out and whether both are the same equations. Without tendon friction
 and creep.
 """
@@ -29,7 +29,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from tactile_sim.descriptions.description import Finger
-from tactile_sim.physics.finger.mechanics import GRAVITY_M_S2
+from tactile_sim.physics.finger.bent_line import GRAVITY_M_S2
 from tactile_sim.physics.surface import Surface
 
 FloatArray = NDArray[np.float64]

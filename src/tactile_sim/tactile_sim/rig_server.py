@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated rig as a program: three ptys, and a line of JSON for the experimenter's hand."""
+"""The simulated rig as a program: three ptys, and a line of JSON for what the operator does."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ from scenery import run
 from scipy.integrate import solve_ivp
 
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.mechanics import GRAVITY_M_S2
+from tactile_sim.physics.finger.bent_line import GRAVITY_M_S2
 from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.variation import Variation
 

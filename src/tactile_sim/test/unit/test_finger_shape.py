@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from tactile_sim.physics.curve import compute_curve
-from tactile_sim.physics.finger.mechanics import (
+from tactile_sim.physics.finger.bent_line import (
     compute_line,
     compute_sine_cosine,
     GRAVITY_M_S2,

@@ -31,8 +31,8 @@ from numba import njit
 from numba.extending import overload, register_jitable
 import numpy as np
 
+from tactile_sim.physics.finger import bent_line, mechanics, row_operations, steps
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger import mechanics, row_operations, steps
 from tactile_sim.physics.finger.row_operations import (
     begin_creep,
     begin_object,
@@ -60,15 +60,12 @@ def _select(condition: Any, yes: Any, no: Any) -> Callable[..., Any]:
 
 
 for _module, _names in (
+    (bent_line, ('compute_sine_cosine', 'bend_node', 'curve_line', 'compute_line')),
     (
         mechanics,
         (
             'larger',
-            'compute_sine_cosine',
-            'bend_node',
-            'curve_line',
             'shorten',
-            'compute_line',
             'compute_rigid_contact',
             'compute_object_contact',
             'compute_balance',
@@ -97,7 +94,7 @@ for _module, _names in (
 
 
 def _hash_sources() -> int:
-    names = ('mechanics', 'row_operations', 'layout', 'steps')
+    names = ('bent_line', 'mechanics', 'row_operations', 'layout', 'steps')
     sources = b''.join((Path(__file__).with_name(f'{name}.py')).read_bytes() for name in names)
     return zlib.crc32(sources)
 

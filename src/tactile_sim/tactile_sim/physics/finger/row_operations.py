@@ -23,9 +23,9 @@ from __future__ import annotations
 from typing import Any
 
 from tactile_sim.physics.finger import layout as at
+from tactile_sim.physics.finger.bent_line import compute_line
 from tactile_sim.physics.finger.mechanics import (
     compute_balance,
-    compute_line,
     compute_object_contact,
     compute_rigid_contact,
     select,
