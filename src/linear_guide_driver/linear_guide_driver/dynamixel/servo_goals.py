@@ -26,11 +26,11 @@ import logging
 import time
 
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.dynamixel.servo_monitor import describe_watchdog, ServoMonitor
+from linear_guide_driver.dynamixel.goal_writer import GoalWriter
+from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.dynamixel.tendon_servo import TendonServo
 from linear_guide_driver.dynamixel.tendon_setup import open_servo
 from linear_guide_driver.errors import (
-    DeviceRefusedError,
     LinearGuideDriverError,
     MotionFailedError,
     MotionRefusedError,
@@ -71,8 +71,6 @@ class ServoGoals:
         Model and firmware; empty before the first `connect`.
     temperature_limit_c : float
         At which the servo shuts down [degree Celsius].
-    recoveries : int
-        How often the servo's watchdog had stopped it and its goals were unlocked again.
     """
 
     def __init__(
@@ -88,12 +86,9 @@ class ServoGoals:
         self._clock_ns = clock_ns
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
-        self._velocity_limit = 1
-        self._number = 0  # grows with each goal written; a motion sees when its own is gone
-        self._applied = Order.FOLLOW  # the last order that was carried out
+        self._writer = GoalWriter(config, safety, self._on_alarm, self._on_written)
         self.identification = ''
         self.temperature_limit_c = 0.0
-        self.recoveries = 0
 
     @property
     def state(self) -> TendonState | None:
@@ -106,9 +101,14 @@ class ServoGoals:
         return '' if self._monitor is None else self._monitor.trouble
 
     @property
+    def recoveries(self) -> int:
+        """How often the servo's watchdog had stopped it and its goals were unlocked again."""
+        return self._writer.recoveries
+
+    @property
     def max_speed_m_s(self) -> float:
         """The servo's velocity limit as tendon speed [m/s]."""
-        return registers.velocity_to_m_s(self._velocity_limit, self._config.pulley_radius_m)
+        return registers.velocity_to_m_s(self._writer.velocity_limit, self._config.pulley_radius_m)
 
     @property
     def monitor(self) -> ServoMonitor:
@@ -136,9 +136,8 @@ class ServoGoals:
         self.close()
         bus, setup = open_servo(self._config)
         self.identification = setup.identification
-        self._velocity_limit = setup.velocity_limit
+        self._writer.begin(setup.velocity_limit)
         self.temperature_limit_c = float(setup.temperature_limit_c)
-        self._applied = Order.FOLLOW
         if setup.was_held and not setup.is_zero_kept:
             self._safety.set_zero(
                 Zero.UNKNOWN, 'the servo held a tendon whose zero it does not know'
@@ -164,7 +163,7 @@ class ServoGoals:
             self._let_out(monitor)
         bus = servo.bus
         with bus.lock:
-            self._number += 1  # ends a running pull
+            self._writer.number += 1  # ends a running pull
         monitor.close()
         self._servo = None
         with suppress(LinearGuideDriverError):
@@ -204,11 +203,10 @@ class ServoGoals:
             if self._safety.decide(start_m, now_ns) is Order.FOLLOW:
                 goal_m = start_m if pull.target_tension_n else pull.displacement_m
                 velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
-                self._applied = Order.FOLLOW  # also if only the servo's answer is lost
-                self._write(servo, lambda: servo.write_goal(goal_m, velocity))
+                self._writer.write_pull(servo, goal_m, velocity)
             else:
-                self._carry_out(servo, start_m)
-            return self._number, start_m
+                self._writer.carry_out(servo, start_m)
+            return self._writer.number, start_m
 
     def watch(
         self, number: int, target: str, should_stop: Callable[[], bool]
@@ -234,7 +232,7 @@ class ServoGoals:
             raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
         if monitor.trouble:
             raise MotionFailedError(f'The pull failed: {monitor.trouble}.')
-        if number != self._number:
+        if number != self._writer.number:
             raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
         return state
 
@@ -242,7 +240,7 @@ class ServoGoals:
         """Hold the tendon where it is, unless a later command, as a release, is in force."""
         servo, _ = self._require_sound()
         with servo.bus.lock:
-            if number == self._number:
+            if number == self._writer.number:
                 self.hold_here()
 
     def follow(self, number: int, displacement_m: float) -> bool:
@@ -251,17 +249,17 @@ class ServoGoals:
         if servo is None:
             return False
         with servo.bus.lock:
-            if number != self._number:
+            if number != self._writer.number:
                 return False
-            self._write_unlocked(servo, lambda: servo.write_goal(displacement_m))
+            self._writer.shift(servo, lambda: servo.write_goal(displacement_m))
             return True
 
     def hold(self, number: int) -> None:
         """Hold the tendon where it is, unless a later command has come."""
         servo, _ = self._require_connection()
         with servo.bus.lock:
-            if number == self._number:
-                self._write(servo, servo.write_hold)
+            if number == self._writer.number:
+                self._writer.write(servo, servo.write_hold)
 
     def hold_here(self) -> None:
         """Hold the tendon where it is; above the limit it is let out instead.
@@ -304,7 +302,7 @@ class ServoGoals:
         with suppress(LinearGuideDriverError):
             servo, _ = self._require_sound()
             with servo.bus.lock:
-                self._carry_out(servo)
+                self._writer.carry_out(servo)
 
     def shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in, in the servo itself [m].
@@ -315,7 +313,7 @@ class ServoGoals:
         """
         servo, monitor = self._require_sound()
         with servo.bus.lock:  # so that no poll sees the torque off
-            self._number += 1
+            self._writer.number += 1
             servo.write_zero(shift_m)
             self._safety.set_zero(Zero.KNOWN)
         monitor.wait_poll(POLL_WAIT_S)  # so that no state counts from the old zero
@@ -373,63 +371,18 @@ class ServoGoals:
         if polled.is_torque_on and not polled.hardware_error:
             # Off: a command that sets it anew was cut off half way.
             if polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF):
-                self._recover(servo)
-            self._carry_out(servo, state.displacement_m)
+                self._writer.recover(servo)
+            self._writer.carry_out(servo, state.displacement_m)
         return state
 
-    def _command(self, tell: Callable[[], None], order: Order) -> None:
-        """Tell safety, then write its order; where it has none, the one that was asked for."""
-        servo, _ = self._require_sound()
-        with servo.bus.lock:
-            tell()
-            self._applied = Order.FOLLOW  # a goal that is kept up may be in force
-            if self._carry_out(servo) is Order.FOLLOW:
-                self._apply(servo, order)
+    def _on_alarm(self, reason: str) -> None:
+        self.monitor.tell_trouble(reason)
 
-    def _carry_out(self, servo: TendonServo, displacement_m: float | None = None) -> Order:
-        """Ask safety for its order and write it, if it is not in force already; return it."""
-        if displacement_m is None:
-            displacement_m = servo.read_displacement_m()
-        order = self._safety.decide(displacement_m, time.monotonic_ns())
-        if order is not self._applied:
-            self._apply(servo, order)
-            if order is not Order.FOLLOW and self._safety.is_alarm:
-                self.monitor.tell_trouble(self._safety.reason)
-        return order
-
-    def _apply(self, servo: TendonServo, order: Order) -> None:
-        if order is Order.HOLD:
-            self._write(servo, servo.write_hold)
-        elif order is Order.RELEASE:
-            slack_m, velocity = self._safety.slack_m, self._velocity_limit
-            self._write(servo, lambda: servo.write_goal(slack_m, velocity))
-        elif self._applied is Order.RELEASE and self._safety.zero is Zero.UNKNOWN:
-            self._write(servo, servo.write_hold)  # slack by the sensor, before the goal
-        self._applied = order
-
-    def _recover(self, servo: TendonServo) -> None:
-        """Unlock the goals that the servo's watchdog has locked; the tendon is held there."""
-        self.recoveries += 1
-        if self._safety.is_pulling:
-            self._safety.lose(f'{describe_watchdog(self._config)}.', time.monotonic_ns())
-            self._number += 1  # a tension that is kept goes on being kept
-        servo.unlock()
-        self._applied = Order.FOLLOW  # so that the present order is written again
-
-    def _write(self, servo: TendonServo, write: Callable[[], None]) -> None:
-        """Write the goal of a new command."""
-        self._number += 1
-        self._write_unlocked(servo, write)
+    def _on_written(self) -> None:
         if self.monitor.trouble:  # a fresh command was heard, so the silence is over
             self.monitor.clear()
 
-    def _write_unlocked(self, servo: TendonServo, write: Callable[[], None]) -> None:
-        """Write a goal, also when the watchdog has acted since the last poll."""
-        try:
-            write()
-        except DeviceRefusedError:
-            if not servo.is_locked():
-                raise
-            self.recoveries += 1
-            servo.unlock()
-            write()
+    def _command(self, tell: Callable[[], None], order: Order) -> None:
+        servo, _ = self._require_sound()
+        with servo.bus.lock:
+            self._writer.command(servo, tell, order)

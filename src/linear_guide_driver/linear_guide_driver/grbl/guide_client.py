@@ -41,6 +41,7 @@ from linear_guide_driver.grbl.guide_path import (
     encode_pieces,
     mpos_to_m,
 )
+from linear_guide_driver.grbl.known_position import KnownPosition
 from linear_guide_driver.grbl.motion_gate import MotionGate
 from linear_guide_driver.grbl.motion_track import MotionSummary, MotionTrack
 from linear_guide_driver.grbl.settings import GuideSettings
@@ -91,28 +92,27 @@ class LinearGuideClient:
         clock_ns: Callable[[], int] = time.time_ns,
         on_trouble: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._config, self._clock_ns = config, clock_ns
-        self._on_state, self._on_trouble = on_state, on_trouble
+        self._config = config
+        self._position = KnownPosition(config.travel_m, clock_ns, on_state, on_trouble)
+        self._position.lose(NOT_HOMED)
         self._connection: GrblConnection | None = None
         self._settings: GuideSettings | None = None
         self._gate = MotionGate('guide')
         self.last_move: MotionSummary | None = None
-        self._direction = self.late_moves = 0
-        # When it came, by the node's clock and by the monotonic one [ns].
-        self._last: tuple[grbl.StatusReport, int, int] | None = None
-        self._trouble = NOT_HOMED
+        self.late_moves = 0
 
     # -- what is known -------------------------------------------------------------------
 
     @property
     def state(self) -> GuideState | None:
         """The last state; None before the first report."""
-        return None if self._last is None else self._to_state(*self._last[:2])
+        last = self._position.last
+        return None if last is None else last[0]
 
     @property
     def trouble(self) -> str:
         """Why the guide must be homed before it can move; empty when it need not."""
-        return self._trouble
+        return self._position.trouble
 
     @property
     def is_lost(self) -> bool:
@@ -184,7 +184,7 @@ class LinearGuideClient:
                 connection.close()
                 self._connection, self._settings = connection, settings = self._open()
             self._gate.begin('homing', should_stop)
-            self._trouble = 'the last homing did not succeed'
+            self._position.trouble = 'the last homing did not succeed'
             started_s = time.monotonic()
             try:
                 connection.reset()
@@ -195,7 +195,9 @@ class LinearGuideClient:
                     lambda: on_elapsed(time.monotonic() - started_s),
                     answers_status=False,
                 )
-                self._trouble = ''  # before the last look, so that no later fault is forgotten
+                self._position.trouble = (
+                    ''  # before the last look, so that no later fault is forgotten
+                )
                 report = connection.wait_report(REPLY_TIMEOUT_S)
             except MotionStoppedError:
                 connection.reset()
@@ -203,19 +205,19 @@ class LinearGuideClient:
                     'Homing was stopped; home before the next move.'
                 ) from None
             except LinearGuideDriverError as error:
-                self._trouble = self._trouble or 'the last homing did not succeed'
+                self._position.lose('the last homing did not succeed')
                 raise MotionFailedError(f'Homing failed: {error}.') from error
             except BaseException:  # a fault of the caller's functions: nobody watches now
                 connection.reset()
                 raise
             position = mpos_to_m(report, self._config.travel_m)
             if position is None or not -1e-6 <= position <= self._config.travel_m + 1e-6:
-                self._trouble = 'the last homing did not succeed'
+                self._position.trouble = 'the last homing did not succeed'
                 raise MotionFailedError(
                     f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
                     f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
                 )
-            return self._to_state(report, self._clock_ns())
+            return self._position.to_state(report)
 
     def move_to(
         self,
@@ -250,7 +252,7 @@ class LinearGuideClient:
             connection, settings = self._require_connection()
             start_m = self._check_move(position_m, speed_m_s)
             self._gate.begin('move', should_stop)
-            self._direction = 1 if position_m >= start_m else -1
+            self._position.direction = 1 if position_m >= start_m else -1
             track = MotionTrack(start_m, position_m, speed_m_s)
             expected_s = settings.compute_move_duration_s(position_m - start_m, speed_m_s)
             started_s = time.monotonic()
@@ -295,8 +297,8 @@ class LinearGuideClient:
                 self._give_up(connection, 'a move was left unwatched')
                 raise
             finally:
-                self._direction = 0
-            return self._to_state(report, self._clock_ns())
+                self._position.direction = 0
+            return self._position.to_state(report)
 
     def request_stop(self) -> bool:
         """Begin to stop at once and return; the running motion ends when at rest.
@@ -321,14 +323,14 @@ class LinearGuideClient:
             self._config.port,
             self._config.baud,
             self._config.poll_rate_hz,
-            on_report=self._on_report,
-            on_fault=self._on_fault,
+            on_report=self._position.take_report,
+            on_fault=self._position.take_fault,
         )
         try:
             connection.open()
             settings = GuideSettings.from_lines(connection.read_settings())
             settings.check(self._config, connection.options, is_hal=connection.is_hal)
-            self._trouble = NOT_HOMED
+            self._position.trouble = NOT_HOMED
             connection.start_polling()
             connection.wait_report(REPLY_TIMEOUT_S)
             return connection, settings
@@ -344,18 +346,17 @@ class LinearGuideClient:
     def _check_move(self, position_m: float, speed_m_s: float) -> float:
         check_reach(self._config, position_m, speed_m_s)
         state = self.state
-        if self._trouble or state is None or state.position_m is None:
+        if self._position.trouble or state is None or state.position_m is None:
             raise MotionRefusedError(
-                f'The position is unknown: {self._trouble or "no report yet"}; home the guide.'
+                f'The position is unknown: {self.trouble or "no report yet"}; home the guide.'
             )
         return state.position_m
 
     def _watch(self, on_state: Callable[[GuideState], None], track: MotionTrack) -> None:
-        last = self._last
+        last = self._position.last
         if last is None or self._gate.is_stopping:  # a stop begins with a hold of our own
             return
-        report, received_at_ns, arrived_at_ns = last
-        state = self._to_state(report, received_at_ns)
+        state, arrived_at_ns = last
         if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
             raise MotionFailedError(f'the controller went to {state.state} by itself')
         if state.position_m is not None:
@@ -369,40 +370,17 @@ class LinearGuideClient:
         except LinearGuideDriverError as error:
             self._give_up(connection, str(error))
             raise MotionFailedError(f'Stopping failed: {error}; home the guide.') from error
-        if self._trouble or position is None:
+        if self._position.trouble or position is None:
             raise MotionFailedError(
-                f'Stopping lost the position: {self._trouble}; home the guide.'
+                f'Stopping lost the position: {self._position.trouble}; home the guide.'
             )
         raise MotionStoppedError(
             f'Stopped at {position:.4f} m on the way to {target_m:.4f} m; the position is kept.'
         ) from None
 
     def _give_up(self, connection: GrblConnection, reason: str) -> None:
-        self._trouble = self._trouble or reason
+        self._position.lose(reason)
         connection.hold()
-
-    def _on_fault(self, reason: str) -> None:
-        # The first reason is the cause; what follows are its consequences.
-        if not self._trouble:
-            self._trouble = reason
-            self._on_trouble(reason)
-
-    def _on_report(self, report: grbl.StatusReport) -> None:
-        if report.state == 'Alarm':
-            self._on_fault('the controller is locked in Alarm')
-        self._last = (report, self._clock_ns(), time.monotonic_ns())
-        try:
-            self._on_state(self._to_state(*self._last[:2]))
-        except Exception:  # the reader must outlive it: it sees alarms and answers
-            _logger.exception('the consumer of the guide states failed')
 
     def _to_mpos_mm(self, position_m: float) -> float:
         return (position_m - self._config.travel_m) * 1e3
-
-    def _to_state(self, report: grbl.StatusReport, received_at_ns: int) -> GuideState:
-        return GuideState(
-            position_m=None if self._trouble else mpos_to_m(report, self._config.travel_m),
-            velocity_m_s=self._direction * (report.feed_mm_min or 0.0) / 60e3,
-            state=report.state,
-            received_at_ns=received_at_ns,
-        )
