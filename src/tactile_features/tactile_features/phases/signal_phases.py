@@ -26,13 +26,13 @@ from __future__ import annotations
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
+from tactile_features.phases.reduced_signal import ReducedSignal, SLOPE_STEPS
 from tactile_features.phases.signal_changes import (
     estimate_noise_n,
-    locate_bend,
     locate_step,
     measure_step,
 )
@@ -51,7 +51,6 @@ from tactile_features.records import (
 from tactile_features.windows import SAMPLE, Samples
 
 # Chosen on training sessions of the simulator, see docs/phases.md.
-_REDUCED_HZ = 60.0  # faster streams are averaged down to about this rate
 _REST_LEARN = 9  # samples of rest before anything can begin
 _REST_MEMORY = 60  # samples that say what rest is
 _REST_RENEW = 15  # they are asked anew where the number of a sample can be divided by this
@@ -59,12 +58,9 @@ _CONFIRM = 3  # samples in a row that begin a rise, or a fall
 _RISE_SIGMAS = 6.0  # how far a rise stands out from the noise
 _ONSET_SIGMAS = 3.0  # and where it began
 _ONSET_SHARE = 0.05  # but not below this share of what counts as a rise
-_SLOPE_STEPS = 5  # a slope is taken over so many steps
 _FLAT_SHARE = 0.1  # a rise or fall is over where its slope is this share of its steepest
 _FLAT_SAMPLES = 6  # for so many samples
 _BEND_SHARE = 0.5  # near the bend, the slope is this share of the steepest
-_BEND_BEFORE = 6  # samples before that in which the bend is looked for
-_BEND_AFTER = 6  # and samples behind it
 _AGAIN_SHARE = 0.25  # of the level: so much more tension is a new pull
 _FALLEN_SHARE = 0.25  # of the level: with so little left, the tendon has been released
 _RELEASE_NS = 1_000_000_000  # before half the tension is gone, in which a release began
@@ -75,7 +71,6 @@ _GLIDE_AFTER = (6, 12, 24, 48)  # and samples after it, in turn
 _GLIDE_SIGMAS = 5.0  # how far the tension jumps there
 _GLIDE_SHARE = 0.015  # of the level: and at least this
 _GLIDE_CONFIRM_S = 0.3  # after which a jump is known not to be a release
-_MEMORY = 900  # samples in which a release is looked for
 
 
 class _State(Enum):
@@ -116,7 +111,7 @@ class SignalPhases:
                 f'{PROTOCOL_TEXTURE} or {PROTOCOL_STIFFNESS}'
             )
         self._config = config
-        self._group_size = max(1, round(config.rate_hz / _REDUCED_HZ))
+        self._signal = ReducedSignal(config.rate_hz)
         self._steps = {
             _State.LEARN: self._learn,
             _State.REST: self._rest,
@@ -130,65 +125,38 @@ class SignalPhases:
     def abort(self, message: str) -> list[TrialEvent]:
         """Forget everything; return the end of the trial that was under way, if any."""
         is_silent = self._state in (_State.LEARN, _State.REST) or not self._is_settled
-        events = [] if is_silent else [self._event(PHASE_ABORTED, self._stamp_ns[-1], message)]
+        events = (
+            [] if is_silent else [self._event(PHASE_ABORTED, self._signal.stamp_ns[-1], message)]
+        )
         self.reset()
         return events
 
     def reset(self) -> None:
         """Forget everything: the next samples have nothing to do with the last ones."""
-        self._pending: list[tuple[int, float]] = []
-        self._pending_group = -1
+        self._signal.clear()
         self._is_settled = True  # whoever is there sees the stream begin anew
         self._start_learning()
 
     def add(self, samples: Samples) -> list[TrialEvent]:
         """Take in samples in the order of time; return the phases now known to begin."""
         events: list[TrialEvent] = []
-        groups = samples['sequence'] // np.uint64(self._group_size)
-        usable = np.isfinite(samples['tension_n'])
-        if self._pending_group < 0 and len(samples):
+        if self._signal.group < 0 and len(samples):
             self._is_settled |= bool(samples['sequence'][0] == 0)
-        columns = (samples['stamp_ns'], samples['tension_n'], groups, usable)
-        for stamp_ns, tension_n, group, is_usable in zip(
-            *(column.tolist() for column in columns), strict=True
-        ):
-            if group != self._pending_group:
-                events += self._close_group()
-                self._pending_group = group
-            if is_usable:
-                self._pending.append((stamp_ns, tension_n))
-                if len(self._pending) == self._group_size:
-                    events += self._close_group()
+        for _ in self._signal.add(samples):
+            was_settled = self._is_settled
+            new = self._steps[self._state]()
+            events += new if was_settled else []
         return events
-
-    def _close_group(self) -> list[TrialEvent]:
-        """Take the mean of a group as one sample."""
-        count = len(self._pending)
-        if not count:
-            return []
-        stamp_ns = sum(stamp for stamp, _ in self._pending) // count
-        tension_n = sum(tension for _, tension in self._pending) / count
-        self._pending.clear()
-        if self._stamp_ns and stamp_ns <= self._stamp_ns[-1]:
-            return []  # times of arrival can stand still or step back
-        self._stamp_ns.append(stamp_ns)
-        self._tension_n.append(tension_n)
-        if len(self._stamp_ns) > 2 * _MEMORY:
-            del self._stamp_ns[:_MEMORY], self._tension_n[:_MEMORY]
-        was_settled = self._is_settled
-        events = self._steps[self._state]()
-        return events if was_settled else []
 
     def _start_learning(self) -> None:
         self._state = _State.LEARN
-        self._stamp_ns: list[int] = []
-        self._tension_n: list[float] = []
+        self._signal.forget()
 
     def _learn(self) -> list[TrialEvent]:
-        if len(self._tension_n) < _REST_LEARN:
+        if len(self._signal.tension_n) < _REST_LEARN:
             return []
         self._measure_rest()
-        some = np.array(self._tension_n[-_REST_LEARN:])
+        some = np.array(self._signal.tension_n[-_REST_LEARN:])
         third = _REST_LEARN // 3
         moved_n = abs(float(np.median(some[-third:]) - np.median(some[:third])))
         if moved_n < self._threshold_n / 2:
@@ -197,13 +165,13 @@ class SignalPhases:
         return []
 
     def _measure_rest(self) -> None:
-        some = np.array(self._tension_n[-_REST_MEMORY:])
+        some = np.array(self._signal.tension_n[-_REST_MEMORY:])
         self._rest_n = float(np.median(some))
         self._noise_n = estimate_noise_n(some)
         self._threshold_n = max(self._config.detected_rise_n, _RISE_SIGMAS * self._noise_n)
 
     def _rest(self) -> list[TrialEvent]:
-        off_n = self._tension_n[-1] - self._rest_n
+        off_n = self._signal.tension_n[-1] - self._rest_n
         if abs(off_n) <= self._threshold_n:
             self._off_count = 0
         else:
@@ -216,20 +184,20 @@ class SignalPhases:
             return self._begin_trial()
         else:
             self._rest_count += 1
-            if self._pending_group % _REST_RENEW == 0:
+            if self._signal.group % _REST_RENEW == 0:
                 self._measure_rest()
                 self._is_settled |= self._rest_count >= _REST_MEMORY
         return []
 
     def _begin_trial(self) -> list[TrialEvent]:
         small_n = max(_ONSET_SIGMAS * self._noise_n, _ONSET_SHARE * self._threshold_n)
-        at = len(self._tension_n) - 1
-        while at > 0 and self._tension_n[at] > self._rest_n + small_n:
+        at = len(self._signal.tension_n) - 1
+        while at > 0 and self._signal.tension_n[at] > self._rest_n + small_n:
             at -= 1
-        self._trial_id = f'detected-{self._stamp_ns[at]}'
-        self._rise_from_ns = self._stamp_ns[max(0, at - _SLOPE_STEPS)]
+        self._trial_id = f'detected-{self._signal.stamp_ns[at]}'
+        self._rise_from_ns = self._signal.stamp_ns[max(0, at - SLOPE_STEPS)]
         self._start_rise()
-        return [self._event(PHASE_CONTACT, self._stamp_ns[at])]
+        return [self._event(PHASE_CONTACT, self._signal.stamp_ns[at])]
 
     def _start_rise(self) -> None:
         self._state = _State.RISE
@@ -237,21 +205,21 @@ class SignalPhases:
         self._flat_count = self._off_count = 0
 
     def _rise(self) -> list[TrialEvent]:
-        slope_n_s = self._slope()
+        slope_n_s = self._signal.slope()
         self._steepest_n_s = max(self._steepest_n_s, slope_n_s)
         is_flat = slope_n_s < _FLAT_SHARE * self._steepest_n_s
         self._flat_count = self._flat_count + 1 if is_flat else 0
         if self._flat_count < _FLAT_SAMPLES:
             return []
-        stamp_ns, slopes = self._slopes()
+        stamp_ns, slopes = self._signal.slopes()
         slopes[stamp_ns < self._rise_from_ns] = 0.0
         steepest = int(np.argmax(slopes))
         steep = np.flatnonzero(slopes[steepest:] > _BEND_SHARE * slopes[steepest])
         last_steep = steepest + (int(steep[-1]) if len(steep) else 0)
-        at = self._locate_bend(last_steep + 1 + _SLOPE_STEPS // 2)
+        at = self._signal.locate_bend(last_steep + 1 + SLOPE_STEPS // 2)
         self._state = _State.HELD
-        self._held_ns = self._stamp_ns[at]
-        self._level_n = max(self._tension_n[at] - self._rest_n, self._threshold_n)
+        self._held_ns = self._signal.stamp_ns[at]
+        self._level_n = max(self._signal.tension_n[at] - self._rest_n, self._threshold_n)
         self._glide_ns: int | None = None
         self._has_glide = False
         if self._config.phases == PROTOCOL_STIFFNESS:
@@ -259,7 +227,7 @@ class SignalPhases:
         return []
 
     def _hold(self) -> list[TrialEvent]:
-        share = (self._tension_n[-1] - self._rest_n) / self._level_n
+        share = (self._signal.tension_n[-1] - self._rest_n) / self._level_n
         if _FALLEN_SHARE <= share <= 1.0 + _AGAIN_SHARE:
             self._off_count = 0
         else:
@@ -276,15 +244,15 @@ class SignalPhases:
     def _look_for_glide(self) -> list[TrialEvent]:
         if self._glide_ns is None:
             self._glide_ns = self._find_glide()
-        elif self._stamp_ns[-1] - self._glide_ns > _GLIDE_CONFIRM_S * 1e9:
+        elif self._signal.stamp_ns[-1] - self._glide_ns > _GLIDE_CONFIRM_S * 1e9:
             # The start of a release looks the same, but not for long.
             self._has_glide = True
             return [self._event(PHASE_GLIDE, self._glide_ns)]
         return []
 
     def _find_glide(self) -> int | None:
-        elapsed_s, tension_n = self._recent(_GLIDE_BEFORE + max(_GLIDE_AFTER))
-        guarded_s = (self._held_ns - self._stamp_ns[-1]) / 1e9 + _GUARD_S
+        elapsed_s, tension_n = self._signal.recent(_GLIDE_BEFORE + max(_GLIDE_AFTER))
+        guarded_s = (self._held_ns - self._signal.stamp_ns[-1]) / 1e9 + _GUARD_S
         guarded = int(np.searchsorted(elapsed_s, guarded_s))
         for after in _GLIDE_AFTER:
             first_after = len(elapsed_s) - after
@@ -297,67 +265,42 @@ class SignalPhases:
             least_n = max(_GLIDE_SIGMAS * error_n, _GLIDE_SHARE * self._level_n)
             if abs(step.height_n) > least_n:
                 at = locate_step(time_s, some_n, _GLIDE_LEAST) - len(time_s)
-                return self._stamp_ns[at]
+                return self._signal.stamp_ns[at]
         return None
 
     def _release(self) -> list[TrialEvent]:
-        stamp_ns, slopes = self._slopes()
+        stamp_ns, slopes = self._signal.slopes()
         slopes[stamp_ns < max(self._held_ns, self._earliest_release_ns())] = 0.0
         steepest = int(np.argmin(slopes))
         self._steepest_n_s = float(slopes[steepest])
         gentle = np.flatnonzero(slopes[:steepest] > _BEND_SHARE * self._steepest_n_s)
         near = int(gentle[-1]) if len(gentle) else steepest
-        at = self._locate_bend(near + 1 + _SLOPE_STEPS // 2)
+        at = self._signal.locate_bend(near + 1 + SLOPE_STEPS // 2)
         self._state = _State.FALL
         if self._config.phases == PROTOCOL_TEXTURE and not self._has_glide:
             message = 'no glide was found between contact and release'
-            return [self._event(PHASE_ABORTED, self._stamp_ns[at], message)]
-        return [self._event(PHASE_RELEASE, self._stamp_ns[at])]
+            return [self._event(PHASE_ABORTED, self._signal.stamp_ns[at], message)]
+        return [self._event(PHASE_RELEASE, self._signal.stamp_ns[at])]
 
     def _earliest_release_ns(self) -> int:
         """Return when the release began at the earliest: some time before half was gone.
 
         A soft object can give way faster at the start of a hold than a slow hand releases it.
         """
-        shares = (np.array(self._tension_n) - self._rest_n) / self._level_n
+        shares = (np.array(self._signal.tension_n) - self._rest_n) / self._level_n
         half = np.flatnonzero(shares >= 0.5)
-        half_ns = self._stamp_ns[half[-1]] if len(half) else self._stamp_ns[0]
-        since_ns = self._stamp_ns[-1] - half_ns
+        half_ns = self._signal.stamp_ns[half[-1]] if len(half) else self._signal.stamp_ns[0]
+        since_ns = self._signal.stamp_ns[-1] - half_ns
         return half_ns - max(_RELEASE_NS, 3 * since_ns)
 
     def _fall(self) -> list[TrialEvent]:
-        if self._slope() < _FLAT_SHARE * self._steepest_n_s:
+        if self._signal.slope() < _FLAT_SHARE * self._steepest_n_s:
             return []
-        done_ns = self._stamp_ns[-_SLOPE_STEPS]
+        done_ns = self._signal.stamp_ns[-SLOPE_STEPS]
         is_aborted = self._config.phases == PROTOCOL_TEXTURE and not self._has_glide
         self._is_settled = True
         self._start_learning()
         return [] if is_aborted else [self._event(PHASE_DONE, done_ns)]
-
-    def _slope(self) -> float:
-        """Return the slope over the last samples [N/s]."""
-        first = max(-len(self._stamp_ns), -1 - _SLOPE_STEPS)
-        elapsed_s = (self._stamp_ns[-1] - self._stamp_ns[first]) / 1e9
-        return (self._tension_n[-1] - self._tension_n[first]) / elapsed_s
-
-    def _slopes(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return where each slope in memory begins [ns], and the slope [N/s]."""
-        stamp_ns = np.array(self._stamp_ns)
-        tension_n = np.array(self._tension_n)
-        first, last = slice(None, -_SLOPE_STEPS), slice(_SLOPE_STEPS, None)
-        slopes = (tension_n[last] - tension_n[first]) / ((stamp_ns[last] - stamp_ns[first]) / 1e9)
-        return stamp_ns[first], slopes
-
-    def _recent(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the last samples: time before the last one, negative [s], and tension [N]."""
-        stamp_ns = np.array(self._stamp_ns[-count:])
-        return (stamp_ns - stamp_ns[-1]) / 1e9, np.array(self._tension_n[-count:])
-
-    def _locate_bend(self, near: int) -> int:
-        first, last = max(0, near - _BEND_BEFORE), near + _BEND_AFTER + 1
-        stamp_ns = np.array(self._stamp_ns[first:last])
-        elapsed_s = (stamp_ns - stamp_ns[0]) / 1e9
-        return first + locate_bend(elapsed_s, np.array(self._tension_n[first:last]))
 
     def _event(self, phase: str, stamp_ns: int, message: str = '') -> TrialEvent:
         config = self._config
