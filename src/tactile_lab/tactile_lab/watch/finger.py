@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from itertools import islice
 from typing import Any
 
@@ -25,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.records import ClassificationResult
-from tactile_classifier.records import Outcome as Answered
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import (
     FeatureWindow,
@@ -43,6 +41,7 @@ from tactile_features.records import (
     StrainBlock,
     TrialEvent,
 )
+from tactile_lab.watch.answer_text import describe_answer, rounded
 from tactile_lab.watch.decimation import BUCKET_NS, Decimator, Point
 
 SHOWN_S = 12.0
@@ -198,14 +197,14 @@ class Finger:
         self._slip = {
             'motion': motion,
             'at': onset_ns,
-            'statistic': _rounded(statistic),
-            'tension_n': _rounded(tension_n),
+            'statistic': rounded(statistic),
+            'tension_n': rounded(tension_n),
         }
         self.version += 1
 
     def take_tare(self, is_set: bool, bias_n: float) -> None:
         """Take what the sensor subtracts from every sample."""
-        self._tare = {'is_set': is_set, 'bias_n': _rounded(bias_n)}
+        self._tare = {'is_set': is_set, 'bias_n': rounded(bias_n)}
         self.version += 1
 
     # -- what is shown ---------------------------------------------------------------
@@ -227,7 +226,7 @@ class Finger:
         new = list(islice(self._points, known, None))
         return (
             [round((p.stamp_ns - self._base_ns) * 1e-9, 4) for p in new],
-            [p.tension_n if p.tension_n is None else _rounded(p.tension_n) for p in new],
+            [p.tension_n if p.tension_n is None else rounded(p.tension_n) for p in new],
         )
 
     @property
@@ -258,7 +257,7 @@ class Finger:
         event = self.event
         return {
             'name': self.name,
-            'rate_hz': _rounded(self.rate_hz),
+            'rate_hz': rounded(self.rate_hz),
             'faults': self.faults(),
             'lost': self.lost_count,
             'simulated': self.simulated,
@@ -314,7 +313,7 @@ class Finger:
             'from': self._seconds(window.window_start_ns),
             'to': self._seconds(window.window_end_ns),
             'measures': [
-                {'name': m.name, 'unit': m.unit, 'value': _rounded(m.value)}
+                {'name': m.name, 'unit': m.unit, 'value': rounded(m.value)}
                 for m in window.measures
                 if not m.reason
             ],
@@ -329,7 +328,7 @@ class Finger:
         window = self._window
         is_spectrum = window is not None and window.feature_set == SET_TEXTURE_SPECTRUM
         if window is not None and is_spectrum and window.outcome == Outcome.OK:
-            part = 'running window' if window.running else 'window of the trial'
+            part = 'partial window' if window.running else 'window of the trial'
             step_hz = window.rate_hz / (2 * (len(window.values) - 1))
             return _describe_spectrum(window.values, step_hz, part)
         if not self.rate_hz:
@@ -350,56 +349,10 @@ class Finger:
         )
 
 
-def describe_answer(source: str, answer: ClassificationResult, true_label: str) -> dict[str, Any]:
-    """Return an answer as what JSON can hold, with the likeliest labels first."""
-    scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
-    is_right = None
-    if true_label and answer.outcome == Answered.LABEL and not answer.running:
-        is_right = answer.label == true_label
-    return {
-        'source': source,
-        'task': answer.task,
-        'contact': answer.contact,
-        'trial': answer.trial_id,
-        'outcome': answer.outcome.name.lower(),
-        'label': answer.label,
-        'true': true_label,
-        'right': is_right,
-        'reason': answer.reason,
-        'scores': [[label, _rounded(score)] for label, score in scores],
-        'kind': answer.score_kind,
-        'running': answer.running,
-        'decided': answer.decided,
-        'model': answer.model_id,
-        'simulated': answer.simulated,
-    }
-
-
-def describe_line(finger: str, answer: ClassificationResult, true_label: str) -> str:
-    """Return one line about an answer: finger, task, label with its score or *unknown*."""
-    parts = [finger] if finger else []
-    parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
-    if answer.outcome == Answered.LABEL:
-        score = f'({max(answer.scores):.2f} {answer.score_kind})' if answer.scores else ''
-        parts.append(f'{answer.label:13} {score}')
-        if true_label:
-            parts.append('right' if answer.label == true_label else f'wrong, it is {true_label}')
-    elif answer.outcome == Answered.UNKNOWN:
-        parts.append(f'unknown: {answer.reason}')
-    else:
-        parts.append(f'no answer: {answer.reason}')
-    if answer.simulated:
-        parts.append('SIMULATED')
-    return '  '.join(parts)
-
-
 def _describe_spectrum(values: NDArray[np.float64], step_hz: float, part: str) -> dict[str, Any]:
     shown = values[: int(HIGHEST_HZ / step_hz) + 1]
     return {
         'step_hz': step_hz,
-        'values': [_rounded(v) for v in shown.tolist()],
+        'values': [rounded(v) for v in shown.tolist()],
         'part': part,
     }
-
-
-_rounded: Callable[[float], float] = lambda value: float(f'{value:.4g}')  # noqa: E731

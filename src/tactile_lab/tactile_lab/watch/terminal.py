@@ -26,7 +26,8 @@ from rich.table import Table
 from rich.text import Text
 
 from tactile_classifier.records import Outcome
-from tactile_lab.watch.finger import describe_line, Finger
+from tactile_lab.watch.answer_text import describe_line
+from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.state import WatchState
 
 FRAMES_HZ = 8.0
