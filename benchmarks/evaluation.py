@@ -36,7 +36,7 @@ def run_neighbours(quick: bool) -> Report:
     rows = []
     for task, table in (('texture', _texture_table()), ('stiffness', _stiffness_table())):
         split = stratified_split(table, 6, 2 if quick else 10)
-        folds = [fold for deal in split.deals for fold in deal]
+        folds = [fold for repeat in split.repeats for fold in repeat]
         # Errors that split the votes; without any there would be nothing to get wrong.
         noise = np.random.default_rng(3).normal(0.0, 2.0, table.values.shape)
         values = table.values + noise * table.values.std(axis=0)

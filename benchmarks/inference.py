@@ -58,7 +58,7 @@ def run_inference(quick: bool) -> Report:
                 rounds=5 if quick else 15,
             )
             changed = np.array(model.predict(queries)) != peer.predict(queries)
-            found, part = model.compute(queries), trained.parts[0]
+            found, part = model.compute(queries), trained.stages[0]
             scores = part.calibration.compute(compute_raw_scores(estimator, queries))
             difference = np.abs(found.scores - scores).max()
             novelty = np.abs(found.novelty - part.novelty.compute(queries)).max()

@@ -28,7 +28,7 @@ from typing import Any
 from measuring import Report, Row
 import numpy as np
 
-from tactile_bags.auditing.audit import FingerAuditor
+from tactile_bags.auditing.auditor import FingerAuditor
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.bag_writer import BagWriter

@@ -277,7 +277,7 @@ def _fabrics() -> list[Row]:
         return compute
 
     spatial = Method(
-        f'texture_spatial {1e3 * FABRIC_FINEST_M:g} mm, linear machine',
+        f'texture_spatial {1e3 * FABRIC_FINEST_M:g} mm, linear SVM',
         fixed(by_speed(over_distance())),
         lambda: build_estimator('svm_linear', 'none'),
     )
@@ -316,7 +316,7 @@ def _simulated() -> list[Row]:
     session = np.tile(np.repeat(np.arange(4), 5), len(np.unique(glides.label)))
     window = SpatialWindow(0.04475, SIMULATED_FINEST_M)  # the same 180 samples
     spatial = Method(
-        'texture_spatial 0.5 mm, scaled RBF machine',
+        'texture_spatial 0.5 mm, scaled RBF SVM',
         fixed(lambda rows: compute_spatial(rows, 0.015, glides.rate_hz, window)),
         lambda: build_estimator('svm_rbf', 'standard'),
     )

@@ -72,7 +72,7 @@ class Setting:
     plain_fft
         Magnitudes of the sum over the window, without the division by its length.
     gamma
-        Of the RBF machine: ``scale`` (scikit-learn since 0.22) or ``auto`` (before).
+        Of the RBF SVM: ``scale`` (scikit-learn since 0.22) or ``auto`` (before).
     scaled
         Features with unit variance.
     settle_s

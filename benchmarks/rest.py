@@ -229,8 +229,8 @@ def _command() -> None:
 
     rclpy.init()
     node = rclpy.create_node('commander')
-    heart = node.create_publisher(Empty, 'heartbeat', 1)
-    node.create_timer(HEARTBEAT_S, lambda: heart.publish(Empty()))
+    heartbeat = node.create_publisher(Empty, 'heartbeat', 1)
+    node.create_timer(HEARTBEAT_S, lambda: heartbeat.publish(Empty()))
     actions = {
         'home': (HomeGuide, ActionClient(node, HomeGuide, 'linear_guide/home')),
         'move': (MoveGuide, ActionClient(node, MoveGuide, 'linear_guide/move')),

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from session_thresholds import FIRST_SEED, RATE, simulate_table, TEST
 
-from tactile_classifier.confidence.calibration import deal, fit_novelty
+from tactile_classifier.confidence.calibration import fit_novelty, make_group_folds
 from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.session_statistics import TINY, TRIALS
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -90,9 +90,9 @@ def _measure_left(table: FeatureTable) -> NDArray[np.float64]:
     """Return the variance of sessions' rates, and windows of a test and of a training session."""
     session = table.column('session_id')
     train, test = table.take(session < TRAIN), table.take(session >= TRAIN)
-    dealt = deal(train)
-    measure, _, _ = fit_novelty(train, dealt, RATE)
-    statistics = fit_session_statistics(train, dealt, measure.metric, RATE)
+    folds = make_group_folds(train)
+    measure, _, _ = fit_novelty(train, folds, RATE)
+    statistics = fit_session_statistics(train, folds, measure.metric, RATE)
     assert statistics is not None
     label = np.unique(test.labels, return_inverse=True)[1]
     generator = np.random.default_rng(0)

@@ -37,9 +37,9 @@ from tactile_classifier.confidence.calibration import (
     Calibration,
     compute_calibration_error,
     compute_uncalibrated,
-    deal,
     hold_out_probabilities,
     hold_out_scores,
+    make_group_folds,
 )
 from tactile_classifier.confidence.score_choice import compute_log_loss, ScoreChoice
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -112,12 +112,12 @@ def _judge(table: FeatureTable, sessions: int, classifier: str) -> list[Array]:
     """Return whether raw is kept, log loss, calibration error and Brier score, by rule."""
     session = table.column('session_id')
     train, test = table.take(session < sessions), table.take(session >= max(SESSIONS))
-    dealt, kind = deal(train), SCORE_KINDS[classifier]
+    folds, kind = make_group_folds(train), SCORE_KINDS[classifier]
     scaling = default_scaling(table.task, classifier)
-    scores, true = hold_out_scores(train, classifier, scaling, dealt.fold)
+    scores, true = hold_out_scores(train, classifier, scaling, folds.fold)
     raw = compute_uncalibrated(scores, kind)
-    probabilities = hold_out_probabilities(scores, true, dealt.fold)
-    choice = ScoreChoice.compare(raw, probabilities, true, dealt.session, kind)
+    probabilities = hold_out_probabilities(scores, true, folds.fold)
+    choice = ScoreChoice.compare(raw, probabilities, true, folds.session, kind)
     naive = compute_calibration_error(probabilities, true) > compute_calibration_error(raw, true)
     estimator = build_estimator(classifier, scaling).fit(train.values, train.labels)
     new = compute_raw_scores(estimator, test.values)

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from session_thresholds import FIRST_SEED, simulate_windows, TEST
 
-from tactile_classifier.confidence.calibration import calibrate_part, deal
+from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
 from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
@@ -72,15 +72,15 @@ def _judge(contact: str, seed: int, tests: int) -> dict[str, Array | None]:
     config = FeatureConfig(spectrum_detrend='mean')
     is_train = sessions < TRAIN
     columns = {'session_id': sessions}
-    dealt, parts, stages = None, [], []
+    folds, parts, stages = None, [], []
     for count in SAMPLES:
         values, spec = features_from_trials(
             'texture', windows, rate_hz, first_samples=count, config=config
         )
         table = FeatureTable(values, labels, spec, columns)
         train, test = table.take(is_train), table.take(~is_train)
-        dealt = dealt or deal(train)
-        part = calibrate_part(train, 'knn', 'none', dealt, FALSE_ALARMS)
+        folds = folds or make_group_folds(train)
+        part = calibrate_stage(train, 'knn', 'none', folds, FALSE_ALARMS)
         estimator = build_estimator('knn', 'none').fit(train.values, train.labels)
         chance = part.calibration.compute(compute_raw_scores(estimator, test.values))
         is_known = part.novelty.compute(test.values) <= part.novelty_threshold
@@ -93,7 +93,7 @@ def _judge(contact: str, seed: int, tests: int) -> dict[str, Array | None]:
     session = sessions[~is_train]
     rules = {
         'all trials': fit_stop_threshold(known, failed, ERROR_RATE),
-        'sessions': fit_stop_threshold(known, failed, ERROR_RATE, dealt.session),
+        'sessions': fit_stop_threshold(known, failed, ERROR_RATE, folds.session),
     }
     return {
         name: None if rule is None else _count(confidence, wrong, session, rule)

@@ -34,9 +34,9 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.confidence.calibration import (
     Calibration,
-    deal,
     fit_novelty,
     hold_out_scores,
+    make_group_folds,
 )
 from tactile_classifier.confidence.novelty import compute_threshold
 from tactile_classifier.confidence.recalibration import fit_session_statistics
@@ -68,8 +68,8 @@ def main() -> None:
     seeds, tests = (2, 10) if arguments.quick else (arguments.seeds, TEST)
     train = arguments.sessions
     sys.stdout.write(
-        '| set | threshold | false alarms, mean ± SD over seeds (range) | sessions above 5, 10, '
-        '30 % | missed | accuracy, log loss |\n|---|---|---|---|---|---|\n'
+        '| set | threshold | false rejection, mean ± SD over seeds (range) | sessions above 5, '
+        '10, 30 % | missed | accuracy, log loss |\n|---|---|---|---|---|---|\n'
     )
     for protocol in ('stiffness', 'texture'):
         for contact in ('abduction', 'flexion'):
@@ -119,11 +119,11 @@ def _judge(table: FeatureTable, seed: int, sessions: int) -> dict[str, Array]:
     """Return false alarms, misses, accuracy, log loss of each test session, by the threshold."""
     session = table.column('session_id')
     train, test = table.take(session < sessions), table.take(session >= sessions)
-    dealt, scaling = deal(train), DEFAULT_SCALING[table.task]
-    measure, novelty, by_session = fit_novelty(train, dealt, RATE)
-    statistics = fit_session_statistics(train, dealt, measure.metric, RATE)
+    folds, scaling = make_group_folds(train), DEFAULT_SCALING[table.task]
+    measure, novelty, by_session = fit_novelty(train, folds, RATE)
+    statistics = fit_session_statistics(train, folds, measure.metric, RATE)
     assert statistics is not None
-    calibration = Calibration.fit(*hold_out_scores(train, 'knn', scaling, dealt.fold))
+    calibration = Calibration.fit(*hold_out_scores(train, 'knn', scaling, folds.fold))
     estimator = build_estimator('knn', scaling).fit(train.values, train.labels)
     classes, label = np.unique(test.labels, return_inverse=True)
     rows: dict[str, list[list[float]]] = {}

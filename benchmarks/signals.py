@@ -43,7 +43,7 @@ from domain_coordinator import domain_id
 from measuring import Report, Row
 import numpy as np
 
-from tactile_bringup.wiring.graph import (
+from tactile_bringup.launch_config.graph import (
     NodeDescription,
     Ports,
     recorder_node,

@@ -50,8 +50,8 @@ from rclpy.node import Node
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
+from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import running_graph
-from tactile_bringup.wiring.graph import NodeDescription
 from tactile_features.records import STATUS_CLOCK_STEP, STATUS_RECONNECTED, STATUS_RESTARTED
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.qos import EVENTS

@@ -32,9 +32,9 @@ import time
 from domain_coordinator import domain_id
 from PIL import Image
 
+from tactile_bringup.launch_config.graph import Ports, rig_graph
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
-from tactile_bringup.wiring.graph import Ports, rig_graph
-from tactile_bringup.wiring.model_folder import find_models
 from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.watching import watching
 from tactile_sim.rig_process import SimulatedRig

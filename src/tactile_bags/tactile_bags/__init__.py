@@ -26,7 +26,7 @@ _HOMES = {
     'CLASSIFICATION': 'recorded_topics',
     'EVENT': 'recorded_topics',
     'EVENT_TOPIC': 'recorded_topics',
-    'FACTS_KEY': 'bag_writer',
+    'METADATA_KEY': 'bag_writer',
     'FEATURES': 'recorded_topics',
     'FEATURES_TOPIC': 'recorded_topics',
     'JOINT_STATE': 'recorded_topics',

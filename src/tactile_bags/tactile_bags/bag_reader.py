@@ -17,11 +17,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 import hashlib
-import heapq
 import json
 import logging
 from pathlib import Path
@@ -32,7 +31,7 @@ from typing import Any
 from rosbags.typesys.store import Typestore
 import zstandard
 
-from tactile_bags.bag_writer import FACTS_KEY
+from tactile_bags.bag_writer import METADATA_KEY
 from tactile_bags.errors import BagDamageError, BagError
 from tactile_bags.old_events import find_event_upgrade
 from tactile_bags.recorded_topics import (
@@ -48,16 +47,14 @@ from tactile_bags.storage.bag_metadata import (
     parse_metadata,
     read_metadata,
 )
-from tactile_bags.storage.mcap_format import MAX_CHUNK_BYTES, MAX_OPEN_BYTES, StoredTopic
-from tactile_bags.storage.mcap_reader import McapFile, Message, unpack_zstd
+from tactile_bags.storage.mcap_format import MAX_CHUNK_BYTES, StoredTopic
+from tactile_bags.storage.mcap_reader import McapFile, unpack_zstd
+from tactile_bags.storage.merged_files import MergedFiles
 from tactile_bags.storage.sqlite_reader import SqliteFile
 from tactile_ros.errors import TactileError
 
 MAX_UNPACKED_BYTES = 4 * 2**30
 """Largest data file that is unpacked from a bag of compressed files [byte], onto the disk."""
-
-_Place = tuple[int, int]
-"""Number of a file, and of a part in it."""
 
 _EMPTY = BagMetadata('mcap', (), '', {}, {}, {})
 _SUFFIXES: dict[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
@@ -99,7 +96,7 @@ class TactileBag:
 
     Attributes
     ----------
-    facts : dict
+    metadata : dict
         What the recorder noted about the recording; empty where it was another's.
     recovered : str
         Empty, or a sentence that says that the bag was never finished and what it may lack.
@@ -116,21 +113,21 @@ class TactileBag:
         self._needs_strain = needs_strain
         self._store = message_store()
         self._files: list[McapFile | SqliteFile] = []
-        self._open_bytes = 0
+        self._merged = MergedFiles(self._files)
         self._foreign: dict[str, str] = {}  # sentences by type that is defined otherwise here
         self._upgrades: dict[str, Callable[[bytes], bytes]] = {}  # by topic
         self._stack = ExitStack()
         try:
             metadata = self._open()
             self._check_types(metadata)
-            self.facts = _read_facts(metadata.custom)
+            self.metadata = _read_metadata(metadata.custom)
         except (BagError, OSError) as error:
             self.close()
             raise BagError(f'{self.path} is not a readable bag: {error}') from error
         except BaseException:
             self.close()
             raise
-        self._metadata = metadata
+        self._file_metadata = metadata
         self.recovered = self._describe_recovery()
         if self.recovered:
             logging.getLogger(__name__).warning('%s', self.recovered)
@@ -234,7 +231,7 @@ class TactileBag:
         unfinished = [file.path.name for file in self._files if not file.is_finished]
         if unfinished:
             count = sum(sum(file.counts.values()) for file in self._files)
-            lost = max(0, self._metadata.message_count - count)
+            lost = max(0, self._file_metadata.message_count - count)
             missing = (
                 f'{lost} that it once held are missing: the file was cut off later'
                 if lost
@@ -261,13 +258,13 @@ class TactileBag:
 
     @property
     def custom(self) -> dict[str, str]:
-        """All custom data of the bag, the facts included."""
-        return dict(self._metadata.custom)
+        """All custom data of the bag, the metadata of the recording included."""
+        return dict(self._file_metadata.custom)
 
     @property
     def topics(self) -> dict[str, tuple[str, int]]:
         """Type and number of messages by topic."""
-        types = {**self._metadata.topics, **{t.name: t.type_name for t in self.stored_topics}}
+        types = {**self._file_metadata.topics, **{t.name: t.type_name for t in self.stored_topics}}
         counts: Counter[str] = Counter()
         for file in self._files:
             for number, topic in file.topics.items():
@@ -325,7 +322,7 @@ class TactileBag:
             and (finger is None or self._finger_of(topic.name, namespaces) == finger)
         }
         try:
-            for received_at_ns, topic, data in self._merged(chosen, since_ns):
+            for received_at_ns, topic, data in self._merged.messages(chosen, since_ns):
                 if received_at_ns < since_ns:
                     continue
                 if self._packing == 'message':
@@ -341,52 +338,6 @@ class TactileBag:
             return self._upgrades[topic](data)
         except Exception as error:  # the decoder trusts what it reads
             raise BagError(f'a message on {topic} is damaged: {error}') from error
-
-    def _merged(
-        self, names: Collection[str], since_ns: int
-    ) -> Iterator[tuple[int, StoredTopic, bytes]]:
-        """Yield the chosen messages of all files, by time of arrival."""
-        sources = (self._sources(n, file, names, since_ns) for n, file in enumerate(self._files))
-        # Of a source, the number is unique: what comes behind it is never compared.
-        waiting = heapq.merge(*sources, key=lambda source: source[:2])
-        due = next(waiting, None)
-        opened: list[tuple[int, _Place, Message, Iterator[Message]]] = []
-        while due is not None or opened:
-            if due is not None and (not opened or due[:2] <= opened[0][:2]):
-                _, place, messages = due
-                due = next(waiting, None)
-            else:
-                received_at_ns, place, message, messages = heapq.heappop(opened)
-                yield received_at_ns, self._files[place[0]].topics[message[1]], message[2]
-            following = next(messages, None)
-            if following is not None:
-                heapq.heappush(opened, (following[0], place, following, messages))
-
-    def _sources(
-        self, number: int, file: McapFile | SqliteFile, names: Collection[str], since_ns: int
-    ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
-        """Yield what of a file is to be read, by its start: start, place, messages."""
-        channels = {n for n, topic in file.topics.items() if topic.name in names}
-        if isinstance(file, SqliteFile):
-            yield 0, (number, 0), file.messages(channels)
-            return
-        for first_ns, i in file.segments.in_time(channels, since_ns):
-            yield first_ns, (number, i), self._open_segment(file, i, channels)
-
-    def _open_segment(
-        self, file: McapFile, number: int, channels: Collection[int]
-    ) -> Iterator[Message]:
-        segment = file.segments[number]
-        self._open_bytes += segment.size
-        try:
-            if self._open_bytes > MAX_OPEN_BYTES:
-                raise BagError(
-                    'its chunks overlap in time so much that more than '
-                    f'{MAX_OPEN_BYTES} bytes would have to be read at once'
-                )
-            yield from file.messages_of(segment, channels)
-        finally:
-            self._open_bytes -= segment.size
 
     @property
     def end_ns(self) -> int:
@@ -414,13 +365,15 @@ def _unpack_message(data: bytes) -> bytes:
     return unpacked
 
 
-def _read_facts(custom: dict[str, str]) -> dict[str, Any]:
+def _read_metadata(custom: dict[str, str]) -> dict[str, Any]:
     try:
-        facts = json.loads(custom.get(FACTS_KEY, '{}'))
+        metadata = json.loads(custom.get(METADATA_KEY, '{}'))
     except (ValueError, RecursionError) as error:
-        raise BagError(f'the facts in its metadata are no JSON: {error}') from error
-    if not isinstance(facts, dict):
-        raise BagError('the facts in its metadata are not a JSON object')
-    if not isinstance(facts.get('models', ''), str):
-        raise BagError('the facts in its metadata name no folder of models, but something else')
-    return facts
+        raise BagError(f'the custom data of its metadata.yaml are no JSON: {error}') from error
+    if not isinstance(metadata, dict):
+        raise BagError('the custom data of its metadata.yaml are not a JSON object')
+    if not isinstance(metadata.get('models', ''), str):
+        raise BagError(
+            'the custom data of its metadata.yaml have an entry "models" that is no path'
+        )
+    return metadata

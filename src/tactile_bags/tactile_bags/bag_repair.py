@@ -57,7 +57,7 @@ class Repair:
 def repair_bag(source: Path, target: Path) -> Repair:
     """Copy every whole message of a bag into a new one, byte for byte.
 
-    The bag itself is not touched. The copy's facts say that it is one, and of which data.
+    The bag itself is not touched. The copy's metadata say that it is one, and of which data.
 
     Raises
     ------
@@ -65,12 +65,12 @@ def repair_bag(source: Path, target: Path) -> Repair:
         When the bag cannot be opened at all, or the copy not be written.
     """
     with TactileBag(source) as bag:
-        facts = {**bag.facts, 'repaired_from_sha256': bag.sha256()}
-        if facts.get('models'):
-            models = (source / str(facts['models'])).resolve()
-            facts['models'] = os.path.relpath(models, target.resolve())
+        metadata = {**bag.metadata, 'repaired_from_sha256': bag.sha256()}
+        if metadata.get('models'):
+            models = (source / str(metadata['models'])).resolve()
+            metadata['models'] = os.path.relpath(models, target.resolve())
         count, damage = 0, ''
-        with BagWriter(target, facts) as writer:
+        with BagWriter(target, metadata) as writer:
             for topic in bag.stored_topics:
                 writer.add_stored_topic(replace(topic, qos=_usable_qos(topic.qos)))
             try:
@@ -79,7 +79,7 @@ def repair_bag(source: Path, target: Path) -> Repair:
                     count += 1
             except BagDamageError as error:
                 damage = str(error)
-                writer.add_facts({'repair_is_partial': True})
+                writer.add_metadata({'repair_is_partial': True})
         return Repair(count, bag.recovered, damage)
 
 

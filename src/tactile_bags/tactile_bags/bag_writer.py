@@ -36,8 +36,8 @@ from tactile_bags.storage.bag_metadata import format_metadata, write_metadata
 from tactile_bags.storage.mcap_format import StoredTopic
 from tactile_bags.storage.mcap_writer import McapWriter
 
-FACTS_KEY = 'tactile'
-"""Key of the bag's custom data that holds the facts about the recording, as JSON."""
+METADATA_KEY = 'tactile'
+"""Key of the bag's custom data that holds the metadata of the recording, as JSON."""
 
 
 class BagWriter:
@@ -47,7 +47,7 @@ class BagWriter:
     ----------
     path : pathlib.Path
         Folder of the bag; must not exist yet.
-    facts : mapping
+    metadata : mapping
         What a reader must know about the recording; JSON-able. Holds at least
         ``simulated`` (bool).
 
@@ -64,15 +64,15 @@ class BagWriter:
         When the folder exists or cannot be made, and later when it cannot be written to.
     """
 
-    def __init__(self, path: Path, facts: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, metadata: Mapping[str, Any]) -> None:
         self.path = Path(path)
         self.store = message_store()
         self.saved_count = 0
         self.is_complete = False
         self._lock = threading.Lock()
         self._topics: dict[str, tuple[int, StoredTopic]] = {}
-        self._facts = dict(facts)
-        self._custom = {FACTS_KEY: json.dumps(self._facts, sort_keys=True)}
+        self._metadata = dict(metadata)
+        self._custom = {METADATA_KEY: json.dumps(self._metadata, sort_keys=True)}
         self._has_early_metadata = False
         self._writer: McapWriter | None = None
         try:
@@ -130,12 +130,12 @@ class BagWriter:
                 raise self._failure(error) from error
         return topic.name
 
-    def add_facts(self, facts: Mapping[str, Any]) -> None:
-        """Add facts that only the recording itself has brought out; call before `close`."""
+    def add_metadata(self, metadata: Mapping[str, Any]) -> None:
+        """Add metadata that are known at the end of the recording; call before `close`."""
         with self._lock:
             self._open_writer()
-            self._facts.update(facts)
-            self._custom[FACTS_KEY] = json.dumps(self._facts, sort_keys=True)
+            self._metadata.update(metadata)
+            self._custom[METADATA_KEY] = json.dumps(self._metadata, sort_keys=True)
 
     def write_raw(self, topic: str, received_at_ns: int, data: bytes) -> None:
         """Write one serialised message."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""YAML from strangers: plain values only, of bounded size and depth."""
+"""Untrusted YAML: plain values only, of bounded size and depth."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class RecorderConfig:
     )
     facts: str = _parameter(
         '{}',
-        'facts about the recording for its metadata, as a JSON object',
+        'metadata of the recording, as a JSON object',
     )
     rig: bool = _parameter(
         True,

@@ -18,7 +18,7 @@ from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 from launch_ros.actions import Node
 
-from tactile_bringup.wiring.launching import declare_arguments, Planned
+from tactile_bringup.launch_config.launching import declare_arguments, Planned
 
 
 def start(context):

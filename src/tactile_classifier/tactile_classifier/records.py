@@ -79,7 +79,7 @@ class ClassificationResult:
     novelty, novelty_threshold : float
         Negative: the model has none.
     false_alarm_rate : float
-        Share of windows of known labels that the threshold turns away [1]; negative: none.
+        Share of windows of known labels that the threshold rejects [1]; negative: none.
     running, decided : bool
         An answer on the first part of a window, and whether the stopping rule holds.
     error_rate : float

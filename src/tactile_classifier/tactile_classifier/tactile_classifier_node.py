@@ -41,7 +41,7 @@ LOG_PERIOD_S = 10.0
 class TactileClassifierNode(DataNode):
     """Publishes ``~/classification`` for every window of features that its model accepts.
 
-    With a model that answers running windows, also ``~/running`` for these, while the
+    With a model that answers partial windows, also ``~/running`` for these, while the
     window fills; the first decided answer of each trial goes to the log.
 
     With the parameter ``vision_messages`` answers go to ``~/vision_classification``, too.
@@ -64,7 +64,7 @@ class TactileClassifierNode(DataNode):
         Those of them, running ones too, whose features are of another specification than the
         model's: they are answered with the reason.
     running_count : int
-        Running windows that were answered.
+        Partial windows that were answered.
     """
 
     def __init__(self, node_name: str = 'tactile_classifier', **node_options: Any) -> None:
@@ -101,7 +101,7 @@ class TactileClassifierNode(DataNode):
             self._subscribe('tactile_features/running_features', self._on_running, recalibration)
             counts = ', '.join(map(str, model.running_samples))
             self.get_logger().info(
-                f'{model.model_id} answers running windows: the parameter running_samples of the '
+                f'{model.model_id} answers partial windows: the parameter running_samples of the '
                 f'feature node should be [{counts}]'
             )
         self._diagnostics = Diagnostics(self, lambda: model.model_id, self._assess)
@@ -205,7 +205,7 @@ class TactileClassifierNode(DataNode):
                 'answers': self.published_count,
                 'windows for others': self.ignored_count,
                 'windows of another specification': self.refused_count,
-                'running answers': self.running_count,
+                'early predictions': self.running_count,
                 'recalibrated with trials': self._recalibrated_with,
                 'active': self.is_active,
             },

@@ -79,7 +79,7 @@ def stiffness_table():
 
 
 @pytest.fixture(scope='session')
-def running_tables(texture_table):
+def partial_tables(texture_table):
     """Return 4 labels of whole windows, and what their first 1 and 2 s might give."""
     table = texture_table.take(texture_table.labels < 'plate 4')
     rng = np.random.default_rng(11)

@@ -42,7 +42,7 @@ MIN_DETECTION_HZ = 20.0
 """Slowest sensor in whose tension phases are found."""
 
 MIN_RUNNING_SAMPLES = 30
-"""Fewest samples of a running window: half a second at 60 Hz."""
+"""Fewest samples of a partial window: half a second at 60 Hz."""
 
 
 def parameter(default: Any, description: str, **metadata: Any) -> Any:
@@ -256,7 +256,7 @@ class FeatureConfig:
         self.feature_set(PHASE_HOLD)
         if self.running_samples and not texture.has_parts:
             raise FeatureError(
-                f'{texture.name} has no running windows; leave running_samples empty'
+                f'{texture.name} has no partial windows; leave running_samples empty'
             )
         counts = (MIN_RUNNING_SAMPLES - 1, *self.running_samples, self.texture_samples)
         if self.running_samples and not all(a < b for a, b in pairwise(counts)):

@@ -37,7 +37,7 @@ def rewrite():
 
     def rewrite(source, target, change):
         """Copy a bag, message by message; ``change`` returns the message, or None to lose it."""
-        with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+        with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
             for name, (type_name, _) in bag.topics.items():
                 writer.add_topic(RecordedTopic(name.strip('/'), type_name))
             for message in bag.messages():
@@ -62,7 +62,7 @@ def stiffness_bag(tmp_path_factory):
 def trained(stiffness_bag, tmp_path_factory):
     """Return a folder with a model that was trained on the small recording."""
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    from tactile_bringup.wiring.model_folder import model_path
+    from tactile_bringup.launch_config.model_folder import model_path
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train
     from tactile_lab.datasets.bag_tables import read_tables

@@ -197,9 +197,9 @@ class TactileNode(LifecycleNode):
             self.destroy_node()
 
     def _refuse_impossible_transitions(self) -> None:
-        """Answer a stranger's wrong transition with "no".
+        """Answer an invalid transition request with "no".
 
-        rclpy raises instead, which leaves the stranger without an answer, and the executor
+        rclpy raises instead, which leaves the caller without an answer, and the executor
         without the requests that came with it.
         """
         service = change_state_service(self)

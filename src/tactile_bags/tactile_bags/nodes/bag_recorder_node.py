@@ -27,7 +27,8 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-from tactile_bags.auditing.audit import Audit, AuditSummary, FingerAuditor, nominal_rate_hz
+from tactile_bags.auditing.audit import Audit, AuditSummary
+from tactile_bags.auditing.auditor import FingerAuditor, nominal_rate_hz
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.conversions import audit_to_msg
 from tactile_bags.errors import BagError
@@ -102,15 +103,15 @@ class BagRecorderNode(DataNode):
         self.is_finished = self.has_failed = False
         self.audits.clear()
         self._summary = AuditSummary()
-        facts = json.loads(config.facts)
-        if not isinstance(facts, dict):
+        metadata = json.loads(config.facts)
+        if not isinstance(metadata, dict):
             raise ValueError('parameter facts is no JSON object; write {"name": value}')
-        writer = self._writer = BagWriter(Path(config.bag), facts)
+        writer = self._writer = BagWriter(Path(config.bag), metadata)
         for namespace in config.namespaces:
             for topic in recorded_topics(config.classifiers):
                 self._topics[writer.add_topic(topic, namespace)] = topic
             self._auditors[namespace.strip('/')] = FingerAuditor(
-                namespace.strip('/'), nominal_rate_hz(facts)
+                namespace.strip('/'), nominal_rate_hz(metadata)
             )
         self._audit_topic = writer.add_topic(
             RecordedTopic(f'{self.get_name()}/audit', AUDIT, latched=True), self.get_namespace()
@@ -184,7 +185,7 @@ class BagRecorderNode(DataNode):
         if self._audit_publisher is not None:
             for audit in [a for auditor in self._auditors.values() for a in auditor.finish()]:
                 self._publish(audit, writer)
-            writer.add_facts({'audit': self._summary.to_dict()})
+            writer.add_metadata({'audit': self._summary.to_dict()})
         writer.close()
 
     def save(self) -> None:
@@ -244,7 +245,7 @@ class BagRecorderNode(DataNode):
                 audits = auditor.add_block(strain_block_from_msg(message))
             else:
                 audits = auditor.add_event(event_from_msg(message))
-        except Exception as error:  # bytes of a stranger; they are recorded as they are
+        except Exception as error:  # untrusted bytes; they are recorded as they are
             reason = f'it is recorded, but cannot be audited: {error!r}'
             self.message_guard.refuse(topic.name, reason)
             return

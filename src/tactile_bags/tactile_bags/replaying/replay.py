@@ -76,7 +76,7 @@ def recorded_config(bag: TactileBag) -> FeatureConfig:
 
     Options that its release did not have yet have the values which they had implicitly.
     """
-    values = bag.facts.get('feature_config')
+    values = bag.metadata.get('feature_config')
     try:
         return FeatureConfig() if values is None else FeatureConfig(**unstated_options() | values)
     except (TypeError, FeatureError) as error:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The records of an MCAP file, and how large each may be in a file from a stranger.
+"""The records of an MCAP file, and how large each may be in an untrusted file.
 
 After the specification at https://mcap.dev/spec. A record is an opcode, a length and that
 many bytes; whoever wrote the file chose the length, so it is compared with a limit before

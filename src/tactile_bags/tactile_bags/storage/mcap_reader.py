@@ -15,7 +15,7 @@
 """Reads an MCAP file from its beginning, whether or not it was ever finished.
 
 The index at the end of a file is not used: it is absent where a recorder was killed, and
-need not be true where a stranger wrote it. What is read is bounded by `mcap_format`.
+need not be true in an untrusted file. What is read is bounded by `mcap_format`.
 """
 
 from __future__ import annotations

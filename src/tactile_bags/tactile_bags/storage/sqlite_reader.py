@@ -65,7 +65,7 @@ class SqliteFile:
         self._database.close()
 
     def _read_topics(self) -> None:
-        # What a stranger's file computes for itself must not run: views, triggers, functions.
+        # What an untrusted file defines must not run: views, triggers, functions.
         self._database.execute('PRAGMA trusted_schema = OFF')
         kinds = dict(
             self._database.execute(

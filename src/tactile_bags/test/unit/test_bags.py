@@ -60,7 +60,7 @@ def bag_path(tmp_path):
 
 def test_what_is_written_is_read_bit_for_bit(bag_path):
     with TactileBag(bag_path) as bag:
-        assert bag.facts == {'simulated': True, 'note': 'two fingers'}
+        assert bag.metadata == {'simulated': True, 'note': 'two fingers'}
         assert bag.namespaces == ('index', 'thumb')
         assert bag.topics['/thumb/tendon_sensor/strain'] == (STRAIN, 3)
         messages = list(bag.messages(STRAIN, namespace='thumb'))
@@ -142,7 +142,7 @@ def test_a_bag_cut_off_later_says_what_is_missing(bag_path, tmp_path, keep, miss
     with TactileBag(cut_off(bag_path, tmp_path / 'damaged', keep)) as bag:
         assert 'never closed' in bag.recovered
         assert f'{missing} that it once held are missing' in bag.recovered
-        assert bag.facts['simulated'] is True
+        assert bag.metadata['simulated'] is True
         assert len(list(bag.messages())) == 6 - missing
 
 

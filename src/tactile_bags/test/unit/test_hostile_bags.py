@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags from strangers: whatever is in them, a sentence and no more memory than is stated."""
+"""Untrusted bags: whatever is in them, a sentence and no more memory than is stated."""
 
 from contextlib import suppress
 import os
@@ -169,7 +169,7 @@ def test_hostile_file_is_refused_with_a_sentence(read_file, name):
 
 
 def test_chunks_that_all_overlap_are_not_all_read_at_once(read_file, monkeypatch):
-    monkeypatch.setattr('tactile_bags.bag_reader.MAX_OPEN_BYTES', 1000)
+    monkeypatch.setattr('tactile_bags.storage.merged_files.MAX_OPEN_BYTES', 1000)
     records = message(bytes(100), at_ns=0) + message(bytes(100), at_ns=9)
     assert len(read_file(DEFINED + 3 * chunk(records) + END)[0]) == 6
     with pytest.raises(BagError, match='overlap in time'):

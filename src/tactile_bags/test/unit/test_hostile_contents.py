@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What strangers put into a bag that opens: facts, files, databases, messages."""
+"""Untrusted contents of a bag that opens: metadata, files, databases, messages."""
 
 from contextlib import suppress
 import json
@@ -32,7 +32,7 @@ from tactile_bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
-from tactile_bags.auditing.audit import FingerAuditor
+from tactile_bags.auditing.auditor import FingerAuditor
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_topics import message_store
 from tactile_features.config import FeatureConfig
@@ -66,15 +66,15 @@ def strain_bytes(sequence):
 
 
 @pytest.mark.parametrize(
-    'facts', ['[' * 100_000, '[]', '{"a": ' + '9' * 5000 + '}', '{"models": 7}']
+    'metadata', ['[' * 100_000, '[]', '{"a": ' + '9' * 5000 + '}', '{"models": 7}']
 )
-def test_hostile_facts_are_refused_with_a_sentence(small_bag, facts):
+def test_hostile_metadata_are_refused_with_a_sentence(small_bag, metadata):
     path = small_bag / 'metadata.yaml'
     text = path.read_text()
     old = json.dumps(json.dumps({'simulated': True}))
     assert old in text
-    path.write_text(text.replace(old, json.dumps(facts)))
-    with pytest.raises(BagError, match='facts'):
+    path.write_text(text.replace(old, json.dumps(metadata)))
+    with pytest.raises(BagError, match='custom data'):
         TactileBag(small_bag)
 
 

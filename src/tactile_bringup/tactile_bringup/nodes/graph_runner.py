@@ -27,7 +27,7 @@ from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_bringup.wiring.graph import join_namespaces, NodeDescription
+from tactile_bringup.launch_config.graph import join_namespaces, NodeDescription
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.programs.node_program import find_node_class

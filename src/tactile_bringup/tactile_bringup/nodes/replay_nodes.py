@@ -38,8 +38,8 @@ from tactile_bags.recorded_topics import (
     STRAIN_TOPIC,
 )
 from tactile_bags.replaying.replay import TactileResults
+from tactile_bringup.launch_config.graph import NodeDescription, sensing_graph
 from tactile_bringup.nodes.graph_runner import create_node
-from tactile_bringup.wiring.graph import NodeDescription, sensing_graph
 from tactile_classifier.conversions import classification_from_msg
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import feature_window_from_msg

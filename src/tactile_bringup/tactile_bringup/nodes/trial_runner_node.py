@@ -24,6 +24,7 @@ from rclpy.time import Time
 
 from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
 from linear_guide_driver.grbl.motion_track import MotionTrack
+from tactile_bringup.nodes.running_trial import ContactLost, RunningTrial
 from tactile_bringup.nodes.trial_devices import POLL_S, StrainWatch, TrialDevice
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_observation import judge_glide, TendonContact
@@ -78,7 +79,7 @@ class TrialRunnerNode(TactileNode):
         self._heartbeat: HeartbeatPublisher | None = None
         self._ready: ReadinessPublisher | None = None
         self._contact = TendonContact()
-        self._trial: _Trial | None = None
+        self._trial: RunningTrial | None = None
         self._count = 0
 
     def set_up(self, config: TrialConfig) -> None:
@@ -157,7 +158,7 @@ class TrialRunnerNode(TactileNode):
             mounting_id=asked.mounting_id,
         )
         steps = trial_steps(self.config, request)  # refuses, before anything moves
-        self._trial = trial = _Trial(request, goal)
+        self._trial = trial = RunningTrial(request, goal)
         try:
             for step in steps:
                 goal.check()
@@ -172,7 +173,7 @@ class TrialRunnerNode(TactileNode):
             **trial.numbers(),
         )
 
-    def _carry_out(self, step: Step, trial: _Trial, is_new: bool) -> None:
+    def _carry_out(self, step: Step, trial: RunningTrial, is_new: bool) -> None:
         if isinstance(step, WaitStep):
             if is_new:
                 self._begin(trial, self._contact.rest_ns)
@@ -183,7 +184,7 @@ class TrialRunnerNode(TactileNode):
         else:
             self._carry_out_tendon(step, trial, is_new)
 
-    def _carry_out_guide(self, step: GuideStep, trial: _Trial, is_new: bool) -> None:
+    def _carry_out_guide(self, step: GuideStep, trial: RunningTrial, is_new: bool) -> None:
         assert self._guide is not None
         move = MoveGuide.Goal(position_m=step.position_m, speed_m_s=step.speed_m_s)
         if step.phase == TrialEvent.PHASE_APPROACH:
@@ -202,7 +203,7 @@ class TrialRunnerNode(TactileNode):
                 raise GoalAborted(problem)
             trial.glide_end_ns = track.end_ns
 
-    def _carry_out_tendon(self, step: TendonStep, trial: _Trial, is_new: bool) -> None:
+    def _carry_out_tendon(self, step: TendonStep, trial: RunningTrial, is_new: bool) -> None:
         assert self._tendon is not None
         pull = self._pull(step, trial.request)
         track = self._tendon.track(step.displacement_m, step.speed_m_s)
@@ -224,7 +225,12 @@ class TrialRunnerNode(TactileNode):
             self._move(self._tendon, pull, track, trial, is_new)
 
     def _move(
-        self, device: TrialDevice, message: Any, track: MotionTrack, trial: _Trial, is_new: bool
+        self,
+        device: TrialDevice,
+        message: Any,
+        track: MotionTrack,
+        trial: RunningTrial,
+        is_new: bool,
     ) -> Any:
         """Carry out one motion; its phase, if it is new, begins when the motion is seen."""
         if is_new and not track.is_motion:
@@ -249,7 +255,7 @@ class TrialRunnerNode(TactileNode):
 
     # -- what may end a trial ----------------------------------------------------------
 
-    def _wait_until_ready(self, trial: _Trial) -> None:
+    def _wait_until_ready(self, trial: RunningTrial) -> None:
         deadline_s = time.monotonic() + self.config.server_timeout_s
         while missing := self._find_missing_parts():
             needs_help = any(d is not None and d.needs_help for d in (self._guide, self._tendon))
@@ -259,7 +265,7 @@ class TrialRunnerNode(TactileNode):
             trial.goal.check()
 
     def _wait_until(
-        self, is_done: Callable[[], bool], trial: _Trial, timeout_s: float = float('inf')
+        self, is_done: Callable[[], bool], trial: RunningTrial, timeout_s: float = float('inf')
     ) -> bool:
         """Wait while the trial is sound; return whether the condition came true in time."""
         deadline_s = time.monotonic() + timeout_s
@@ -270,24 +276,24 @@ class TrialRunnerNode(TactileNode):
             self._check(trial)
         return True
 
-    def _check(self, trial: _Trial) -> None:
+    def _check(self, trial: RunningTrial) -> None:
         """Raise unless the trial may go on."""
         trial.goal.check()
         for device in (self._guide, self._tendon):
             if device is not None and (loss := device.describe_loss()):
                 raise GoalAborted(loss)
         if loss := self._contact.describe_loss():
-            raise _ContactLost(loss)
+            raise ContactLost(loss)
         if trial.needs_strain and self._strain and (loss := self._strain.describe_silence()):
             raise GoalAborted(loss)
 
-    def _end_early(self, trial: _Trial, error: Exception) -> None:
+    def _end_early(self, trial: RunningTrial, error: Exception) -> None:
         """Bring the rig to rest and raise the trial's end."""
         trial.displacement_error_m = max(trial.displacement_error_m, self._contact.error_m)
         self._contact.end()
         stops = self._ask_to_stop() if trial.has_moved else []
         reason = ''
-        if isinstance(error, _ContactLost) and self._tendon is not None:
+        if isinstance(error, ContactLost) and self._tendon is not None:
             reason = self._tendon.wait_for_reasons()
         sentence = f'{error}. {reason}' if reason else str(error)
         self._announce(trial, TrialEvent.PHASE_ABORTED, message=sentence)
@@ -336,13 +342,13 @@ class TrialRunnerNode(TactileNode):
             contact=request.contact,
         )
 
-    def _begin(self, trial: _Trial, stamp_ns: int | None) -> None:
+    def _begin(self, trial: RunningTrial, stamp_ns: int | None) -> None:
         """Announce the trial's present phase, which began at ``stamp_ns``, or now."""
         self._announce(trial, trial.phase, stamp_ns)
         trial.goal.feedback(phase=trial.phase, elapsed_s=trial.elapsed_s)
 
     def _announce(
-        self, trial: _Trial, phase: str, stamp_ns: int | None = None, message: str = ''
+        self, trial: RunningTrial, phase: str, stamp_ns: int | None = None, message: str = ''
     ) -> None:
         request = trial.request
         event = TrialEvent(
@@ -367,36 +373,6 @@ class TrialRunnerNode(TactileNode):
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
-
-
-class _ContactLost(GoalAborted):
-    """The tendon has left its displacement; its driver may say why."""
-
-
-class _Trial:
-    """One trial while it runs."""
-
-    def __init__(self, request: TrialRequest, goal: Goal) -> None:
-        self.request, self.goal = request, goal
-        self.phase = ''
-        self.stamp_ns = 0  # of the last event
-        self.has_moved = self.needs_strain = False
-        self.glide_end_ns: int | None = None
-        self.glide_speed_m_s = self.glide_lag_s = self.displacement_error_m = 0.0
-        self._started_s = time.monotonic()
-
-    @property
-    def elapsed_s(self) -> float:
-        return time.monotonic() - self._started_s
-
-    def numbers(self) -> dict[str, Any]:
-        """Return what the result says of the trial's motion."""
-        return {
-            'trial_id': self.request.trial_id,
-            'glide_speed_m_s': self.glide_speed_m_s,
-            'glide_lag_s': self.glide_lag_s,
-            'displacement_error_m': self.displacement_error_m,
-        }
 
 
 def main() -> int:

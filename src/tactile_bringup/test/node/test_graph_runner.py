@@ -16,8 +16,8 @@ import threading
 
 import pytest
 
+from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import running_graph
-from tactile_bringup.wiring.graph import NodeDescription
 from tactile_ros.errors import TactileError
 
 RUNNER = NodeDescription('tactile_bringup', 'trial_runner_node', 'trial_runner', {})

@@ -20,8 +20,8 @@ from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
+from tactile_bringup.launch_config.launch_plans import plan_launch
 from tactile_bringup.nodes.graph_runner import running_graph
-from tactile_bringup.wiring.launch_plans import plan_launch
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM

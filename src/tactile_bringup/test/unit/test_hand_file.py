@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_bringup.wiring.hand_file import Finger, parse_finger_names, read_hand
+from tactile_bringup.launch_config.hand_file import Finger, parse_finger_names, read_hand
 from tactile_ros.errors import TactileError
 
 HAND = """

@@ -21,10 +21,10 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bringup.wiring.graph import sensing_graph
-from tactile_bringup.wiring.launch_plans import plan_launch
-from tactile_bringup.wiring.model_features import wanted_features
-from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.launch_config.graph import sensing_graph
+from tactile_bringup.launch_config.launch_plans import plan_launch
+from tactile_bringup.launch_config.model_features import wanted_features
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.records import ClassifierConfig
@@ -102,7 +102,7 @@ def test_running_windows_are_those_of_any_model(write, tmp_path):
 def test_what_the_user_states_wins_and_the_classifier_refuses(write):
     models = find_models(write('texture_flexion', FeatureConfig(), (30, 120)))
     stated = {'texture_samples': 90}
-    assert wanted_features(models, stated) == {}, 'running windows would be longer than whole ones'
+    assert wanted_features(models, stated) == {}, 'partial windows would be longer than whole ones'
     nodes = by_name(sensing_graph('', models, {'tactile_features': stated}))
     with pytest.raises(ModelFileError, match='window in samples differs'):
         load_fitting_model(ClassifierConfig(**nodes['texture_flexion_classifier']))

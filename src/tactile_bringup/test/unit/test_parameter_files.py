@@ -14,7 +14,7 @@
 
 import pytest
 
-from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_bringup.launch_config.parameter_files import read_parameters
 from tactile_ros.errors import TactileError
 
 NAMES = ('tendon_sensor', 'tactile_features')

@@ -47,7 +47,7 @@ from tactile_classifier.estimators.classifiers import (
 from tactile_classifier.records import VOTES
 
 MAX_FOLDS = 6
-"""Parts that trials or sessions are dealt into, wherever so few will do."""
+"""The most folds that trials or sessions are divided into, wherever so few will do."""
 
 BINS = 10
 """Bins of the expected calibration error."""
@@ -57,17 +57,17 @@ Indices = npt.NDArray[np.intp]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Deal:
-    """How trials are dealt into parts that are held out in turn.
+class GroupFolds:
+    """Folds of whole groups, such as sessions, or of single trials; held out in turn.
 
     Attributes
     ----------
     split : str
         In words.
     fold : ndarray of int, shape (trials,)
-        The part that each trial is held out with.
+        The fold that each trial is held out with.
     session : ndarray of int, shape (trials,), or None
-        The group of each trial; None when single trials are dealt.
+        The group of each trial; None when folds are of single trials.
     """
 
     split: str
@@ -76,7 +76,7 @@ class Deal:
 
     @property
     def groups(self) -> int:
-        """Sessions; 0 when single trials are dealt."""
+        """Sessions; 0 when folds are of single trials."""
         return 0 if self.session is None else int(self.session.max()) + 1
 
     @property
@@ -85,11 +85,11 @@ class Deal:
         return rank_of_sessions(self.groups) / (self.groups + 1) if self.groups else -1.0
 
 
-def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
-    """Return parts of whole groups where each label comes in two groups or more, else of trials.
+def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> GroupFolds:
+    """Return folds of whole groups where each label comes in two groups or more, else of trials.
 
-    The groups of each label are spread over the parts, so that a model fitted on the other
-    parts knows every label of the one that is held out.
+    The groups of each label are spread over the folds, so that a model fitted on the other
+    folds knows every label of the one that is held out.
 
     Parameters
     ----------
@@ -112,27 +112,27 @@ def deal(table: FeatureTable, columns: Sequence[str] = ('session_id',)) -> Deal:
     contains = np.zeros((groups, len(labels)), dtype=bool)
     contains[group, codes] = True
     if (contains.sum(axis=0) > 1).all():
-        part_of_group = _spread(contains)
-        fold = part_of_group[group]
-        parts = int(part_of_group.max()) + 1
+        fold_of_group = _spread(contains)
+        fold = fold_of_group[group]
+        count = int(fold_of_group.max()) + 1
         name = ' and '.join(column.removesuffix('_id') for column in columns)
-        words = f'one {name} held out' if groups == parts else f'{name} held out in {parts} parts'
-        return Deal(words, fold, group)
+        words = f'one {name} held out' if groups == count else f'{name} held out in {count} folds'
+        return GroupFolds(words, fold, group)
     if counts.min() < 2:
         raise TooFewTrialsError(f'label "{labels[counts.argmin()]}" has one trial only')
-    parts = min(MAX_FOLDS, int(counts.min()))
-    folds = StratifiedKFold(parts, shuffle=True, random_state=RANDOM_STATE)
+    count = min(MAX_FOLDS, int(counts.min()))
+    splitter = StratifiedKFold(count, shuffle=True, random_state=RANDOM_STATE)
     fold = np.zeros(len(table), dtype=np.intp)
-    for i, (_, held_out) in enumerate(folds.split(table.values, table.labels)):
+    for i, (_, held_out) in enumerate(splitter.split(table.values, table.labels)):
         fold[held_out] = i
-    return Deal(f'stratified {parts}-fold over trials', fold, None)
+    return GroupFolds(f'stratified {count}-fold over trials', fold, None)
 
 
 def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
-    """Return the part of each group, so that no label has all its groups in one part.
+    """Return the fold of each group, so that no label has all its groups in one fold.
 
-    Groups are dealt one by one, those with the most labels first, each to the part that
-    has the fewest groups of its labels. Groups of the same labels are dealt in turn.
+    Groups are assigned one by one, those with the most labels first, each to the fold that
+    has the fewest groups of its labels. Groups of the same labels are assigned in turn.
 
     Parameters
     ----------
@@ -140,27 +140,27 @@ def _spread(contains: npt.NDArray[np.bool_]) -> Indices:
         Each label in two groups or more.
     """
     groups, labels = contains.shape
-    parts = min(MAX_FOLDS, groups)
-    part = np.zeros(groups, dtype=np.intp)
-    size = np.zeros(parts, dtype=np.intp)
-    count = np.zeros((parts, labels), dtype=np.intp)
+    folds = min(MAX_FOLDS, groups)
+    fold = np.zeros(groups, dtype=np.intp)
+    size = np.zeros(folds, dtype=np.intp)
+    count = np.zeros((folds, labels), dtype=np.intp)
     # Of names, only the order among groups of the same labels matters.
     for i in sorted(range(groups), key=lambda i: (-contains[i].sum(), *~contains[i], i)):
         same = count[:, contains[i]]
         only_here = (same > 0) & (same == same.sum(axis=0))
-        part[i] = np.lexsort((size, same.sum(axis=1), only_here.sum(axis=1)))[0]
-        size[part[i]] += 1
-        count[part[i], contains[i]] += 1
+        fold[i] = np.lexsort((size, same.sum(axis=1), only_here.sum(axis=1)))[0]
+        size[fold[i]] += 1
+        count[fold[i], contains[i]] += 1
     if ((count > 0).sum(axis=0) > 1).all():
-        return part
-    # Labels so interwoven that so few parts do not keep them apart: each group on its own.
+        return fold
+    # Labels so interwoven that so few folds do not keep them apart: each group on its own.
     return np.arange(groups)
 
 
 def hold_out_scores(
     table: FeatureTable, classifier: str, scaling: str, fold: Indices
 ) -> tuple[Matrix, Indices]:
-    """Return raw scores by models that were fitted on the other parts of the trials.
+    """Return raw scores by models that were fitted on the other folds.
 
     Returns
     -------
@@ -178,7 +178,7 @@ def hold_out_scores(
 
 
 def hold_out_novelty(table: FeatureTable, fold: Indices, metric: str) -> Matrix:
-    """Return novelties, shape (trials,), by measures fitted on the other parts of the trials."""
+    """Return novelties, shape (trials,), by measures fitted on the other folds."""
     novelty = np.zeros(len(table))
     for i in np.unique(fold):
         inside = fold != i
@@ -190,11 +190,11 @@ def hold_out_novelty(table: FeatureTable, fold: Indices, metric: str) -> Matrix:
 
 
 def fit_novelty(
-    table: FeatureTable, dealt: Deal, false_alarm_rate: float
+    table: FeatureTable, folds: GroupFolds, false_alarm_rate: float
 ) -> tuple[NoveltyMeasure, Matrix, float]:
     """Return the measure fitted to all trials, the held-out novelties, and their threshold.
 
-    This is not split conformal prediction: each part has a measure of its own, the one that is
+    This is not split conformal prediction: each fold has a measure of its own, the one that is
     returned is fitted to all, and the metric was chosen on the same trials. More references
     bring the nearest closer, so that novelties of new trials are lower rather than higher.
 
@@ -203,13 +203,13 @@ def fit_novelty(
     TooFewTrialsError
         When there are too few for the rate.
     """
-    fold = dealt.fold
+    fold = folds.fold
     metric = choose_metric(table.values, table.labels, fold)
     novelty = hold_out_novelty(table, fold, metric)
-    if dealt.session is None:
+    if folds.session is None:
         threshold = compute_threshold(novelty, false_alarm_rate)
     else:
-        threshold = compute_session_threshold(novelty, dealt.session, false_alarm_rate)
+        threshold = compute_session_threshold(novelty, folds.session, false_alarm_rate)
     return NoveltyMeasure.fit(table.values, table.labels, fold, metric), novelty, threshold
 
 
@@ -218,19 +218,19 @@ class Calibration:
     """A map from raw scores to probabilities that keeps their order.
 
     The softmax of ``slope * scores`` (temperature scaling, Guo et al. 2017) with the
-    answer's own term raised by ``bonus``, as the constant of Platt's (1999) map would. A
-    bonus below 0 could put the second before the answer, so there is none.
+    answer's own term raised by ``offset``, as the constant of Platt's (1999) map would.
+    With an offset below 0 the second label could come before the answer; it is never negative.
 
     Attributes
     ----------
     slope : float
         Positive; in 1 over the unit of the scores.
-    bonus : float
+    offset : float
         Not negative; a natural logarithm [1].
     """
 
     slope: float
-    bonus: float
+    offset: float
 
     @classmethod
     def fit(cls, scores: Matrix, true: Indices) -> Calibration:
@@ -266,7 +266,7 @@ class Calibration:
 
     def _logarithms(self, scores: Matrix) -> Matrix:
         size = self.slope * scores
-        size[np.arange(len(size)), scores.argmax(axis=1)] += self.bonus
+        size[np.arange(len(size)), scores.argmax(axis=1)] += self.offset
         size -= size.max(axis=1, keepdims=True)
         return np.asarray(size - np.log(np.exp(size).sum(axis=1, keepdims=True)))
 
@@ -295,7 +295,7 @@ def compute_uncalibrated(scores: Matrix, score_kind: str) -> Matrix:
 
 
 def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matrix:
-    """Return probabilities by maps that were fitted on the other parts of the held-out scores."""
+    """Return probabilities by maps that were fitted on the held-out scores of the other folds."""
     probabilities = np.zeros(scores.shape)
     for i in np.unique(fold):
         others = Calibration.fit(scores[fold != i], true[fold != i])
@@ -304,7 +304,7 @@ def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matr
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class CalibratedPart:
+class CalibratedStage:
     """What held-out trials say of one length of window.
 
     Attributes
@@ -317,8 +317,8 @@ class CalibratedPart:
     error_before, error_after : float
         Expected calibration error; after: of ``confidence`` [1].
     confidence : ndarray of shape (trials,)
-        Probability of the answer, by a map that was fitted on the other parts of the
-        trials; -1 where the trial is turned away as unknown.
+        Probability of the answer, by a map that was fitted on the other folds; -1 where the
+        trial is rejected as unknown.
     wrong : ndarray of bool, shape (trials,)
         Whether the answer is not the label.
     choice : ScoreChoice
@@ -335,23 +335,23 @@ class CalibratedPart:
     choice: ScoreChoice
 
 
-def calibrate_part(
-    table: FeatureTable, classifier: str, scaling: str, dealt: Deal, false_alarm_rate: float
-) -> CalibratedPart:
-    """Hold out each part of the trials in turn; return what follows.
+def calibrate_stage(
+    table: FeatureTable, classifier: str, scaling: str, folds: GroupFolds, false_alarm_rate: float
+) -> CalibratedStage:
+    """Hold out each fold in turn; return the calibration, the thresholds and their errors.
 
     Raises
     ------
     TooFewTrialsError
         When there are too few for the rate, or for the classifier.
     """
-    fold = dealt.fold
+    fold = folds.fold
     scores, true = hold_out_scores(table, classifier, scaling, fold)
-    measure, novelty, threshold = fit_novelty(table, dealt, false_alarm_rate)
+    measure, novelty, threshold = fit_novelty(table, folds, false_alarm_rate)
     probabilities = hold_out_probabilities(scores, true, fold)
     kind = SCORE_KINDS[classifier]
     uncalibrated = compute_uncalibrated(scores, kind)
-    return CalibratedPart(
+    return CalibratedStage(
         calibration=Calibration.fit(scores, true),
         novelty=measure,
         novelty_threshold=threshold,
@@ -359,5 +359,5 @@ def calibrate_part(
         error_after=compute_calibration_error(probabilities, true),
         confidence=np.where(novelty > threshold, -1.0, probabilities.max(axis=1)),
         wrong=scores.argmax(axis=1) != true,
-        choice=ScoreChoice.compare(uncalibrated, probabilities, true, dealt.session, kind),
+        choice=ScoreChoice.compare(uncalibrated, probabilities, true, folds.session, kind),
     )

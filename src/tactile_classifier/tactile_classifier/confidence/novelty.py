@@ -39,10 +39,10 @@ the features as they are, which is right where all are amplitudes of one unit an
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NoveltyMeasure:
-    """Distance to the nearest training trial, against what is usual for that trial's label.
+    """Distance to the nearest training trial, in units of the usual distance within its label.
 
     The distance is divided by the median distance that trials of the same label have to the
-    nearest of another part of the training, such as another session.
+    nearest of another fold of the training, such as another session.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class NoveltyMeasure:
         From features to the space of the distance; see `METRICS`.
     references : ndarray of shape (trials, k)
         The training trials in that space.
-    usual : ndarray of shape (trials,)
+    scale : ndarray of shape (trials,)
         What the distance to each of them is divided by.
     metric : str
         One of `METRICS`.
@@ -61,7 +61,7 @@ class NoveltyMeasure:
     centre: Matrix
     transform: Matrix
     references: Matrix
-    usual: Matrix
+    scale: Matrix
     metric: str
 
     @classmethod
@@ -77,7 +77,7 @@ class NoveltyMeasure:
         values : ndarray of shape (trials, k)
         labels : ndarray of str, shape (trials,)
         fold : ndarray of int, shape (trials,)
-            Part that each trial belongs to, such as its session.
+            Fold that each trial belongs to, such as its session.
         metric : str
             One of `METRICS`.
         """
@@ -85,10 +85,10 @@ class NoveltyMeasure:
         centre = values.mean(axis=0)
         transform = _fit_transform(values, owner, metric)
         references = (values - centre) @ transform
-        usual = [
-            _usual_distance(references[owner == i], fold[owner == i]) for i in range(len(classes))
+        scales = [
+            _median_distance(references[owner == i], fold[owner == i]) for i in range(len(classes))
         ]
-        return cls(centre, transform, references, np.array(usual)[owner], metric)
+        return cls(centre, transform, references, np.array(scales)[owner], metric)
 
     def compute(self, values: Matrix) -> Matrix:
         """Return the novelty of windows of shape (windows, k), one a window [1]."""
@@ -110,13 +110,13 @@ class NoveltyMeasure:
 
     def _nearest(self, distance: Matrix) -> Matrix:
         nearest = distance.argmin(axis=1)
-        return np.asarray(distance[np.arange(len(distance)), nearest] / self.usual[nearest])
+        return np.asarray(distance[np.arange(len(distance)), nearest] / self.scale[nearest])
 
 
 def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -> str:
     """Return the metric that best tells trials of one label when it is left out.
 
-    On the training alone: parts are held out in turn, and in each part every label once has
+    On the training alone: folds are held out in turn, and in each fold every label once has
     no training trials; the area under the receiver operating characteristic, averaged,
     decides. Of equal ones the first of `METRICS`.
 
@@ -165,8 +165,8 @@ def _distances(rows: Matrix, references: Matrix) -> Matrix:
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
-def _usual_distance(references: Matrix, fold: Indices) -> float:
-    """Return the median distance to the nearest of another part, or of all if there is one part.
+def _median_distance(references: Matrix, fold: Indices) -> float:
+    """Return the median distance to the nearest of another fold, or of all if there is one fold.
 
     1 where all trials are the same.
     """
@@ -175,8 +175,8 @@ def _usual_distance(references: Matrix, fold: Indices) -> float:
     distance[np.eye(len(fold), dtype=bool) if same.all() else same] = np.inf
     nearest = distance.min(axis=1)
     nearest = nearest[np.isfinite(nearest)]
-    usual = float(np.median(nearest)) if len(nearest) else 0.0
-    return usual if usual > 0.0 else 1.0
+    median = float(np.median(nearest)) if len(nearest) else 0.0
+    return median if median > 0.0 else 1.0
 
 
 def trials_needed(rate: float) -> int:
@@ -205,7 +205,7 @@ def compute_threshold(novelty: Matrix, false_alarm_rate: float) -> float:
     """
     if len(novelty) < trials_needed(false_alarm_rate):
         raise TooFewTrialsError(
-            f'{len(novelty)} trials cannot bound false alarms at {false_alarm_rate:g}; '
+            f'{len(novelty)} trials cannot bound false rejection at {false_alarm_rate:g}; '
             f'{trials_needed(false_alarm_rate)} are needed'
         )
     return _conformal_quantile(novelty, false_alarm_rate)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.calibration import Deal
+from tactile_classifier.confidence.calibration import GroupFolds
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.confidence.session_statistics import SessionStatistics, TINY, TRIALS
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -32,7 +32,7 @@ Indices = npt.NDArray[np.intp]
 
 
 def fit_session_statistics(
-    table: FeatureTable, dealt: Deal, metric: str, false_alarm_rate: float
+    table: FeatureTable, folds: GroupFolds, metric: str, false_alarm_rate: float
 ) -> SessionStatistics | None:
     """Return the statistics of a training, or None where it has no sessions.
 
@@ -42,25 +42,25 @@ def fit_session_statistics(
     Parameters
     ----------
     table : FeatureTable
-    dealt : Deal
+    folds : GroupFolds
     metric : str
         That of the model's `NoveltyMeasure`.
     false_alarm_rate : float
-        Share of known trials that may be turned away, on average over sessions [1].
+        Share of known trials that may be rejected, on average over sessions [1].
     """
-    if dealt.session is None:
+    if folds.session is None:
         return None
     values, label = table.values, np.unique(table.labels, return_inverse=True)[1]
     generator = np.random.default_rng(RANDOM_STATE)
     runs: list[tuple[float, Matrix]] = []
-    for part in np.unique(dealt.fold):
-        inside = dealt.fold != part
-        means, share = _fit_offsets(values[inside], label[inside], dealt.session[inside])
+    for fold in np.unique(folds.fold):
+        inside = folds.fold != fold
+        means, share = _fit_offsets(values[inside], label[inside], folds.session[inside])
         measure = NoveltyMeasure.fit(
-            values[inside], table.labels[inside], dealt.fold[inside], metric
+            values[inside], table.labels[inside], folds.fold[inside], metric
         )
-        for session in np.unique(dealt.session[~inside]):
-            (trials,) = np.nonzero(dealt.session == session)
+        for session in np.unique(folds.session[~inside]):
+            (trials,) = np.nonzero(folds.session == session)
             if len(trials) <= TRIALS:
                 continue
             for _ in range(_DRAWS):
@@ -79,7 +79,7 @@ def fit_session_statistics(
     left = np.concatenate([novelty - weight * (mean - centre) for mean, novelty in runs])
     quantile = float(np.quantile(left, 1.0 - false_alarm_rate))
     return SessionStatistics(
-        *_fit_offsets(values, label, dealt.session),
+        *_fit_offsets(values, label, folds.session),
         weight=weight,
         centre=centre,
         log_threshold=quantile,

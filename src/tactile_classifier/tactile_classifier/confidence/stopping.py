@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When a running answer is sure enough, at a stated share of wrong answers."""
+"""When a early prediction is sure enough, at a stated share of wrong answers."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def find_first_stop(confidence: Matrix, threshold: float) -> npt.NDArray[np.intp
     Parameters
     ----------
     confidence : ndarray of shape (stages, trials)
-        Probability of the answer; negative where the window is turned away as unknown.
+        Probability of the answer; negative where the window is rejected as unknown.
     threshold : float
     """
     decided = confidence >= threshold

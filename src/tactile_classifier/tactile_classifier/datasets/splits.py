@@ -32,7 +32,7 @@ Fold = tuple[IndexArray, IndexArray]
 
 FOLDS = 6
 REPETITIONS = 10
-"""Folds and how often the trials are dealt anew, as in the paper (section IV)."""
+"""Folds and how often the trials are divided anew, as in the paper (section IV)."""
 
 _INNER_FOLDS = 3
 
@@ -45,20 +45,20 @@ class Split:
     ----------
     name : str
         In words, as it stands beside every result.
-    deals : tuple of tuple of (ndarray, ndarray)
+    repeats : tuple of tuple of (ndarray, ndarray)
         The folds of each repetition. Within one repetition each trial is tested once.
     groups : ndarray of int, shape (trials,), or None
         The group of each trial where whole groups are held out.
     """
 
     name: str
-    deals: tuple[tuple[Fold, ...], ...]
+    repeats: tuple[tuple[Fold, ...], ...]
     groups: IndexArray | None = None
 
     @property
     def tested(self) -> IndexArray:
         """The trials that each repetition tests, in order."""
-        return np.sort(np.concatenate([test for _, test in self.deals[0]]))
+        return np.sort(np.concatenate([test for _, test in self.repeats[0]]))
 
     @property
     def spread_of(self) -> str:
@@ -68,7 +68,7 @@ class Split:
     def once(self) -> Split:
         """Return the split with its first repetition alone."""
         name = self.name if self.groups is not None else f'{self.name.split(",")[0]}, once'
-        return dataclasses.replace(self, name=name, deals=self.deals[:1])
+        return dataclasses.replace(self, name=name, repeats=self.repeats[:1])
 
     def divide_again(
         self, train: IndexArray, labels: npt.NDArray[np.str_], random_state: int
@@ -104,7 +104,7 @@ LARGE_TABLE = 2_000_000_000
 
 
 def choose_repetitions(table: FeatureTable, wanted: int | None) -> tuple[int, str]:
-    """Return how often the trials are dealt anew, and a sentence where that is less than usual.
+    """Return how often the trials are divided anew, and a sentence where that is less than usual.
 
     The time of a fit grows with trials squared times features. With many trials, a repetition
     changes the mean little against the interval over the trials.
@@ -119,8 +119,8 @@ def choose_repetitions(table: FeatureTable, wanted: int | None) -> tuple[int, st
     if wanted is not None or trials**2 * features <= LARGE_TABLE:
         return wanted or REPETITIONS, ''
     return 1, (
-        f'large table ({trials} trials x {features} features): folds are dealt once instead of '
-        f'{REPETITIONS} times; --repetitions {REPETITIONS} does all, which takes long'
+        f'large table ({trials} trials x {features} features): cross-validation runs once instead '
+        f'of {REPETITIONS} times; --repetitions {REPETITIONS} does all, which takes long'
     )
 
 
@@ -130,7 +130,7 @@ def stratified_split(
     repetitions: int = REPETITIONS,
     random_state: int = 0,
 ) -> Split:
-    """Return random folds in which each class has its share, dealt several times.
+    """Return random folds in which each class has its share, several times.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def stratified_split(
                 f'class "{name}" has {count} trials, fewer than the {folds} folds: '
                 'record more of it, leave it out, or use fewer folds'
             )
-    deals = tuple(
+    repeats = tuple(
         tuple(
             StratifiedKFold(folds, shuffle=True, random_state=random_state + i).split(
                 table.values, table.labels
@@ -155,7 +155,7 @@ def stratified_split(
         for i in range(repetitions)
     )
     times = 'once' if repetitions == 1 else f'{repetitions} times'
-    return _checked(Split(f'stratified {folds}-fold, {times}', deals))
+    return _checked(Split(f'stratified {folds}-fold, {times}', repeats))
 
 
 def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
@@ -223,9 +223,9 @@ def stated_split(
         raise EvaluationError(
             f'the trials with {train_is} are all of one class: nothing to tell apart'
         )
-    deal = (np.flatnonzero(train), np.flatnonzero(test))
+    fold = (np.flatnonzero(train), np.flatnonzero(test))
     name = f'trained on {train_is} ({train.sum()} trials), tested on {test_is}'
-    return _checked(Split(name, ((deal,),)))
+    return _checked(Split(name, ((fold,),)))
 
 
 def _check_classes(table: FeatureTable) -> None:
@@ -235,7 +235,7 @@ def _check_classes(table: FeatureTable) -> None:
 
 
 def _checked(split: Split) -> Split:
-    smallest = min(len(train) for deal in split.deals for train, _ in deal)
+    smallest = min(len(train) for folds in split.repeats for train, _ in folds)
     if smallest < 3:
         raise EvaluationError(
             f'{smallest} trials would be left to train on; three neighbours need three'

@@ -77,7 +77,7 @@ SCORE_KINDS = {
 RANDOM_STATE = 0
 
 MAX_SVM_STEPS = 1_000_000
-"""Steps of a machine's solver for one pair of labels. The most that any of our recordings,
+"""Steps of an SVM's solver for one pair of labels. The most that any of our recordings,
 real or simulated, scaled or not, has needed is 58 499; large features that no border parts
 could take any number."""
 

@@ -210,7 +210,7 @@ class AccuracyPlan:
             with contextlib.suppress(EvaluationError):  # too few trials: no choice
                 self._inner = [
                     split.divide_again(train, table.labels, random_state)
-                    for train, _ in split.deals[0]
+                    for train, _ in split.repeats[0]
                 ]
         self._tested = split.tested
         self._cells = find_cells(table.take(self._tested)) if split.groups is None else None
@@ -221,7 +221,7 @@ class AccuracyPlan:
     def tasks(self) -> list[Task]:
         """Return one task a classifier, scaling and repetition, and those of the nested choice."""
         table = self._table
-        tests = [(pair, deal) for pair in self._pairs for deal in self._split.deals]
+        tests = [(pair, repeat) for pair in self._pairs for repeat in self._split.repeats]
         inner = [fold for folds in self._inner for fold in folds]
         tests += [(pair, tuple(inner)) for pair in self._pairs if inner]
         return [
@@ -231,11 +231,11 @@ class AccuracyPlan:
 
     def finish(self, answers: Sequence[Answers]) -> Evaluation:
         """Return the scores."""
-        table, deals = self._table, len(self._split.deals)
+        table, repeats = self._table, len(self._split.repeats)
         labels = tuple(str(name) for name in np.unique(table.labels))
         counts = np.unique(table.labels[self._tested], return_counts=True)[1]
         scores = [
-            self._score(*pair, labels, answers[i * deals : (i + 1) * deals])
+            self._score(*pair, labels, answers[i * repeats : (i + 1) * repeats])
             for i, pair in enumerate(self._pairs)
         ]
         is_random = self._split.groups is None and len(self._tested) == len(table)
@@ -253,18 +253,18 @@ class AccuracyPlan:
 
     def _choose(self, answers: Sequence[Answers]) -> NestedChoice:
         """Return what the first repetition's folds pick, and how that does on their tests."""
-        true, deals = self._table.labels, len(self._split.deals)
-        inner = [iter(said) for said in answers[len(self._pairs) * deals :]]
+        true, repeats = self._table.labels, len(self._split.repeats)
+        inner = [iter(said) for said in answers[len(self._pairs) * repeats :]]
         right, accuracies, picks = np.zeros(len(true)), [], []
         for i, ((_, test), folds) in enumerate(
-            zip(self._split.deals[0], self._inner, strict=True)
+            zip(self._split.repeats[0], self._inner, strict=True)
         ):
             counts = [
                 sum(int(np.sum(next(said) == true[held_out])) for _, held_out in folds)
                 for said in inner
             ]
             pick = int(np.argmax(counts))
-            right[test] = answers[pick * deals][i] == true[test]
+            right[test] = answers[pick * repeats][i] == true[test]
             accuracies.append(right[test].mean())
             picks.append(self._pairs[pick])
         return NestedChoice(
@@ -288,11 +288,11 @@ class AccuracyPlan:
         self, classifier: str, scaling: str, labels: tuple[str, ...], answers: Sequence[Answers]
     ) -> Score:
         true, split = self._table.labels, self._split
-        accuracies = np.zeros((len(split.deals), len(split.deals[0])))
+        accuracies = np.zeros((len(split.repeats), len(split.repeats[0])))
         confusion = np.zeros((len(labels), len(labels)), dtype=np.int64)
         right = np.zeros(len(true), dtype=np.int64)
-        for i, (deal, said) in enumerate(zip(split.deals, answers, strict=True)):
-            for j, ((_, test), answer) in enumerate(zip(deal, said, strict=True)):
+        for i, (repeat, said) in enumerate(zip(split.repeats, answers, strict=True)):
+            for j, ((_, test), answer) in enumerate(zip(repeat, said, strict=True)):
                 is_right = answer == true[test]
                 accuracies[i, j] = np.mean(is_right)
                 right[test] += is_right
@@ -308,7 +308,7 @@ class AccuracyPlan:
             float(accuracies.mean()),
             float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
             split.spread_of,
-            self._interval(right / len(split.deals), accuracies[0]),
+            self._interval(right / len(split.repeats), accuracies[0]),
             confusion,
         )
 
@@ -335,7 +335,7 @@ def evaluate(
     classifiers, scalings : sequence of str
         All their combinations are evaluated, unless others are named those of `list_pairs`.
     folds, repetitions : int
-        Stratified folds, and how often the trials are dealt anew.
+        Stratified folds, and how often the trials are divided anew.
     hold_out : sequence of str
         Columns. When given, each group of trials that agree in all of them is held
         out once, and ``folds`` and ``repetitions`` do not apply.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How well running answers do: accuracy against seconds seen, and the stopping rule's errors."""
+"""How well early predictions do: accuracy against seconds seen, and the stopping rule's errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.confidence.calibration import calibrate_part, deal
+from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
 from tactile_classifier.confidence.stopping import find_first_stop, fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
@@ -51,13 +51,13 @@ class RuleEvaluation:
     early_error : float
         Share of wrong answers among these; 0 when there are none [1].
     worst_part_error : float
-        The same in the worst of the parts held out [1].
+        The same in the worst of the folds [1].
     accuracy : float
         Share of right answers, early or at the end [1].
     mean_s, full_s : float
         Mean time of signal behind an answer, and that of the whole window [s].
     parts_without_rule : int
-        Parts held out for which the other trials proved no threshold.
+        Folds for which the other trials proved no threshold.
     """
 
     error_rate: float
@@ -72,7 +72,7 @@ class RuleEvaluation:
 
 @dataclasses.dataclass(frozen=True)
 class StoppingEvaluation:
-    """Running answers on trials that were held out, under one split.
+    """Early predictions on trials that were held out, under one split.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ def evaluate_stopping(
     error_rates: Sequence[float] = (0.01, 0.05),
     false_alarm_rate: float = 0.05,
 ) -> StoppingEvaluation:
-    """Hold out parts of the trials in turn; fit and calibrate on the others.
+    """Hold out folds in turn; fit and calibrate on the others.
 
     Parameters
     ----------
@@ -132,32 +132,32 @@ def evaluate_stopping(
     scaling = scaling or default_scaling(table.task, classifier)
     counts = sorted(running)
     if not counts:
-        raise EvaluationError('there are no running windows to decide on')
+        raise EvaluationError('there are no partial windows to decide on')
     stages = [running[count] for count in counts]
     seconds = tuple(count / table.spec.rate_hz for count in (*counts, table.spec.sample_count))
     wrong = np.zeros((len(seconds), len(table)), dtype=bool)
     stop = np.zeros((len(error_rates), len(table)), dtype=np.intp)
     without = np.zeros(len(error_rates), dtype=int)
     try:
-        outer = deal(table, hold_out)
+        outer = make_group_folds(table, hold_out)
         for i in np.unique(outer.fold):
             test = outer.fold == i
-            inner = deal(table.take(~test), hold_out)
+            inner = make_group_folds(table.take(~test), hold_out)
             held_out = [
-                calibrate_part(stage.take(~test), classifier, scaling, inner, false_alarm_rate)
+                calibrate_stage(stage.take(~test), classifier, scaling, inner, false_alarm_rate)
                 for stage in stages
             ]
             confidence = np.zeros((len(stages), int(test.sum())))
-            for j, (stage, part) in enumerate(zip(stages, held_out, strict=True)):
+            for j, (stage, calibrated) in enumerate(zip(stages, held_out, strict=True)):
                 scores, wrong[j, test] = _answer(stage, test, classifier, scaling)
-                novelty = part.novelty.compute(stage.values[test])
-                confidence[j] = part.calibration.compute(scores).max(axis=1)
-                confidence[j, novelty > part.novelty_threshold] = -1.0
+                novelty = calibrated.novelty.compute(stage.values[test])
+                confidence[j] = calibrated.calibration.compute(scores).max(axis=1)
+                confidence[j, novelty > calibrated.novelty_threshold] = -1.0
             wrong[-1, test] = _answer(table, test, classifier, scaling)[1]
             for r, rate in enumerate(error_rates):
                 threshold = fit_stop_threshold(
-                    np.stack([part.confidence for part in held_out]),
-                    np.stack([part.wrong for part in held_out]),
+                    np.stack([calibrated.confidence for calibrated in held_out]),
+                    np.stack([calibrated.wrong for calibrated in held_out]),
                     rate,
                     inner.session,
                 )
@@ -174,7 +174,7 @@ def evaluate_stopping(
         split=outer.split,
         trials=len(table),
         seconds=seconds,
-        accuracies=tuple(float(1.0 - part.mean()) for part in wrong),
+        accuracies=tuple(float(1.0 - missed.mean()) for missed in wrong),
         rules=tuple(
             _count(rate, stop[r], wrong, np.array(seconds), outer.fold, int(without[r]))
             for r, rate in enumerate(error_rates)

@@ -113,7 +113,7 @@ class SelectionPlan:
         self._table = table
         self._split = split.once()
         self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
-        (self._folds,) = self._split.deals
+        (self._folds,) = self._split.repeats
         self._inner = [
             self._split.divide_again(train, table.labels, random_state) for train, _ in self._folds
         ]

@@ -91,7 +91,7 @@ class LearningPlan:
         self._table = table
         self._split = split.once()
         self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
-        (self._folds,) = self._split.deals
+        (self._folds,) = self._split.repeats
         self._drawn = [
             draw_training(table.labels, train, np.random.default_rng([random_state, i]))
             for i, (train, _) in enumerate(self._folds)

@@ -28,10 +28,10 @@ from tactile_classifier.confidence.calibration import (
     Calibration,
     compute_calibration_error,
     compute_uncalibrated,
-    deal,
     fit_novelty,
     hold_out_probabilities,
     hold_out_scores,
+    make_group_folds,
 )
 from tactile_classifier.confidence.score_choice import ScoreChoice
 from tactile_classifier.datasets.dataset import FeatureTable
@@ -53,7 +53,7 @@ class UnknownLabel:
     ----------
     auroc : float
         Probability that a trial of it is more novel than one of a known label; mean over
-        the parts held out [1].
+        the folds [1].
     miss_rate : float
         Share of its trials that are named as something known [1].
     trials : int
@@ -77,18 +77,18 @@ class OpenSetEvaluation:
     false_alarm_rate : float
         Asked for [1].
     realised_false_alarm_rate : float
-        Share of held-out trials of known labels that were turned away, all labels
+        Share of held-out trials of known labels that were rejected, all labels
         being known [1].
     group_false_alarm_rates : tuple of float
-        The same for each part held out [1].
+        The same for each fold [1].
     accuracy : float
-        Share of right answers among those not turned away [1].
+        Share of right answers among those not rejected [1].
     auroc, miss_rate : float
         Means over ``unknown`` [1].
     unknown : tuple of UnknownLabel
     calibration_error_before, calibration_error_after : float
         Expected calibration error on held-out trials; after: of what a model file trained on
-        the other parts would state [1].
+        the other folds would state [1].
     raw_parts : int
         Parts held out for which that file would keep raw scores, see `ScoreChoice`.
     """
@@ -123,10 +123,10 @@ def evaluate_open_set(
     hold_out: Sequence[str] = ('session_id',),
     false_alarm_rate: float = 0.05,
 ) -> OpenSetEvaluation:
-    """Hold out parts of the trials in turn, and each label from the training.
+    """Hold out folds in turn, and each label from the training.
 
     What is fitted and calibrated sees none of the trials that it is tested on: threshold and
-    probabilities come from the other parts, by holding out parts of those.
+    probabilities come from the other folds, divided once more.
 
     Parameters
     ----------
@@ -135,11 +135,11 @@ def evaluate_open_set(
     classifier, scaling : str
         See `build_estimator`; an empty scaling means the task's default.
     hold_out : sequence of str
-        Columns; trials that agree in all of them are held out together, dealt into parts
-        as `calibration.deal` does it. Where they do not allow it, trials are dealt at
-        random, and ``split`` says so.
+        Columns; trials that agree in all of them are held out together, see
+        `calibration.make_group_folds`. Where they do not allow it, trials are divided at random,
+        and ``split`` says so.
     false_alarm_rate : float
-        Share of trials of known labels that may be turned away [1].
+        Share of trials of known labels that may be rejected [1].
 
     Raises
     ------
@@ -154,16 +154,16 @@ def evaluate_open_set(
             f'there are {len(labels)} labels; with one left out as unknown, two must remain'
         )
     try:
-        outer = deal(table, hold_out)
-        parts = [
-            _evaluate_part(table, outer.fold == i, classifier, scaling, hold_out, false_alarm_rate)
+        outer = make_group_folds(table, hold_out)
+        folds = [
+            _evaluate_fold(table, outer.fold == i, classifier, scaling, hold_out, false_alarm_rate)
             for i in np.unique(outer.fold)
         ]
     except DatasetError as error:
         raise EvaluationError(f'the trials do not allow it: {error}') from error
     except ValueError as error:
         raise EvaluationError(str(error)) from error
-    rejected, right, before, after, true, unknown, splits, raw = zip(*parts, strict=True)
+    rejected, right, before, after, true, unknown, splits, raw = zip(*folds, strict=True)
     all_true, all_right = np.concatenate(true), np.concatenate(right)
     kept = ~np.concatenate(rejected)
     found = tuple(_pool_unknown(str(label), unknown, outer.split) for label in labels)
@@ -175,7 +175,7 @@ def evaluate_open_set(
         trials=len(table),
         false_alarm_rate=false_alarm_rate,
         realised_false_alarm_rate=float(1.0 - kept.mean()),
-        group_false_alarm_rates=tuple(float(part.mean()) for part in rejected),
+        group_false_alarm_rates=tuple(float(each.mean()) for each in rejected),
         accuracy=float(all_right[kept].mean()) if kept.any() else 0.0,
         auroc=float(np.mean([label.auroc for label in found])),
         miss_rate=float(np.mean([label.miss_rate for label in found])),
@@ -187,7 +187,7 @@ def evaluate_open_set(
 
 
 class _Part(NamedTuple):
-    """What one part, held out, gave; arrays over its trials."""
+    """What one fold gave; arrays over its trials."""
 
     rejected: npt.NDArray[np.bool_]
     right: npt.NDArray[np.bool_]
@@ -199,7 +199,7 @@ class _Part(NamedTuple):
     keeps_raw: bool
 
 
-def _evaluate_part(
+def _evaluate_fold(
     table: FeatureTable,
     held_out: npt.NDArray[np.bool_],
     classifier: str,
@@ -209,7 +209,7 @@ def _evaluate_part(
 ) -> _Part:
     train, test = table.take(~held_out), table.take(held_out)
     classes = np.unique(train.labels)
-    inner = deal(train, columns)
+    inner = make_group_folds(train, columns)
     scores, true = hold_out_scores(train, classifier, scaling, inner.fold)
     calibration = Calibration.fit(scores, true)
     kind = SCORE_KINDS[classifier]
@@ -249,14 +249,14 @@ def _evaluate_part(
 def _fit_novelty(
     train: FeatureTable, test: FeatureTable, columns: Sequence[str], rate: float
 ) -> tuple[npt.NDArray[np.float64], float]:
-    measure, _, threshold = fit_novelty(train, deal(train, columns), rate)
+    measure, _, threshold = fit_novelty(train, make_group_folds(train, columns), rate)
     return measure.compute(test.values), threshold
 
 
 def _pool_unknown(
-    label: str, parts: Sequence[dict[str, tuple[float, npt.NDArray[np.bool_]]]], split: str
+    label: str, folds: Sequence[dict[str, tuple[float, npt.NDArray[np.bool_]]]], split: str
 ) -> UnknownLabel:
-    found = [part[label] for part in parts if label in part]
+    found = [fold[label] for fold in folds if label in fold]
     if not found:
         raise EvaluationError(
             f'the trials do not allow it: label "{label}" is never held out together with '

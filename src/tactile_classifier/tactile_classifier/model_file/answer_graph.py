@@ -56,10 +56,10 @@ def add_probabilities(
 ) -> str:
     """Add what `Calibration.compute` gives for the raw scores, shape (windows, labels)."""
     size = graph.add('Mul', scores, graph.constant(np.float64(calibration.slope)))
-    bonus = graph.constant(np.float64(calibration.bonus))
+    offset = graph.constant(np.float64(calibration.offset))
     is_answer = graph.add('Equal', answer, graph.constant(np.arange(labels)))
     zero = graph.constant(np.float64(0.0))
-    raised = graph.add('Add', size, graph.add('Where', is_answer, bonus, zero))
+    raised = graph.add('Add', size, graph.add('Where', is_answer, offset, zero))
     return graph.add('Softmax', raised, axis=1)
 
 
@@ -75,5 +75,5 @@ def add_novelty(graph: Graph, x: str, measure: NoveltyMeasure) -> str:
     nearest = graph.add('ArgMin', squares, axis=1, keepdims=1)
     square = graph.add('ReduceMin', squares, axes, keepdims=1)
     square = graph.add('Max', square, graph.constant(np.float64(0.0)))
-    usual = graph.add('Gather', graph.constant(measure.usual), nearest, axis=0)
-    return graph.add('Div', graph.add('Sqrt', square), usual)
+    scale = graph.add('Gather', graph.constant(measure.scale), nearest, axis=0)
+    return graph.add('Div', graph.add('Sqrt', square), scale)

@@ -57,7 +57,7 @@ def describe_model(manifest: Manifest) -> dict[str, str]:
 
 
 def _describe(manifest: Manifest) -> dict[str, str]:
-    whole, *running = manifest.parts
+    whole, *running = manifest.stages
     score, calibration, spec = manifest.cross_validation, manifest.calibration, manifest.spec
     more = len(manifest.labels) - MAX_LABELS
     labels = ', '.join(manifest.labels[:MAX_LABELS]) + f' and {more} more' * (more > 0)
@@ -87,12 +87,12 @@ def _describe(manifest: Manifest) -> dict[str, str]:
     if whole.novelty_threshold >= 0.0:
         facts['unknown'] = (
             f'above novelty {whole.novelty_threshold:.2f}, at '
-            f'{100 * manifest.false_alarm_rate:g} % false alarms'
+            f'{100 * manifest.false_alarm_rate:g} % false rejection'
         )
     if running:
-        facts['running answers'] = ', '.join(
-            f'{part.sample_count / spec.rate_hz:g} s {100 * part.accuracy:.1f} %'
-            for part in running
+        facts['early predictions'] = ', '.join(
+            f'{stage.sample_count / spec.rate_hz:g} s {100 * stage.accuracy:.1f} %'
+            for stage in running
         )
     if 'recalibrated' in calibration:
         again = calibration['recalibrated']
@@ -139,7 +139,7 @@ def list_limits(manifest: Manifest) -> list[str]:
         'Specimens of one label were not told apart: another plate or object of that name was '
         'not tested.'
     )
-    if manifest.parts[0].novelty_threshold >= 0.0:
+    if manifest.stages[0].novelty_threshold >= 0.0:
         limits.append('An unknown object that feels like a known one is given its name.')
     else:
         limits.append('It never answers "unknown": every object is given a name.')

@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.card import render_card
-from tactile_classifier.model_file.manifest import Manifest, WHOLE
+from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest
 from tactile_classifier.model_file.onnx_container import check_seal, open_container, read_card
 from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.model_file.specification import describe_mismatch
@@ -128,7 +128,7 @@ class TactileModel:
     model_id : str
         Task, contact, classifier and the first 12 digits of the file's SHA-256.
     running_samples : tuple of int
-        Sample counts of the running windows that it answers.
+        Sample counts of the partial windows that it answers.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -146,7 +146,7 @@ class TactileModel:
         self.running_samples = self.manifest.running_samples
         # What ready-cut windows or an older file do not state, `expect` says.
         self._expected = None if self.spec.missing_parameters else self.spec
-        self._parts = {part.sample_count: part for part in self.manifest.parts}
+        self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
         self._offsets = _read_offsets(self.manifest)
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
         self._session = open_session(data)
@@ -219,13 +219,13 @@ class TactileModel:
         if sample_count in self._offsets:
             rows = rows - self._offsets[sample_count]
         feed = {SAMPLES: np.array(sample_count)} if self.running_samples else {}
-        if sample_count not in self._parts:
+        if sample_count not in self._stages:
             raise KeyError(sample_count)
         blocks = [
             self._session.run(self._outputs, {INPUT: rows[i : i + self._rows], **feed})
             for i in range(0, len(rows), self._rows)
         ]
-        found = [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
+        found = [np.concatenate(each) for each in zip(*blocks, strict=True)]
         if self._outputs == [SCORES]:  # format version 1
             return Answers(found[0].argmax(axis=1), found[0], np.empty(0))
         answer, scores, *novelty = found
@@ -247,7 +247,7 @@ class TactileModel:
     ) -> ClassificationResult:
         """Return what the model says of one window, or why it says nothing.
 
-        A window whose novelty is above the model's threshold is unknown. A running window is
+        A window whose novelty is above the model's threshold is unknown. A partial window is
         decided when it is known and its answer's probability reaches the stopping rule's.
 
         Parameters
@@ -256,18 +256,18 @@ class TactileModel:
         correction : Correction, optional
             Of the window's session; without it, the model is used as its file is.
         """
-        part = self._parts[window.sample_count if window.running else 0]
+        stage = self._stages[window.sample_count if window.running else 0]
         outcome, label, reason = Outcome.NO_FEATURES, '', self._why_not(window)
         scores: tuple[float, ...] = ()
         novelty = -1.0
         decided = False
-        values, novelty_threshold = window.values, part.novelty_threshold
+        values, novelty_threshold = window.values, stage.novelty_threshold
         if correction is not None:
             novelty_threshold = correction.novelty_threshold
         if not reason:
             if correction is not None:
                 values = values - correction.offset
-            found = self.compute(values[np.newaxis], part.sample_count)
+            found = self.compute(values[np.newaxis], stage.sample_count)
             scores = tuple(found.scores[0].tolist())
             novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
             if not all(map(math.isfinite, (*scores, novelty))):
@@ -281,7 +281,7 @@ class TactileModel:
                 )
             else:
                 outcome, label = Outcome.LABEL, self.labels[int(found.answer[0])]
-                decided = max(scores) >= part.stop_threshold >= 0.0
+                decided = max(scores) >= stage.stop_threshold >= 0.0
         return ClassificationResult(
             task=self.manifest.task,
             trial_id=window.trial_id,
@@ -325,10 +325,10 @@ class TactileModel:
         inputs = self._session.get_inputs()
         self._outputs = [output.name for output in self._session.get_outputs()]
         k, labels = len(self.spec.names), len(self.labels)
-        has_novelty = {part.novelty_threshold >= 0.0 for part in self.manifest.parts}
+        has_novelty = {stage.novelty_threshold >= 0.0 for stage in self.manifest.stages}
         wanted = [ANSWER, SCORES, NOVELTY] if has_novelty == {True} else [ANSWER, SCORES]
         sources = [INPUT, SAMPLES] if self.running_samples else [INPUT]
-        is_version_1 = self._outputs == [SCORES] and self.manifest.parts == (WHOLE,)
+        is_version_1 = self._outputs == [SCORES] and self.manifest.stages == (FULL_WINDOW,)
         if [i.name for i in inputs] != sources or not (self._outputs == wanted or is_version_1):
             raise ModelFileError(
                 f'its graph does not lead from {", ".join(sources)} to {", ".join(wanted)}'
@@ -338,9 +338,9 @@ class TactileModel:
                 f'its graph takes {inputs[0].type} of shape {inputs[0].shape}; '
                 f'the feature set has {k} features, as doubles'
             )
-        for part in self.manifest.parts:
+        for stage in self.manifest.stages:
             try:
-                found = self.compute(np.zeros((1, k)), part.sample_count)
+                found = self.compute(np.zeros((1, k)), stage.sample_count)
             except Exception as error:  # onnxruntime has many
                 raise ModelFileError(f'its graph does not run: {error}') from error
             if found.scores.shape != (1, labels):
@@ -361,9 +361,9 @@ def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
     shape = (len(manifest.spec.names),)
     if any(offset.shape != shape or not np.isfinite(offset).all() for offset in offsets):
         raise ModelFileError('its recalibration does not fit its features')
-    if offsets and len(offsets) != len(manifest.parts):
-        raise ModelFileError('its recalibration does not have one offset a part')
-    counts = [part.sample_count for part in manifest.parts]
+    if offsets and len(offsets) != len(manifest.stages):
+        raise ModelFileError('its recalibration does not have one offset a stage')
+    counts = [stage.sample_count for stage in manifest.stages]
     return dict(zip(counts, offsets, strict=False))
 
 

@@ -53,7 +53,7 @@ class LiveRecalibration:
     stays until a window states another ``session_id``. The answers are those of the file that
     `recalibrate` would write for the same trials, to the last bit.
 
-    Whole windows and each length of running windows count by themselves, because they arrive
+    Whole windows and each length of partial windows count by themselves, because they arrive
     on topics of their own. So the answers depend on the order of each topic alone, and a replay
     repeats them. The model and its file stay as they are.
 
@@ -83,16 +83,16 @@ class LiveRecalibration:
         """Return the answer on a window that the model accepts, and learn from it."""
         if not self._trials:
             return self.model.classify(window)
-        part = window.sample_count if window.running else 0
-        session = self._sessions.get(part)
+        stage = window.sample_count if window.running else 0
+        session = self._sessions.get(stage)
         if session is None or session.session_id != window.session_id:
-            session = self._sessions[part] = _Session(window.session_id)
+            session = self._sessions[stage] = _Session(window.session_id)
         answer = self.model.classify(window, session.correction)
         if session.correction is None and self._is_known(window):
             session.values.append(window.values)
             session.labels.append(self.model.labels.index(window.object_label))
             if len(session.values) == self._trials:
-                session.correction = self._correct(part, session)
+                session.correction = self._correct(stage, session)
         return answer
 
     def _is_known(self, window: FeatureWindow) -> bool:
@@ -103,15 +103,15 @@ class LiveRecalibration:
             and bool(np.isfinite(window.values).all())
         )
 
-    def _correct(self, part: int, session: _Session) -> Correction:
+    def _correct(self, stage: int, session: _Session) -> Correction:
         offset, threshold = correct(
-            self.model, self._statistics[part], part, np.array(session.values), session.labels
+            self.model, self._statistics[stage], stage, np.array(session.values), session.labels
         )
         return Correction(offset, threshold, len(session.values))
 
 
 def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
-    """Return what a model's file states of sessions, by samples of its parts.
+    """Return what a model's file states of sessions, by samples of its stages.
 
     Raises
     ------
@@ -129,13 +129,13 @@ def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
             f'model {model.model_id} states nothing of sessions: train it on two sessions or more'
         )
     entries = manifest.calibration[STATISTICS]
-    if not isinstance(entries, list) or len(entries) != len(manifest.parts):
-        raise ModelFileError('its statistics of sessions are not one entry a part')
+    if not isinstance(entries, list) or len(entries) != len(manifest.stages):
+        raise ModelFileError('its statistics of sessions are not one entry a stage')
     return {
-        part.sample_count: SessionStatistics.from_dict(
+        stage.sample_count: SessionStatistics.from_dict(
             entry, len(model.labels), len(manifest.spec.names)
         )
-        for part, entry in zip(manifest.parts, entries, strict=True)
+        for stage, entry in zip(manifest.stages, entries, strict=True)
     }
 
 
@@ -152,7 +152,7 @@ def correct(
     ----------
     model : TactileModel
     statistics : SessionStatistics
-        Of the part with ``sample_count`` samples; 0: whole windows.
+        Of the stage with ``sample_count`` samples; 0: whole windows.
     sample_count : int
     values : ndarray of shape (trials, k)
     label : array_like of int, shape (trials,)

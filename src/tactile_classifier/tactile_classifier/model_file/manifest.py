@@ -37,14 +37,16 @@ from tactile_features.feature_sets.registry import task_of
 from tactile_features.spec import FeatureSpec
 
 FORMAT_VERSION = 5
-"""2: parts and calibration. 3: the digest of the specification, which states its gap policy.
+"""2: stages and calibration. 3: the digest of the specification, which states its gap policy.
 4: recalibration, whose offsets older software would not take. 5: conditions of the training."""
 
 _DIGEST = 'specification_digest'
+_STAGES = 'parts'
+"""Keys in the file. That of the stages keeps the name that it had in format version 2."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
+class Stage:
     """How the answers on one length of window are to be read.
 
     Attributes
@@ -70,7 +72,7 @@ class Part:
     accuracy: float = -1.0
 
 
-WHOLE = Part()
+FULL_WINDOW = Stage()
 """A whole window without novelty and calibration, as in files of format version 1."""
 
 
@@ -126,20 +128,20 @@ class Manifest:
         ``mean``, ``spread``, ``spread_of`` and ``split``; empty when not evaluated.
     created : str
         When it was trained (ISO 8601, UTC).
-    parts : tuple of Part
+    stages : tuple of Stage
         The whole window, then the running ones by rising sample count.
     calibration : mapping
         ``split``, ``groups`` and ``trials`` of the held-out trials behind the thresholds and
         probabilities, and ``session_share``, the share of new sessions in which the thresholds
         hold (negative: there were no sessions), or ``reason`` why there are none. With
-        sessions also ``session_statistics``, one entry a part, for `recalibrate`; and
+        sessions also ``session_statistics``, one entry a stage, for `recalibrate`; and
         ``recalibrated``, what `recalibrate` took and found. ``scores``: which were ``kept``,
         ``raw`` or ``calibrated``, and the log losses behind the choice (`ScoreChoice`).
     false_alarm_rate : float
-        Share of windows of known labels that the thresholds turn away [1]; negative: no
+        Share of windows of known labels that the thresholds reject [1]; negative: no
         thresholds.
     stop_error_rate : float
-        Share of wrong answers among those given early [1]; negative: no running windows.
+        Share of wrong answers among those given early [1]; negative: no partial windows.
     training : TrainingTrials
         Files of format version 4 and older do not state it.
     """
@@ -157,7 +159,7 @@ class Manifest:
     versions: Mapping[str, str]
     cross_validation: Mapping[str, Any]
     created: str
-    parts: tuple[Part, ...] = (WHOLE,)
+    stages: tuple[Stage, ...] = (FULL_WINDOW,)
     calibration: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     false_alarm_rate: float = -1.0
     stop_error_rate: float = -1.0
@@ -165,8 +167,8 @@ class Manifest:
 
     @property
     def running_samples(self) -> tuple[int, ...]:
-        """Sample counts of the running windows that the model answers."""
-        return tuple(part.sample_count for part in self.parts[1:])
+        """Sample counts of the partial windows that the model answers."""
+        return tuple(stage.sample_count for stage in self.stages[1:])
 
     def feature_values(self) -> dict[str, Any]:
         """Return what the feature node must be told, by the fields of `FeatureConfig`."""
@@ -178,7 +180,7 @@ class Manifest:
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
         fields[_DIGEST] = self.spec.digest
-        fields['parts'] = [dataclasses.asdict(part) for part in self.parts]
+        fields[_STAGES] = [dataclasses.asdict(stage) for stage in fields.pop('stages')]
         fields['training'] = dataclasses.asdict(self.training)
         return json.dumps({'format_version': FORMAT_VERSION, **fields}, sort_keys=True)
 
@@ -214,7 +216,8 @@ class Manifest:
             )
         fields['labels'] = tuple(fields['labels'])
         if version > 1:
-            fields['parts'] = tuple(_read_entry('parts', part, WHOLE) for part in fields['parts'])
+            entries = fields.pop(_STAGES)
+            fields['stages'] = tuple(_read_entry(_STAGES, each, FULL_WINDOW) for each in entries)
         if version > 4:
             fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
         manifest = cls(**fields)
@@ -245,12 +248,12 @@ class Manifest:
                 raise ModelFileError(
                     f'its {name} is "{value}"; it must be one of {", ".join(choices)}'
                 )
-        counts = [part.sample_count for part in self.parts]
+        counts = [stage.sample_count for stage in self.stages]
         whole = self.spec.sample_count
         rises = all(a < b for a, b in pairwise(counts)) and max(counts[1:], default=-1) < whole
         if counts[:1] != [0] or not rises:
             raise ModelFileError(
-                f'its parts have {counts} samples; they must be 0, for the whole window, and then '
+                f'its stages have {counts} samples; they must be 0, for the full window, and then '
                 f'rise to fewer than {whole}'
             )
 
@@ -273,7 +276,7 @@ _TYPES: dict[str, type] = {
 
 _TYPES_2: dict[str, type] = {
     **_TYPES,
-    'parts': list,
+    _STAGES: list,
     'calibration': dict,
     'false_alarm_rate': float,
     'stop_error_rate': float,
@@ -283,7 +286,7 @@ _TYPES_3: dict[str, type] = {**_TYPES_2, _DIGEST: str}
 
 _TYPES_5: dict[str, type] = {**_TYPES_3, 'training': dict}
 
-_Entry = TypeVar('_Entry', Part, TrainingTrials)
+_Entry = TypeVar('_Entry', Stage, TrainingTrials)
 
 
 def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:

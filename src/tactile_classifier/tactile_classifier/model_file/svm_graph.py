@@ -36,7 +36,7 @@ Matrix = npt.NDArray[np.float64]
 
 
 def add_svm(graph: Graph, svm: SVC, x: str) -> str:
-    """Add a machine to a graph; return the name of its decision values, one a label.
+    """Add an SVM to a graph; return the name of its decision values, one a label.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def name_trials(model: TactileModel, values: npt.NDArray[np.float64]) -> npt.NDA
     valid = np.isfinite(found.scores).all(axis=1)
     if len(found.novelty):
         valid &= np.isfinite(found.novelty)
-        threshold = model.manifest.parts[0].novelty_threshold
+        threshold = model.manifest.stages[0].novelty_threshold
         if threshold >= 0.0:
             names[found.novelty > threshold] = UNKNOWN
     names[~valid] = NO_ANSWER

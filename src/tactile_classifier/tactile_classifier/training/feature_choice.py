@@ -133,7 +133,7 @@ def choose_candidate(
     for name, table in tables.items():
         if not np.array_equal(table.labels, first.labels):
             raise DatasetError(f'the table of {name} is not of the same trials')
-    folds = split.deals[0]
+    folds = split.repeats[0]
     inner = [split.divide_again(train, first.labels, random_state) for train, _ in folds]
     candidates = [
         Candidate(name, *pair) for name, table in tables.items() for pair in _list_pairs(table)

@@ -47,7 +47,7 @@ from tactile_classifier.model_file.onnx_graph import Graph, Shape
 from tactile_classifier.model_file.random_convolutions_graph import add_random_convolutions
 from tactile_classifier.model_file.svm_graph import add_svm
 from tactile_classifier.records import ROCKET
-from tactile_classifier.training.trainer import FittedPart, Trained
+from tactile_classifier.training.trainer import FittedStage, Trained
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -94,23 +94,23 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
         model = TactileModel(data)
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is not written: {error}') from error
-    for part in trained.parts:
-        _check_answers(path, model, part)
+    for stage in trained.stages:
+        _check_answers(path, model, stage)
     replace_file(Path(path), data)
     return model
 
 
-def _check_answers(path: str | Path, model: TactileModel, part: FittedPart) -> None:
-    if list(part.estimator.classes_) != list(model.labels):
+def _check_answers(path: str | Path, model: TactileModel, stage: FittedStage) -> None:
+    if list(stage.estimator.classes_) != list(model.labels):
         raise ModelFileError(
             f"model {path} is not written: the labels of the manifest are not the estimator's"
         )
-    found = np.array(model.predict(part.values, part.sample_count))
-    changed = np.flatnonzero(found != part.estimator.predict(part.values))
+    found = np.array(model.predict(stage.values, stage.sample_count))
+    changed = np.flatnonzero(found != stage.estimator.predict(stage.values))
     if len(changed):
         raise ModelFileError(
             f'model {path} is not written: conversion to ONNX changes the label of '
-            f'{len(changed)} of {len(part.values)} training trials, first of trial '
+            f'{len(changed)} of {len(stage.values)} training trials, first of trial '
             f'{changed[0]}; such trials lie on the border between classes: look for '
             'duplicates with different labels, or choose another classifier'
         )
@@ -122,13 +122,13 @@ def _convert(trained: Trained) -> bytes:
     manifest = trained.manifest
     k, labels = len(manifest.spec.names), len(manifest.labels)
     shapes: dict[str, Shape] = {ANSWER: (int, [None, 1]), SCORES: (float, [None, labels])}
-    if trained.parts[0].novelty is not None:
+    if trained.stages[0].novelty is not None:
         shapes[NOVELTY] = (float, [None, 1])
     inputs: dict[str, Shape] = {INPUT: (float, [None, k])}
-    if len(trained.parts) > 1:
+    if len(trained.stages) > 1:
         inputs[SAMPLES] = (int, [])
     graph = Graph()
-    _add_parts(graph, trained.parts, manifest.classifier, shapes)
+    _add_stages(graph, trained.stages, manifest.classifier, shapes)
     model = helper.make_model(
         graph.to_proto(inputs, shapes),
         opset_imports=[helper.make_opsetid(*item) for item in TARGET_OPSET.items()],
@@ -139,46 +139,46 @@ def _convert(trained: Trained) -> bytes:
     return data
 
 
-def _add_parts(
-    graph: Graph, parts: Sequence[FittedPart], classifier: str, shapes: Mapping[str, Shape]
+def _add_stages(
+    graph: Graph, stages: Sequence[FittedStage], classifier: str, shapes: Mapping[str, Shape]
 ) -> None:
     """Add what answers windows of several lengths, of which the input says which it is.
 
-    Halves, and halves of these, are branches: only one part is computed, and none lies
+    Halves, and halves of these, are branches: only one stage is computed, and none lies
     deeply nested.
     """
     names = [graph.name(name) for name in shapes]
-    if len(parts) == 1:
-        for found, name in zip(_add_part(graph, parts[0], classifier), names, strict=True):
+    if len(stages) == 1:
+        for found, name in zip(_add_stage(graph, stages[0], classifier), names, strict=True):
             graph.add('Identity', found, output=name)
         return
-    middle = len(parts) // 2
+    middle = len(stages) // 2
     branches = {}
-    for side, half in (('then', parts[:middle]), ('else', parts[middle:])):
+    for side, half in (('then', stages[:middle]), ('else', stages[middle:])):
         inner = Graph(graph.name(f'{side}_'))
-        _add_parts(inner, half, classifier, shapes)
+        _add_stages(inner, half, classifier, shapes)
         outputs = {inner.name(name): shape for name, shape in shapes.items()}
         branches[f'{side}_branch'] = inner.to_proto({}, outputs)
-    border = graph.constant(np.array(parts[middle].sample_count))
+    border = graph.constant(np.array(stages[middle].sample_count))
     graph.add_many('If', [graph.add('Less', SAMPLES, border)], names, **branches)
 
 
-def _add_part(graph: Graph, part: FittedPart, classifier: str) -> list[str]:
-    """Add one part; return the names of answer, scores and novelty."""
+def _add_stage(graph: Graph, stage: FittedStage, classifier: str) -> list[str]:
+    """Add one stage; return the names of answer, scores and novelty."""
     if classifier == 'tree':
-        scores = graph.embed(_convert_tree(part.estimator), INPUT)
+        scores = graph.embed(_convert_tree(stage.estimator), INPUT)
     else:
-        scaled = add_scaling(graph, part.estimator, INPUT)
+        scaled = add_scaling(graph, stage.estimator, INPUT)
         add: Callable[[Graph, Any, str], str] = {
             'knn': add_neighbours,
             ROCKET: add_random_convolutions,
         }.get(classifier, add_svm)
-        scores = add(graph, part.estimator.named_steps['classify'], scaled)
+        scores = add(graph, stage.estimator.named_steps['classify'], scaled)
     answer = add_answer(graph, scores)
-    if part.calibration is not None:
-        labels = len(part.estimator.classes_)
-        scores = add_probabilities(graph, scores, answer, labels, part.calibration)
-    novelty = [] if part.novelty is None else [add_novelty(graph, INPUT, part.novelty)]
+    if stage.calibration is not None:
+        labels = len(stage.estimator.classes_)
+        scores = add_probabilities(graph, scores, answer, labels, stage.calibration)
+    novelty = [] if stage.novelty is None else [add_novelty(graph, INPUT, stage.novelty)]
     return [answer, scores, *novelty]
 
 

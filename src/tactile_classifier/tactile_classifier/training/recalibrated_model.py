@@ -78,19 +78,19 @@ def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Mani
     unknown = np.setdiff1d(table.labels, model.labels)
     if len(unknown):
         raise ModelFileError(f'model {model.model_id} does not know the label "{unknown[0]}"')
-    offsets, parts = [], []
-    for part in manifest.parts:
-        known = tables[part.sample_count]
+    offsets, stages = [], []
+    for stage in manifest.stages:
+        known = tables[stage.sample_count]
         model.check_fits(known.spec)
         offset, threshold = correct(
             model,
-            statistics[part.sample_count],
-            part.sample_count,
+            statistics[stage.sample_count],
+            stage.sample_count,
             known.values,
             np.searchsorted(model.labels, known.labels),
         )
         offsets.append(offset.tolist())
-        parts.append(dataclasses.replace(part, novelty_threshold=threshold))
+        stages.append(dataclasses.replace(stage, novelty_threshold=threshold))
     stated: dict[str, Any] = {
         'model_id': model.model_id,
         'trials': len(table),
@@ -100,4 +100,4 @@ def recalibrate(model: TactileModel, tables: Mapping[int, FeatureTable]) -> Mani
         'offsets': offsets,
     }
     calibration = {**manifest.calibration, RECALIBRATED: stated}
-    return dataclasses.replace(manifest, parts=tuple(parts), calibration=calibration)
+    return dataclasses.replace(manifest, stages=tuple(stages), calibration=calibration)

@@ -29,10 +29,10 @@ import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
 from tactile_classifier.confidence.calibration import (
-    calibrate_part,
-    CalibratedPart,
+    calibrate_stage,
+    CalibratedStage,
     Calibration,
-    deal,
+    make_group_folds,
 )
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.confidence.recalibration import fit_session_statistics
@@ -42,14 +42,14 @@ from tactile_classifier.errors import DatasetError, TooFewTrialsError
 from tactile_classifier.estimators.classifiers import build_estimator, default_scaling, SCORE_KINDS
 from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.evaluation.cross_validation import Score
-from tactile_classifier.model_file.manifest import Manifest, Part, TrainingTrials, WHOLE
+from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
 from tactile_classifier.records import PROBABILITY, ROCKET
 
 LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class FittedPart:
+class FittedStage:
     """What answers windows of one length.
 
     Attributes
@@ -73,15 +73,15 @@ class FittedPart:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Trained:
-    """Fitted parts, the whole window's first, and what their model file will say of them."""
+    """Fitted stages, the whole window's first, and what their model file will say of them."""
 
-    parts: tuple[FittedPart, ...]
+    stages: tuple[FittedStage, ...]
     manifest: Manifest
 
     @property
     def estimator(self) -> Pipeline:
         """What answers whole windows."""
-        return self.parts[0].estimator
+        return self.stages[0].estimator
 
 
 @on_one_thread
@@ -99,10 +99,10 @@ def train(
     """Fit a classifier to all the trials of a table, and calibrate its answers.
 
     Thresholds and probabilities come from trials that are held out in turn, whole sessions
-    where there are several (`calibration.deal`); the classifier in the file is then fitted to
+    where there are several (`make_group_folds`); the classifier in the file is then fitted to
     all trials. Too few trials: no novelty, no probabilities, and the manifest says why.
     Raw scores are kept where calibration is worse on held-out sessions (`ScoreChoice`), unless
-    there are running answers, whose stopping rule needs probabilities.
+    there are early predictions, whose stopping rule needs probabilities.
 
     Parameters
     ----------
@@ -112,9 +112,9 @@ def train(
         See `build_estimator`; an empty scaling means the task's default.
     running : mapping of int to FeatureTable, optional
         Features of the first so many samples of the same windows, trial by trial, of which
-        the model is to give running answers.
+        the model is to give early predictions.
     false_alarm_rate : float
-        Share of windows of known labels that may be turned away as unknown [1].
+        Share of windows of known labels that may be rejected as unknown [1].
     stop_error_rate : float
         Share of wrong answers among those given before the window is full [1].
     score : Score, optional
@@ -158,23 +158,23 @@ def train(
         list(tables.values()), classifier, scaling, false_alarm_rate
     )
     if running and not calibrated:
-        raise DatasetError(f'running answers need calibrated ones: {stated["reason"]}')
+        raise DatasetError(f'early predictions need calibrated ones: {stated["reason"]}')
     raw = bool(calibrated) and not running and calibrated[0].choice.keeps_raw
     if calibrated:
         choice = dataclasses.asdict(calibrated[0].choice)
         del choice['keeps_raw']
         stated['scores'] = {'kept': 'raw' if raw else 'calibrated', **choice}
-    parts = [
-        FittedPart(
+    stages = [
+        FittedStage(
             sample_count=count,
             estimator=build_estimator(classifier, scaling, table.channels).fit(
-                part.values, part.labels
+                table.values, table.labels
             ),
-            values=part.values,
+            values=table.values,
             calibration=held_out.calibration if held_out and not raw else None,
             novelty=held_out.novelty if held_out else None,
         )
-        for (count, part), held_out in zip_longest(tables.items(), calibrated)
+        for (count, table), held_out in zip_longest(tables.items(), calibrated)
     ]
     stop_threshold = _fit_stop_threshold(calibrated[1:], stop_error_rate, session)
     manifest = Manifest(
@@ -193,8 +193,8 @@ def train(
         created=(created or datetime.datetime.now(datetime.timezone.utc)).isoformat(
             timespec='seconds'
         ),
-        parts=tuple(
-            Part(
+        stages=tuple(
+            Stage(
                 sample_count=count,
                 novelty_threshold=held_out.novelty_threshold,
                 stop_threshold=stop_threshold if count else -1.0,
@@ -204,50 +204,51 @@ def train(
             )
             for count, held_out in zip(tables, calibrated, strict=False)
         )
-        or (WHOLE,),
+        or (FULL_WINDOW,),
         calibration=stated,
         false_alarm_rate=false_alarm_rate if calibrated else -1.0,
         stop_error_rate=stop_error_rate if running else -1.0,
         training=describe_training(table),
     )
-    return Trained(tuple(parts), manifest)
+    return Trained(tuple(stages), manifest)
 
 
 def _calibrate(
     tables: list[FeatureTable], classifier: str, scaling: str, false_alarm_rate: float
-) -> tuple[list[CalibratedPart], dict[str, Any], npt.NDArray[np.intp] | None]:
-    """Return calibrated parts, the manifest's entry, and sessions; no parts, and why, if not."""
+) -> tuple[list[CalibratedStage], dict[str, Any], npt.NDArray[np.intp] | None]:
+    """Return calibrated stages, the manifest's entry, and sessions; no stages, and why, if not."""
     try:
-        dealt = deal(tables[0])
-        parts = [
-            calibrate_part(table, classifier, scaling, dealt, false_alarm_rate) for table in tables
+        folds = make_group_folds(tables[0])
+        stages = [
+            calibrate_stage(table, classifier, scaling, folds, false_alarm_rate)
+            for table in tables
         ]
     except TooFewTrialsError as error:
         return [], {'reason': str(error)}, None
     stated = {
-        'split': dealt.split,
-        'groups': dealt.groups,
+        'split': folds.split,
+        'groups': folds.groups,
         'trials': len(tables[0]),
-        'session_share': dealt.session_share,
+        'session_share': folds.session_share,
     }
     statistics = [
-        fit_session_statistics(table, dealt, part.novelty.metric, false_alarm_rate)
-        for table, part in zip(tables, parts, strict=True)
+        fit_session_statistics(table, folds, stage.novelty.metric, false_alarm_rate)
+        for table, stage in zip(tables, stages, strict=True)
     ]
     if all(statistics):
         stated['session_statistics'] = [each.to_dict() for each in statistics if each]
-    return parts, stated, dealt.session
+    return stages, stated, folds.session
 
 
 def _fit_stop_threshold(
-    running: list[CalibratedPart], error_rate: float, session: npt.NDArray[np.intp] | None
+    running: list[CalibratedStage], error_rate: float, session: npt.NDArray[np.intp] | None
 ) -> float:
     """Return the stopping rule's threshold; -1, which never decides, when none is proven."""
     if not running:
         return -1.0
     threshold = fit_stop_threshold(
-        np.stack([part.confidence for part in running]),
-        np.stack([part.wrong for part in running]),
+        np.stack([stage.confidence for stage in running]),
+        np.stack([stage.wrong for stage in running]),
         error_rate,
         session,
     )

@@ -140,9 +140,9 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
 
 
 def test_running_windows_are_answered_on_a_topic_of_their_own(
-    make_graph, running_tables, tmp_path, make_window, capfd
+    make_graph, partial_tables, tmp_path, make_window, capfd
 ):
-    table, running = running_tables
+    table, running = partial_tables
     path = tmp_path / 'running.onnx'
     model = write_model(path, train(table, 'knn', running=running))
     graph = make_graph(model=str(path))

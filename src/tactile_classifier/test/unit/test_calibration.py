@@ -21,12 +21,12 @@ import numpy as np
 import pytest
 
 from tactile_classifier.confidence.calibration import (
-    calibrate_part,
+    calibrate_stage,
     Calibration,
     compute_calibration_error,
-    deal,
     hold_out_novelty,
     hold_out_scores,
+    make_group_folds,
 )
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError
@@ -45,7 +45,7 @@ def test_fit_finds_the_map_that_the_labels_were_drawn_with():
     true_map = Calibration(1.7, 0.6)
     found = Calibration.fit(scores, draw(true_map.compute(scores), 2))
     assert found.slope == pytest.approx(1.7, rel=0.1)
-    assert found.bonus == pytest.approx(0.6, abs=0.1)
+    assert found.offset == pytest.approx(0.6, abs=0.1)
     fresh = np.random.default_rng(3).normal(size=(20_000, 4))
     true = draw(true_map.compute(fresh), 4)
     assert compute_calibration_error(found.compute(fresh), true) < 0.02
@@ -58,8 +58,8 @@ def test_fit_finds_the_map_that_the_labels_were_drawn_with():
     st.floats(1e-3, 1e3),
     st.floats(0, 20),
 )
-def test_order_is_kept_and_probabilities_add_up_to_one(scores, slope, bonus):
-    probabilities = Calibration(slope, bonus).compute(scores)
+def test_order_is_kept_and_probabilities_add_up_to_one(scores, slope, offset):
+    probabilities = Calibration(slope, offset).compute(scores)
     np.testing.assert_allclose(probabilities.sum(axis=1), 1.0, atol=1e-12)
     answer = scores.argmax(axis=1)
     rows = np.arange(len(scores))
@@ -90,22 +90,22 @@ def small(labels, sessions=None):
 
 def test_sessions_are_held_out_whole():
     table = small(['a', 'b'] * 10, np.repeat(['s1', 's2', 's3', 's4', 's5'], 4))
-    dealt = deal(table)
-    assert (dealt.split, dealt.groups) == ('one session held out', 5)
-    assert len(set(zip(dealt.fold, table.column('session_id'), strict=True))) == 5
+    folds = make_group_folds(table)
+    assert (folds.split, folds.groups) == ('one session held out', 5)
+    assert len(set(zip(folds.fold, table.column('session_id'), strict=True))) == 5
     many = small(['a', 'b'] * 20, np.repeat([f's{i}' for i in range(10)], 4))
-    assert deal(many).split == 'session held out in 6 parts'
-    assert len(set(zip(deal(many).fold, many.column('session_id'), strict=True))) == 10
+    assert make_group_folds(many).split == 'session held out in 6 folds'
+    assert len(set(zip(make_group_folds(many).fold, many.column('session_id'), strict=True))) == 10
 
 
-def test_trials_are_dealt_where_sessions_do_not_allow_it():
-    assert deal(small(['a', 'b'] * 10)).split == 'stratified 6-fold over trials'
+def test_trials_are_folds_where_sessions_do_not_allow_it():
+    assert make_group_folds(small(['a', 'b'] * 10)).split == 'stratified 6-fold over trials'
     # Each label in one session only: with that held out, no model could know it.
     apart = small(['a'] * 5 + ['b'] * 5, ['s1'] * 5 + ['s2'] * 5)
-    dealt = deal(apart)
-    assert (dealt.split, dealt.groups) == ('stratified 5-fold over trials', 0)
+    folds = make_group_folds(apart)
+    assert (folds.split, folds.groups) == ('stratified 5-fold over trials', 0)
     with pytest.raises(DatasetError, match='label "b" has one trial only'):
-        deal(small(['a', 'a', 'b']))
+        make_group_folds(small(['a', 'a', 'b']))
 
 
 @pytest.mark.parametrize('name', ['{day}_{label}', '{label}_{day}'])
@@ -115,12 +115,12 @@ def test_sessions_of_one_label_are_spread_over_the_parts(name):
     trials = [(label, day) for label in 'abcdef' for day in ('mon', 'tue') for _ in range(4)]
     sessions = [name.format(label=label, day=day) for label, day in trials]
     labels = np.array([label for label, _ in trials])
-    dealt = deal(small(labels, sessions))
-    assert (dealt.split, dealt.groups) == ('session held out in 6 parts', 12)
-    assert len(set(zip(dealt.fold, sessions, strict=True))) == 12
+    folds = make_group_folds(small(labels, sessions))
+    assert (folds.split, folds.groups) == ('session held out in 6 folds', 12)
+    assert len(set(zip(folds.fold, sessions, strict=True))) == 12
     for label in 'abcdef':
-        assert len(set(dealt.fold[labels == label])) == 2
-    assert all(len(set(labels[dealt.fold == i])) == 2 for i in range(6))
+        assert len(set(folds.fold[labels == label])) == 2
+    assert all(len(set(labels[folds.fold == i])) == 2 for i in range(6))
 
 
 @settings(max_examples=100, deadline=None)
@@ -128,11 +128,11 @@ def test_sessions_of_one_label_are_spread_over_the_parts(name):
 def test_no_label_is_held_out_whole(sessions_of_label):
     pairs = [(str(i), s) for i, sessions in enumerate(sessions_of_label) for s in sessions]
     labels, sessions = (np.array(column) for column in zip(*pairs, strict=True))
-    dealt = deal(small(labels, sessions))
-    assert dealt.groups == len(set(sessions))
-    assert len(set(zip(dealt.fold, sessions, strict=True))) == dealt.groups
+    folds = make_group_folds(small(labels, sessions))
+    assert folds.groups == len(set(sessions))
+    assert len(set(zip(folds.fold, sessions, strict=True))) == folds.groups
     for label in set(labels):
-        assert len(set(dealt.fold[labels == label])) > 1
+        assert len(set(folds.fold[labels == label])) > 1
 
 
 def test_labels_too_interwoven_for_six_parts():
@@ -140,33 +140,33 @@ def test_labels_too_interwoven_for_six_parts():
     pairs = list(combinations(range(7), 2))
     labels = [f'{i}{j}' for i, j in pairs for _ in (i, j)]
     sessions = [session for pair in pairs for session in pair]
-    dealt = deal(small(labels, sessions))
-    assert (dealt.split, dealt.groups) == ('one session held out', 7)
-    np.testing.assert_array_equal(dealt.fold, sessions)
+    folds = make_group_folds(small(labels, sessions))
+    assert (folds.split, folds.groups) == ('one session held out', 7)
+    np.testing.assert_array_equal(folds.fold, sessions)
 
 
-def test_sessions_of_the_same_labels_are_dealt_in_turn():
+def test_sessions_of_the_same_labels_are_folds_in_turn():
     sessions = np.repeat(np.arange(14), 6)
-    dealt = deal(small(['a', 'b', 'c'] * 28, sessions))
-    np.testing.assert_array_equal(dealt.fold, sessions % 6)
+    folds = make_group_folds(small(['a', 'b', 'c'] * 28, sessions))
+    np.testing.assert_array_equal(folds.fold, sessions % 6)
 
 
 def test_no_trial_is_judged_by_a_model_that_knew_it():
     # Labels drawn at random: whoever is judged by its own neighbours looks right.
     rng = np.random.default_rng(5)
     table = small(rng.choice(['a', 'b'], 200))
-    fold = deal(table).fold
+    fold = make_group_folds(table).fold
     scores, true = hold_out_scores(table, 'tree', 'none', fold)
     assert np.mean(scores.argmax(axis=1) == true) < 0.65
     assert hold_out_novelty(table, fold, 'whitened').min() > 0.0
 
 
 def test_held_out_part_states_its_own_error(texture_table):
-    part = calibrate_part(texture_table, 'knn', 'none', deal(texture_table), 0.1)
+    part = calibrate_stage(texture_table, 'knn', 'none', make_group_folds(texture_table), 0.1)
     assert part.error_after < part.error_before + 0.02
-    dealt = deal(texture_table)
-    shares = [np.mean(part.confidence[dealt.session == i] < 0.0) for i in range(3)]
+    folds = make_group_folds(texture_table)
+    shares = [np.mean(part.confidence[folds.session == i] < 0.0) for i in range(3)]
     # The threshold is the quantile of the worst session; the others reject less.
     assert max(shares) == pytest.approx(0.1, abs=0.01)
-    assert dealt.session_share == 0.75
+    assert folds.session_share == 0.75
     assert part.wrong.shape == part.confidence.shape == (480,)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The card of a model file: what it says, and that strangers' entries do no harm."""
+"""The card of a model file: what it says, and that untrusted entries do no harm."""
 
 import contextlib
 import dataclasses
@@ -88,7 +88,7 @@ def test_conditions_come_from_the_training_trials(small_table):
 
 
 def test_sessions_are_counted_where_none_can_be_held_out(small_table):
-    # Each label in a session of its own: calibration deals trials, and knows no session.
+    # Each label in a session of its own: calibration divides trials, not sessions.
     tied = with_columns(small_table, session_id=small_table.labels)
     manifest = train(tied, 'knn').manifest
     assert manifest.calibration['groups'] == 0

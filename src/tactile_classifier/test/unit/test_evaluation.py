@@ -160,7 +160,7 @@ def test_choice_inside_the_folds_is_that_done_by_hand(noisy_table):
     (evaluation,) = run_plans([plan], 1)
     pairs = [(score.classifier, score.scaling) for score in evaluation.scores]
     accuracies, picks = [], []
-    for train, test in split.deals[0]:
+    for train, test in split.repeats[0]:
         inner = split.divide_again(train, noisy_table.labels, 3)
         right = [
             sum(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Models from strangers, well sealed: what they may ask of the process is limited."""
+"""Untrusted models with a valid digest: what they may ask of the process is limited."""
 
 import numpy as np
 import pytest

@@ -37,9 +37,9 @@ LATER = (66, 127, 188, 9)
 
 
 @pytest.fixture(scope='module')
-def trained(running_tables, tmp_path_factory):
+def trained(partial_tables, tmp_path_factory):
     """Return the path of a model with running parts, and its tables by samples."""
-    whole, running = running_tables
+    whole, running = partial_tables
     path = tmp_path_factory.mktemp('models') / 'texture.onnx'
     write_model(path, train(whole, 'knn', running=running))
     return path, {0: whole, **running}

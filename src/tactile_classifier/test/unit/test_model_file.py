@@ -34,10 +34,10 @@ from tactile_classifier.estimators.classifiers import (
 )
 from tactile_classifier.model_file import inference
 from tactile_classifier.model_file.inference import read_manifest, TactileModel
-from tactile_classifier.model_file.manifest import Manifest, WHOLE
+from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest
 from tactile_classifier.model_file.onnx_container import open_container, seal
 from tactile_classifier.training.model_writer import write_model
-from tactile_classifier.training.trainer import FittedPart, train, Trained
+from tactile_classifier.training.trainer import FittedStage, train, Trained
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -46,7 +46,7 @@ READERS = (TactileModel.load, read_manifest)
 
 def expected_scores(trained, values):
     scores = compute_raw_scores(trained.estimator, values)
-    calibration = trained.parts[0].calibration
+    calibration = trained.stages[0].calibration
     return scores if calibration is None else calibration.compute(scores)
 
 
@@ -97,9 +97,9 @@ def test_many_windows_of_many_trials_fit_into_the_memory_limit(small_table, tmp_
     values = np.random.default_rng(2).normal(size=(4000, 91))
     estimator = build_estimator('knn', 'none').fit(values, np.tile(['a', 'b'], 2000))
     trained = train(small_table.take(small_table.labels != 'plate 2'), 'knn', 'none')
-    part = FittedPart(0, estimator, values[:64], None, None)
+    part = FittedStage(0, estimator, values[:64], None, None)
     manifest = dataclasses.replace(
-        trained.manifest, labels=('a', 'b'), parts=(WHOLE,), score_kind=SCORE_KINDS['knn']
+        trained.manifest, labels=('a', 'b'), stages=(FULL_WINDOW,), score_kind=SCORE_KINDS['knn']
     )
     # All differences of 64 windows at once would be 186 MB.
     write_model(tmp_path / 'm.onnx', Trained((part,), manifest))

@@ -35,10 +35,10 @@ def test_answers_away_from_ties_are_those_of_scikit_learn(texture_table, scaling
     # Random errors as large as the differences of the classes, so that votes are split.
     noise = np.random.default_rng(4).normal(0.0, 0.05, texture_table.values.shape)
     values = texture_table.values + noise + offset
-    (deal,) = stratified_split(texture_table, 6, 1).deals
-    answers = predict_neighbours(values, labels, deal, scaling)
+    (folds,) = stratified_split(texture_table, 6, 1).repeats
+    answers = predict_neighbours(values, labels, folds, scaling)
     wrong = 0
-    for (train, test), answer in zip(deal, answers, strict=True):
+    for (train, test), answer in zip(folds, answers, strict=True):
         peer = KNeighborsClassifier(3, algorithm='kd_tree')
         expected = peer if scaling == 'none' else make_pipeline(StandardScaler(), peer)
         expected.fit(values[train], labels[train])

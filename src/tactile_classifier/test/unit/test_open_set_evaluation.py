@@ -71,7 +71,7 @@ def test_calibration_says_each_way_it_held_out(few):
     columns = {'session_id': session[kept]}
     table = FeatureTable(table.values, table.labels, table.spec, columns)
     found = evaluate_open_set(table, 'knn', false_alarm_rate=0.1)
-    assert found.split == 'session held out in 6 parts'
+    assert found.split == 'session held out in 6 folds'
     assert 'stratified' in found.calibration_split
     assert 'one session held out' in found.calibration_split
 

@@ -98,7 +98,7 @@ def test_the_model_file_answers_as_the_estimator(channels, classes, tmp_path):
     assert (model.manifest.classifier, model.manifest.scaling) == ('rocket', 'none')
     assert model.model_id == written.model_id
     others = make_trials(channels, classes=classes, seed=1).x.reshape(len(table), -1)
-    found, (part,) = model.compute(others), trained.parts
+    found, (part,) = model.compute(others), trained.stages
     raw = compute_raw_scores(trained.estimator, others)
     np.testing.assert_array_equal(model.predict(others), trained.estimator.predict(others))
     np.testing.assert_allclose(found.scores, part.calibration.compute(raw), atol=1e-9, rtol=0)

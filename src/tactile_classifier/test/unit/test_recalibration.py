@@ -17,7 +17,7 @@ import json
 import numpy as np
 import pytest
 
-from tactile_classifier.confidence.calibration import deal
+from tactile_classifier.confidence.calibration import make_group_folds
 from tactile_classifier.confidence.novelty import NoveltyMeasure
 from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.session_statistics import SessionStatistics, TRIALS
@@ -44,9 +44,9 @@ def draw_sessions(count, seed, each=10, shift=3.0):
 
 
 def fit(table, rate=0.1):
-    dealt = deal(table)
-    return fit_session_statistics(table, dealt, 'whitened', rate), NoveltyMeasure.fit(
-        table.values, table.labels, dealt.fold, 'whitened'
+    folds = make_group_folds(table)
+    return fit_session_statistics(table, folds, 'whitened', rate), NoveltyMeasure.fit(
+        table.values, table.labels, folds.fold, 'whitened'
     )
 
 
@@ -106,7 +106,7 @@ def test_constant_features_and_large_offsets_give_finite_numbers():
 
 def test_no_sessions_no_statistics_and_too_few_trials_are_told():
     table = draw_sessions(1, 5)
-    assert fit_session_statistics(table, deal(table), 'whitened', 0.1) is None
+    assert fit_session_statistics(table, make_group_folds(table), 'whitened', 0.1) is None
     statistics, measure = fit(draw_sessions(3, 6))
     with pytest.raises(TooFewTrialsError, match='4 known trials cannot recalibrate'):
         statistics.recalibrate(table.values[:4], np.zeros(4, dtype=int), measure.compute)
@@ -133,7 +133,9 @@ def test_recalibrated_file_corrects_features_and_states_where_it_came_from(tmp_p
     loaded = TactileModel.load(target)
     for one, other in zip(loaded.compute(values), model.compute(values - offset), strict=True):
         np.testing.assert_array_equal(one, other)
-    assert loaded.manifest.parts[0].novelty_threshold != model.manifest.parts[0].novelty_threshold
+    assert (
+        loaded.manifest.stages[0].novelty_threshold != model.manifest.stages[0].novelty_threshold
+    )
     assert loaded.compute(values).novelty.mean() < model.compute(values).novelty.mean()
     assert Manifest.from_json(found.manifest.to_json()) == found.manifest
     with pytest.raises(

@@ -35,13 +35,13 @@ from tactile_classifier.training.trainer import train
 
 
 @pytest.fixture(scope='module')
-def table(running_tables):
-    return running_tables[0]
+def table(partial_tables):
+    return partial_tables[0]
 
 
 @pytest.fixture(scope='module')
-def running(running_tables):
-    return running_tables[1]
+def running(partial_tables):
+    return partial_tables[1]
 
 
 @pytest.fixture(scope='module', params=CLASSIFIERS)
@@ -57,7 +57,7 @@ def model(trained, tmp_path_factory):
 def test_every_part_answers_as_scikit_learn_does(trained, model):
     assert model.running_samples == (60, 120)
     assert model.manifest.feature_values()['running_samples'] == (60, 120)
-    for part in trained.parts:
+    for part in trained.stages:
         rows = (0.6 * part.values + 0.4 * part.values[::-1])[:100]
         found = model.compute(rows, part.sample_count)
         raw = compute_raw_scores(part.estimator, rows)
@@ -75,7 +75,7 @@ def test_running_windows_change_nothing_for_whole_ones(trained, model, table, tm
 
 
 def test_running_window_is_decided_by_its_probability(model, running, make_window):
-    threshold = model.manifest.parts[1].stop_threshold
+    threshold = model.manifest.stages[1].stop_threshold
     # A tree is as sure of every answer; on these trials that proves no threshold.
     assert (threshold > 0.0) == (model.manifest.classifier != 'tree')
     seen = set()
@@ -117,7 +117,7 @@ def test_manifest_states_rates_and_how_they_were_found(trained):
     manifest = Manifest.from_json(trained.manifest.to_json())
     assert manifest == trained.manifest
     stated = dict(manifest.calibration)
-    assert len(stated.pop('session_statistics')) == len(manifest.parts)
+    assert len(stated.pop('session_statistics')) == len(manifest.stages)
     assert stated.pop('scores')['kept'] == 'calibrated'
     assert stated == {
         'split': 'one session held out',
@@ -127,14 +127,14 @@ def test_manifest_states_rates_and_how_they_were_found(trained):
     }
     assert (manifest.false_alarm_rate, manifest.stop_error_rate) == (0.05, 0.05)
     assert manifest.score_kind == 'probability'
-    assert [part.sample_count for part in manifest.parts] == [0, 60, 120]
+    assert [part.sample_count for part in manifest.stages] == [0, 60, 120]
 
 
 def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path):
     table = stiffness_table.take(np.r_[0:6, 12:18, 24:30])
     trained = train(table, 'svm_linear')
     assert trained.manifest.calibration == {
-        'reason': '18 trials cannot bound false alarms at 0.05; 19 are needed'
+        'reason': '18 trials cannot bound false rejection at 0.05; 19 are needed'
     }
     model = write_model(tmp_path / 'm.onnx', trained)
     found = model.compute(table.values)
@@ -149,16 +149,16 @@ def test_rates_and_running_tables_are_checked(table, running):
     with pytest.raises(DatasetError, match='table of 60 samples is not of the same trials'):
         train(table, 'tree', running={60: running[60].take(np.arange(239))})
     few = np.r_[0:4, 60:64, 120:124]
-    with pytest.raises(DatasetError, match='running answers need calibrated ones: 12 trials'):
+    with pytest.raises(DatasetError, match='early predictions need calibrated ones: 12 trials'):
         train(table.take(few), 'tree', running={60: running[60].take(few)})
 
 
 @pytest.mark.parametrize(
     ('change', 'message'),
     [
-        ({'parts': []}, 'its parts have'),
+        ({'parts': []}, 'its stages have'),
         ({'parts': 3}, 'no valid entry "parts"'),
-        ({'sample_count': 60}, r'its parts have \[60, 60, 120\]'),
+        ({'sample_count': 60}, r'its stages have \[60, 60, 120\]'),
         ({'sample_count': True}, 'no valid entry "sample_count"'),
         ({'novelty_threshold': float('inf')}, 'no valid entry "novelty_threshold"'),
         ({'novelty_threshold': float('nan')}, 'no valid entry "novelty_threshold"'),
@@ -180,8 +180,8 @@ def test_novelty_that_the_graph_does_not_give_is_refused(model, trained, tmp_pat
     data = (tmp_path / 'm.onnx').with_suffix('.onnx')
     write_model(data, train(table, 'tree'))
     manifest = Manifest.from_json(open_container(data.read_bytes()))
-    part = dataclasses.replace(manifest.parts[0], novelty_threshold=-1.0)
-    manifest = dataclasses.replace(manifest, parts=(part,))
+    stage = dataclasses.replace(manifest.stages[0], novelty_threshold=-1.0)
+    manifest = dataclasses.replace(manifest, stages=(stage,))
     import onnx
 
     graph = onnx.load_model_from_string(data.read_bytes())

@@ -24,7 +24,11 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_classifier.confidence.calibration import Calibration, deal, hold_out_scores
+from tactile_classifier.confidence.calibration import (
+    Calibration,
+    hold_out_scores,
+    make_group_folds,
+)
 from tactile_classifier.confidence.score_choice import compute_log_loss, FLOOR, ScoreChoice
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.estimators.classifiers import compute_raw_scores
@@ -80,22 +84,22 @@ def test_unknown_objects_are_rejected_by_the_same_threshold(unlike, tmp_path, mo
     )
     calibrated = write_model(tmp_path / 'calibrated.onnx', train(unlike, 'svm_linear'))
     assert (raw.manifest.score_kind, calibrated.manifest.score_kind) == ('margin', 'probability')
-    assert raw.manifest.parts == calibrated.manifest.parts
+    assert raw.manifest.stages == calibrated.manifest.stages
     one, other = raw.compute(unlike.values), calibrated.compute(unlike.values)
     np.testing.assert_array_equal(one.novelty, other.novelty)
     np.testing.assert_array_equal(one.answer, other.answer)
-    assert raw.manifest.parts[0].novelty_threshold > 0.0
+    assert raw.manifest.stages[0].novelty_threshold > 0.0
 
 
 @pytest.mark.parametrize('classifier', ['knn', 'tree'])
 @pytest.mark.parametrize('sessions', [1, 2, 6])
 def test_votes_without_a_mistake_are_calibrated(classifier, sessions):
     trained = train(draw((0.2,) * sessions), classifier)
-    part = trained.manifest.parts[0]
+    part = trained.manifest.stages[0]
     assert (part.accuracy, part.calibration_error_before) == (1.0, 0.0)
     assert part.calibration_error_after > 0.0  # a naive rule would keep certainty 1
     assert trained.manifest.score_kind == 'probability'
-    assert trained.parts[0].calibration.compute(np.eye(3))[0, 0] < 0.999
+    assert trained.stages[0].calibration.compute(np.eye(3))[0, 0] < 0.999
 
 
 def test_more_sessions_are_calibrated_as_ever():
@@ -103,8 +107,8 @@ def test_more_sessions_are_calibrated_as_ever():
     trained = train(table, 'svm_linear')
     stated = trained.manifest.calibration['scores']
     assert stated['kept'] == 'calibrated'
-    scores, true = hold_out_scores(table, 'svm_linear', 'standard', deal(table).fold)
-    assert trained.parts[0].calibration == Calibration.fit(scores, true)
+    scores, true = hold_out_scores(table, 'svm_linear', 'standard', make_group_folds(table).fold)
+    assert trained.stages[0].calibration == Calibration.fit(scores, true)
 
 
 def test_running_answers_keep_probabilities(unlike):

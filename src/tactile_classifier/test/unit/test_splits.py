@@ -31,10 +31,10 @@ def make_table(labels, **columns):
 
 
 def check_each_trial_is_tested_once_and_never_trained_on(split, trials):
-    for deal in split.deals:
-        tested = np.concatenate([test for _, test in deal])
+    for folds in split.repeats:
+        tested = np.concatenate([test for _, test in folds])
         assert sorted(tested) == list(range(trials))
-        for train, test in deal:
+        for train, test in folds:
             assert sorted([*train, *test]) == list(range(trials))
 
 
@@ -43,7 +43,7 @@ def test_no_trial_is_trained_on_and_tested(classes, each, folds, seed):
     labels = np.random.default_rng(seed).permutation(np.repeat(np.arange(classes), each))
     split = stratified_split(make_table(labels.astype(str)), folds, 2, seed)
     check_each_trial_is_tested_once_and_never_trained_on(split, len(labels))
-    for train, _ in split.deals[0]:
+    for train, _ in split.repeats[0]:
         for a, b in split.divide_again(train, np.array(labels.astype(str)), seed):
             assert sorted([*a, *b]) == sorted(train)
 
@@ -58,8 +58,8 @@ def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
     group = np.array([g for _, g in pairs])
     split = grouped_split(make_table(labels, group=group), ['group'])
     check_each_trial_is_tested_once_and_never_trained_on(split, len(labels))
-    assert len(split.deals[0]) == groups
-    for train, test in split.deals[0]:
+    assert len(split.repeats[0]) == groups
+    for train, test in split.repeats[0]:
         assert len(set(group[test])) == 1
         assert not set(group[train]) & set(group[test])
         if len(set(group[train])) > 1:
@@ -71,7 +71,7 @@ def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
 def test_one_group_left_is_divided_at_random():
     labels = np.array(list('aaabbb') * 2)
     split = grouped_split(make_table(labels, day=np.repeat([0, 1], 6)), ['day'])
-    train, _ = split.deals[0][0]
+    train, _ = split.repeats[0][0]
     assert len(split.divide_again(train, labels, 0)) == 3
     with pytest.raises(EvaluationError, match='one trial to train on'):
         split.divide_again(train[[0, 3]], labels, 0)
@@ -80,14 +80,14 @@ def test_one_group_left_is_divided_at_random():
 def test_once_is_the_first_repetition_and_says_so():
     split = stratified_split(make_table(['a'] * 30 + ['b'] * 30), 3, 10)
     assert split.once().name == 'stratified 3-fold, once'
-    assert split.once().deals == split.deals[:1]
+    assert split.once().repeats == split.repeats[:1]
     assert stratified_split(make_table(list('aaabbb')), 3, 1).once().name == split.once().name
-    tests = [sorted(test) for test in (split.deals[0][0][1], split.deals[1][0][1])]
+    tests = [sorted(test) for test in (split.repeats[0][0][1], split.repeats[1][0][1])]
     assert tests[0] != tests[1]
     held_out = grouped_split(make_table(list('abababab'), day=[0, 0, 0, 0, 1, 1, 1, 1]), ['day'])
     once = held_out.once()
-    assert (once.name, len(once.deals)) == (held_out.name, 1)
-    assert once.deals[0] is held_out.deals[0]
+    assert (once.name, len(once.repeats)) == (held_out.name, 1)
+    assert once.repeats[0] is held_out.repeats[0]
 
 
 def test_a_stated_split_trains_on_the_one_and_tests_on_the_other():
@@ -95,7 +95,7 @@ def test_a_stated_split_trains_on_the_one_and_tests_on_the_other():
     day = table.column('day')
     split = stated_split(table, day == 0, day == 2, 'day=0', 'day=2')
     assert split.name == 'trained on day=0 (4 trials), tested on day=2'
-    ((train, test),) = split.deals[0]
+    ((train, test),) = split.repeats[0]
     assert (train.tolist(), test.tolist()) == ([0, 1, 2, 3], [6, 7])
     assert split.tested.tolist() == [6, 7]
 

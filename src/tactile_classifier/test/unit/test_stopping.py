@@ -134,5 +134,5 @@ def test_evaluation_counts_early_answers(texture_table):
     assert (impossible.early_share, impossible.mean_s) == (0.0, 3.0)
     assert impossible.parts_without_rule == 3
     assert impossible.accuracy == found.accuracies[-1]
-    with pytest.raises(EvaluationError, match='no running windows'):
+    with pytest.raises(EvaluationError, match='no partial windows'):
         evaluate_stopping(texture_table, {}, 'knn')

@@ -80,7 +80,7 @@ def test_too_little_to_train_on(small_table):
 def test_only_too_few_trials_are_a_reason_for_no_probabilities(small_table):
     few = small_table.take(np.arange(36) % 3 == 0)
     stated = train(few, 'knn', false_alarm_rate=0.01).manifest.calibration
-    assert stated == {'reason': '12 trials cannot bound false alarms at 0.01; 99 are needed'}
+    assert stated == {'reason': '12 trials cannot bound false rejection at 0.01; 99 are needed'}
     values = small_table.values.copy()
     values[0, 0] = 1e200  # so far that distances overflow: a fault, and not a lack of trials
     broken = FeatureTable(values, small_table.labels, small_table.spec, small_table.columns)

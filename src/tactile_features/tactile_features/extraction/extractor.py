@@ -26,8 +26,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
+from tactile_features.extraction.partial_window import PartialWindow
 from tactile_features.extraction.phase_window import describe_clock_step, PhaseWindow
-from tactile_features.extraction.running_window import RunningWindow
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.phases.signal_phases import SignalPhases
 from tactile_features.records import (
@@ -80,7 +80,7 @@ class TrialFeatureExtractor:
     block_count, sample_count, event_count : int
         What has come in.
     window_counts : dict of Outcome to int
-        What has come out, without the running windows.
+        What has come out, without the partial windows.
     dropped_trial_count : int
         Trials that another trial replaced before they had ended.
     """
@@ -99,7 +99,7 @@ class TrialFeatureExtractor:
         self._event: TrialEvent | None = None
         self._before: TrialEvent | None = None
         self._waiting: deque[PhaseWindow] = deque()
-        self._filling: deque[RunningWindow] = deque()
+        self._filling: deque[PartialWindow] = deque()
         self._signal = None if config.phases == PHASES_STATED else SignalPhases(config)
         self._detected: list[TrialEvent] = []
 
@@ -164,7 +164,7 @@ class TrialFeatureExtractor:
                 self.dropped_trial_count += 1
         if begun != event and event.phase == PHASE_GLIDE:
             self._filling.extend(
-                RunningWindow(event, count, self.config) for count in self.config.running_samples
+                PartialWindow(event, count, self.config) for count in self.config.running_samples
             )
         return self._take_running() + self._take_complete()
 
@@ -281,7 +281,7 @@ def features_from_trials(
     rate_hz : float
         Sample rate [Hz].
     first_samples : int, optional
-        Of a window, take only so many samples: the features of a running window.
+        Of a window, take only so many samples: the features of a partial window.
     config : FeatureConfig, optional
         Names the feature set and its options; the defaults where not given. How windows are
         cut does not count.
@@ -314,7 +314,7 @@ def features_from_trials(
         raise FeatureError(f'the tension of trial {bad[0]} holds values that are not finite')
     if first_samples is not None:
         if not feature_set.has_parts:
-            raise FeatureError(f'{feature_set.name} ({task}) has no running windows')
+            raise FeatureError(f'{feature_set.name} ({task}) has no partial windows')
         if not 2 <= first_samples <= count:
             raise FeatureError(
                 f'first_samples is {first_samples}; the windows have {count} samples'

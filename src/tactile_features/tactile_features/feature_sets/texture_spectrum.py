@@ -62,7 +62,7 @@ class TextureSpectrum(FeatureSet):
         return compute_spectrum(samples.tension_n, *self._prepared)
 
     def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
-        return compute_running_spectrum(samples.tension_n, sample_count, *self._prepared)
+        return compute_partial_spectrum(samples.tension_n, sample_count, *self._prepared)
 
     @property
     def _prepared(self) -> tuple[str, str]:
@@ -119,7 +119,7 @@ def compute_spectrum(
     return _amplitudes(tension, tension.shape[-1], detrend, window)
 
 
-def compute_running_spectrum(
+def compute_partial_spectrum(
     tension_n: ArrayLike, sample_count: int, detrend: str = 'mean', window: str = 'none'
 ) -> FloatArray:
     """Return the amplitudes of part of a window at the frequencies of the whole one.

@@ -21,7 +21,7 @@ import scipy.signal
 
 from tactile_features import compute_spectrum, FeatureError
 from tactile_features.feature_sets.texture_spectrum import (
-    compute_running_spectrum,
+    compute_partial_spectrum,
     spectrum_names,
 )
 
@@ -240,16 +240,16 @@ def test_each_way_gives_a_row_the_same_bits_alone_and_in_a_batch(x, way):
     batch = compute_spectrum(x, *way)
     for row, expected in zip(x, batch, strict=True):
         assert compute_spectrum(row.copy(), *way).tobytes() == expected.tobytes()
-    parts = compute_running_spectrum(x, 60, *way)
+    parts = compute_partial_spectrum(x, 60, *way)
     for row, expected in zip(x, parts, strict=True):
-        assert compute_running_spectrum(row.copy(), 60, *way).tobytes() == expected.tobytes()
+        assert compute_partial_spectrum(row.copy(), 60, *way).tobytes() == expected.tobytes()
 
 
 @pytest.mark.parametrize(('detrend', 'window'), WAYS)
 def test_a_part_is_detrended_and_weighted_by_itself(detrend, window):
     x = 5.0 - 0.02 * np.arange(50) + 0.01 * RNG.normal(size=50)
     expected = reference(x, detrend, window, 180)
-    got = compute_running_spectrum(x, 180, detrend, window)
+    got = compute_partial_spectrum(x, 180, detrend, window)
     np.testing.assert_allclose(got, expected.astype(float), atol=1e-13)
 
 

@@ -230,9 +230,9 @@ def evaluate(
         bool,
         typer.Option(
             '--answers',
-            help='Also what a model says besides a label: "I don\'t know" with each label left '
-            'out in turn, calibration of probabilities; from bags also answers while the finger '
-            'glides, and physical measures. Takes about half a minute more for each set of '
+            help='Also rejection of unknown objects, with each label left out in turn, and '
+            'calibration of probabilities; from bags also early predictions and physical '
+            'measures. Takes about half a minute more for each set of '
             'texture trials.',
         ),
     ] = False,

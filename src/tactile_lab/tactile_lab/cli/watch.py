@@ -48,7 +48,7 @@ def watch(
     costs less than a process of its own.
 
     For each finger the page shows tension with the phases of the trial, the spectrum of the
-    running window, the answer with its probabilities or *unknown*, slip, and the health of each
+    partial window, the answer with its probabilities or *unknown*, slip, and the health of each
     device with its remedy. Its buttons tare the sensor, home the guide and run a trial. The
     address that is printed holds a token for these; without the token a page can look and
     **stop** only. Stop is no replacement for the switch of your rig.

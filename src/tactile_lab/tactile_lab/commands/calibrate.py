@@ -30,7 +30,7 @@ import time
 import numpy as np
 from rich.table import Table
 
-from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_bringup.launch_config.parameter_files import read_parameters
 from tactile_lab.commands.output import Output
 from tactile_lab.devices.load_cell_fit import (
     CalibrationError,

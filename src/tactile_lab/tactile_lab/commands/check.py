@@ -27,8 +27,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bringup.wiring.graph import PORTLESS_SENSORS, sensor_on_topic
-from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_on_topic
+from tactile_bringup.launch_config.parameter_files import read_parameters
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.running.rig import open_ports, PortArguments
 from tactile_lab.devices.device_checks import (

@@ -18,7 +18,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tactile_bags.auditing.audit import audit_bag, summarise_audits
+from tactile_bags.auditing.audit import summarise_audits
+from tactile_bags.auditing.auditor import audit_bag
 from tactile_bags.bag_repair import repair_bag
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits

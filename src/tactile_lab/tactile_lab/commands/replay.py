@@ -22,7 +22,8 @@ from pathlib import Path
 import time
 from typing import Any
 
-from tactile_bags.auditing.audit import Audit, audit_open_bag, summarise_audits
+from tactile_bags.auditing.audit import Audit, summarise_audits
+from tactile_bags.auditing.auditor import audit_open_bag
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.replaying.comparison import compare, compare_with_recorded, Comparison
 from tactile_bags.replaying.replay import (
@@ -33,7 +34,7 @@ from tactile_bags.replaying.replay import (
     replay_through_core,
     TactileResults,
 )
-from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_features.config import FeatureConfig
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.running.watch import say_address
@@ -105,8 +106,8 @@ def play_and_watch(
     """
     from domain_coordinator import domain_id
 
+    from tactile_bringup.launch_config.launch_plans import plan_launch
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
-    from tactile_bringup.wiring.launch_plans import plan_launch
     from tactile_lab.watch.watching import watching
 
     output = Output(as_json)
@@ -217,7 +218,7 @@ def _replay_in_own_domain(
 def _check_has_features(bag: TactileBag, recorded: TactileResults) -> None:
     if recorded.windows:
         return
-    if bag.facts.get('protocol') == 'slip':
+    if bag.metadata.get('protocol') == 'slip':
         raise TactileError(
             f'{bag.path} holds simulated slip trials: there are no slip features yet, '
             'so there is nothing to replay'
@@ -231,7 +232,7 @@ def _check_has_features(bag: TactileBag, recorded: TactileResults) -> None:
 
 def _recorded_models(bag: TactileBag) -> Path | None:
     """Return the folder or file of the models that the recording was made with, if any."""
-    name = bag.facts.get('models', '')
+    name = bag.metadata.get('models', '')
     if not name:
         return None
     bag_folder = bag.path if bag.path.is_dir() else bag.path.parent

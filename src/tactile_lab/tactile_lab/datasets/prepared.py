@@ -34,7 +34,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.records import PHASE_GLIDE, PROTOCOL_TEXTURE
 from tactile_lab.datasets.feature_options import choose_features
-from tactile_lab.datasets.running_tables import count_samples
+from tactile_lab.datasets.partial_tables import count_samples
 from tactile_lab.datasets.selection import select_trials
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.sources.load import load_trials
@@ -77,7 +77,7 @@ class PreparedTrials:
         )
         return _name_trials(table, trials)
 
-    def running_tables(
+    def partial_tables(
         self, table: FeatureTable, seconds: Sequence[float]
     ) -> dict[int, FeatureTable]:
         """Return features of the first parts of each trial, by samples.

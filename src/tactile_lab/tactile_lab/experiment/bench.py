@@ -54,7 +54,7 @@ class LiveBench:
     setup : LiveSetup
         Its bag is replaced for each session.
     plan : ExperimentPlan
-    hand : SimulatedRig or None
+    simulated_rig : SimulatedRig or None
         Puts each object under the simulated finger.
     output : Output, optional
         Prints the address of the live page.
@@ -62,7 +62,7 @@ class LiveBench:
 
     setup: LiveSetup
     plan: ExperimentPlan
-    hand: SimulatedRig | None
+    simulated_rig: SimulatedRig | None
     output: Output | None = None
 
     @property
@@ -89,9 +89,9 @@ class RunningLiveBench:
         planned, recorder = order.planned, self.rig.recorder
         if recorder.has_failed:
             raise ExperimentError(recorder.failure)
-        if self.bench.hand is not None:
+        if self.bench.simulated_rig is not None:
             session = self.bench.plan.session_ids.index(planned.session_id)
-            self.bench.hand.mount(
+            self.bench.simulated_rig.mount(
                 self.bench.plan.protocol,
                 planned.object_label,
                 planned.contact,

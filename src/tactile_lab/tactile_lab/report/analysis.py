@@ -46,7 +46,7 @@ FORCE_UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
 
 @dataclass(frozen=True)
 class UnitPoint:
-    """Accuracy of the unscaled RBF machine when forces are stated in another unit [1]."""
+    """Accuracy of the unscaled RBF SVM when forces are stated in another unit [1]."""
 
     unit: str
     accuracy: float

@@ -24,8 +24,8 @@ from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import MeasureSummary
 from tactile_lab.report.figures.answers import draw_open_set, draw_stopping
-from tactile_lab.report.lead import tell_raw_scores
 from tactile_lab.report.page import Page
+from tactile_lab.report.summary import tell_raw_scores
 
 _SHOWN = {'m': ('mm', 1e3), 'N/m': ('N/mm', 1e-3)}
 
@@ -45,16 +45,16 @@ def add_answers(page: Page, results: Sequence[SetResult]) -> None:
 
 
 def _add_open_sets(page: Page, found: Sequence[tuple[SetResult, OpenSetEvaluation]]) -> None:
-    page.heading('"I don\'t know"', folded=True)
+    page.heading('Unknown objects', folded=True)
     page.paragraph(
         'A trial whose novelty lies above a threshold gets no label. Each label is left out of '
         'the training in turn and tested as something unknown. AUROC: probability that a trial '
         'of it is more novel than one of a known label. Missed: given the name of a known '
-        'label. False alarms: trials of known labels that are turned away; asked for is their '
-        'mean over trials like those of the calibration, and single parts held out may have far '
+        'label. False rejection: share of trials of known labels that are rejected; asked for is '
+        'its mean over trials like those of the calibration, and single folds may have far '
         'more. Calibration error: mean distance of stated probabilities from the share of right '
         'answers, before probabilities are fitted to held-out trials and after. Threshold and '
-        'probabilities come from parts of the training alone.'
+        'probabilities come from folds of the training alone.'
     )
     rows = [
         [
@@ -71,13 +71,13 @@ def _add_open_sets(page: Page, found: Sequence[tuple[SetResult, OpenSetEvaluatio
     splits = '; '.join(dict.fromkeys(_tell_split(r, each) for r, each in found))
     page.table(
         f'in %, AUROC and missed as means over the labels left out; asked for are '
-        f'{100 * found[0][1].false_alarm_rate:g} % false alarms: {splits}',
+        f'{100 * found[0][1].false_alarm_rate:g} % false rejection: {splits}',
         [
             'set',
             'AUROC',
             'missed',
-            'false alarms',
-            'in the worst part',
+            'false rejection',
+            'in the worst fold',
             'calibration error before',
             'after',
         ],
@@ -90,7 +90,7 @@ def _add_open_sets(page: Page, found: Sequence[tuple[SetResult, OpenSetEvaluatio
         page.drawing(draw_open_set(result, each))
         page.table(
             f'each label unknown in turn, in %, at {100 * each.false_alarm_rate:g} % false '
-            f'alarms asked for: {_tell_split(result, each)}',
+            f'rejection asked for: {_tell_split(result, each)}',
             ['unknown label', 'AUROC', 'missed', 'trials'],
             [
                 [
@@ -112,15 +112,15 @@ def _tell_split(result: SetResult, each: OpenSetEvaluation | StoppingEvaluation)
 
 
 def _add_stopping(page: Page, found: Sequence[tuple[SetResult, StoppingEvaluation]]) -> None:
-    page.heading('Sooner', folded=True)
+    page.heading('Early predictions', folded=True)
     page.paragraph(
         'Answers on the first part of a window, while the finger still glides. A rule stops as '
         'soon as the stated probability passes a threshold, which was shown on held-out trials '
         'of the training to keep wrong answers among the early ones below the share asked for. '
-        'Where nothing can be shown, it decides nothing early. A short part knows at which place '
+        'Where nothing can be shown, it decides nothing early. A short stage knows at which place '
         'of the surface it began: where all trials begin at the same place, as in a rig, it may '
         'do better than it would elsewhere. What was shown holds for trials like those of the '
-        'calibration; a part held out that is unlike them may have more wrong answers.'
+        'calibration; a fold that is unlike them may have more wrong answers.'
     )
     page.drawing(draw_stopping(found))
     for result, each in found:
@@ -138,10 +138,10 @@ def _add_stopping(page: Page, found: Sequence[tuple[SetResult, StoppingEvaluatio
                 'wrong early answers asked for',
                 'decided early',
                 'of these wrong',
-                'in the worst part',
+                'in the worst fold',
                 'all answers right',
                 'mean signal seen',
-                'parts without a rule',
+                'folds without a rule',
             ],
             [
                 [

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a model can say besides a label: "I don't know", sooner, and in physical units."""
+"""What a model states besides a label: unknown objects, early predictions, physical measures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.confidence.calibration import calibrate_part, deal
+from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
 from tactile_classifier.estimators.classifiers import (
@@ -41,7 +41,7 @@ from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import Measure, PROTOCOL_TEXTURE
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.measure_tables import read_measures
-from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_lab.datasets.partial_tables import read_partial_tables
 from tactile_ros.errors import TactileError
 
 CLASSIFIER = 'knn'
@@ -52,7 +52,7 @@ SPREAD_NEEDS = 5
 """Of fewer values no spread is told."""
 
 STEPS = 6
-"""Running answers are given after each of so many equal parts of the window."""
+"""Early predictions are given after each of so many equal parts of the window."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Answers:
 
 
 class AnswersPlan:
-    """The work on one set of trials, in four parts.
+    """The work on one set of trials, in four tasks.
 
     Parameters
     ----------
@@ -126,14 +126,14 @@ class AnswersPlan:
         self._hold_out = tuple(hold_out)
 
     def tasks(self) -> list[Task]:
-        """Return the parts; see `Plan`."""
+        """Return the tasks; see `Plan`."""
         works = (_evaluate_open_set, _evaluate_stopping, _summarise_measures, _find_raw_scores)
         return [(_try, (work, self._table, self._hold_out)) for work in works]
 
     def finish(self, answers: Sequence[tuple[Any, str]]) -> Answers:
-        """Put the parts together; see `Plan`."""
+        """Put their results together; see `Plan`."""
         (open_set, _), (stopping, _), (measures, _), (raw_scores, _) = answers
-        names = ('"I don\'t know"', 'running answers', 'measures')
+        names = ('unknown objects', 'early predictions', 'measures')
         return Answers(
             open_set,
             stopping,
@@ -167,33 +167,33 @@ def _evaluate_open_set(table: FeatureTable, hold_out: Sequence[str]) -> OpenSetE
 
 def _evaluate_stopping(table: FeatureTable, hold_out: Sequence[str]) -> StoppingEvaluation:
     if table.task != PROTOCOL_TEXTURE:
-        raise TactileError('a hold is answered when it is over; only texture has running answers')
+        raise TactileError('only texture has them; a hold is answered when it is over')
     _need_bag(table)
     spec = table.spec
     found = find_feature_set(spec.feature_set)
     if found is None or not found.has_parts:
-        raise TactileError(f'{spec.feature_set} has no running answers')
+        raise TactileError(f'{spec.feature_set} has no early predictions')
     config = FeatureConfig(**spec.config_values(), buffer_s=600.0)
     if spec.names != spec_for(table.task, config).names:
-        raise TactileError('some of the features alone have no running answers')
+        raise TactileError('some of the features alone have no early predictions')
     full_s = spec.sample_count / spec.rate_hz
     seconds = [full_s * step / STEPS for step in range(1, STEPS)]
-    running = read_running_tables(table, seconds)
+    running = read_partial_tables(table, seconds)
     return evaluate_stopping(
         table, running, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
     )
 
 
 def _find_raw_scores(table: FeatureTable, _: Sequence[str]) -> tuple[str, ...]:
-    dealt = deal(table)
-    if dealt.groups != 2:  # for others nothing needs to be fitted
+    folds = make_group_folds(table)
+    if folds.groups != 2:  # for others nothing needs to be fitted
         return ()
     return tuple(
         name
         for name in CLASSIFIERS
         if SCORE_KINDS[name] == MARGIN
-        and calibrate_part(
-            table, name, default_scaling(table.task, name), dealt, FALSE_ALARM_RATE
+        and calibrate_stage(
+            table, name, default_scaling(table.task, name), folds, FALSE_ALARM_RATE
         ).choice.keeps_raw
     )
 

@@ -29,16 +29,16 @@ from tactile_lab.report.components import find_components
 from tactile_lab.report.figures import accuracy as figures_accuracy
 from tactile_lab.report.figures import signals as figures_signals
 from tactile_lab.report.figures.drawing import Drawing
-from tactile_lab.report.figures.lead import draw_lead
 from tactile_lab.report.figures.significance import (
     draw_mean_p,
     draw_p_matrices,
     explain_mean_p,
 )
-from tactile_lab.report.lead import tell_result
+from tactile_lab.report.figures.summary import draw_summary
 from tactile_lab.report.page import Page
 from tactile_lab.report.provenance import describe_sources, find_versions, Source
 from tactile_lab.report.published import compare_with_paper, is_the_papers, tell_design
+from tactile_lab.report.summary import tell_accuracy
 from tactile_ros.errors import TactileError
 
 TITLE = 'Touch through the tendon: evaluation'
@@ -95,8 +95,8 @@ def build_page(
     page = Page(TITLE, simulated=any(result.recordings.simulated for result in results))
     for result in results:
         page.heading(result.recordings.title)
-        page.drawing(draw_lead(result))
-        page.items([*tell_result(result), *tell_warnings(result.evaluations)])
+        page.drawing(draw_summary(result))
+        page.items([tell_accuracy(result), *tell_warnings(result.evaluations)])
     _add_figures(page, 'What the finger felt', _signals(results), folded=False)
     _add_accuracy(page, results)
     _add_comparison(page, [result for result in results if is_the_papers(result)])

@@ -65,7 +65,7 @@ def describe_sources(paths: Sequence[Path]) -> list[Source]:
         facts = {}
         if path.is_dir():
             with TactileBag(path) as bag:
-                facts = {k: v for k, v in bag.facts.items() if not isinstance(v, (dict, list))}
+                facts = {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))}
         sources.append(Source(path.resolve().name, compute_digest(path), facts))
     return sources
 

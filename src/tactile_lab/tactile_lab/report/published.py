@@ -268,21 +268,21 @@ def _unlike_paper(result: SetResult) -> list[tuple[str, str, str]]:
 _CLAIMS = (
     _Claim(
         PROTOCOL_TEXTURE,
-        'Texture: neighbours and the RBF machine reach 100 %',
+        'Texture: neighbours and the RBF SVM reach 100 %',
         f'all means at least {100 * PERFECT:.1f} %',
         ('knn', 'svm_rbf'),
         lambda result, scaling: min(_means(result, scaling, ('knn', 'svm_rbf'))) >= PERFECT,
     ),
     _Claim(
         PROTOCOL_STIFFNESS,
-        'Stiffness: neighbours, the linear machine and the tree reach above 97.2 %',
+        'Stiffness: neighbours, the linear SVM and the tree reach above 97.2 %',
         'all means at least 97.2 %',
         _WITHOUT_RBF,
         lambda result, scaling: min(_means(result, scaling, _WITHOUT_RBF)) >= STIFFNESS_LEAST,
     ),
     _Claim(
         PROTOCOL_STIFFNESS,
-        'Stiffness: the RBF machine is dramatically lower',
+        'Stiffness: the RBF SVM is dramatically lower',
         f'{100 * DRAMATIC:.0f} points or more below each of the others',
         CLASSIFIERS,
         lambda result, scaling: _rbf_deficit(result, scaling) >= DRAMATIC,

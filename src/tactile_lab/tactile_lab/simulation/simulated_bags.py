@@ -125,7 +125,7 @@ def write_simulated_bag(
     catalogue = catalogue or Catalogue(None)
     trial_config = plan.configure(trial_config)
     planned = plan_trial(trial_config, plan.request, catalogue)
-    facts = {
+    metadata = {
         'simulated': True,
         'seed': plan.seed,
         'protocol': plan.protocol,
@@ -140,7 +140,7 @@ def write_simulated_bag(
     aborted: list[tuple[str, float]] = []
     onsets: dict[str, float | None] = {}
     written = 0
-    with BagWriter(folder / plan.name, facts) as writer:
+    with BagWriter(folder / plan.name, metadata) as writer:
         topics = {STRAIN: writer.add_topic(STRAIN_TOPIC), EVENT: writer.add_topic(EVENT_TOPIC)}
         missing = 0
         try:
@@ -157,7 +157,7 @@ def write_simulated_bag(
                 written += 1
                 on_trials(1)
             if plan.protocol == 'slip':
-                writer.add_facts({'slip_onsets': _describe_onsets(onsets)})
+                writer.add_metadata({'slip_onsets': _describe_onsets(onsets)})
         except BaseException:
             writer.close()
             shutil.rmtree(writer.path)

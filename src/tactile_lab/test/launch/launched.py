@@ -29,9 +29,9 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 import launch_testing.actions
 from rclpy.node import Node
 
+from tactile_bringup.launch_config.model_folder import model_path
 from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.wiring.model_folder import model_path
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig

@@ -31,7 +31,7 @@ def record(source, target, lose=()):
 
     Strain messages of the indices in ``lose`` were heard by the nodes but not recorded.
     """
-    with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+    with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
         for topic in bag.stored_topics:
             writer.add_stored_topic(topic)
         features = writer.add_topic(FEATURES_TOPIC)
@@ -81,4 +81,4 @@ def test_repair_makes_a_closed_copy(stiffness_bag, tmp_path, capsys, damage):
     with TactileBag(tmp_path / 'copy') as bag:
         assert bag.recovered == ''
         assert len(list(bag.messages())) == result['message_count']
-        assert bag.facts.get('repair_is_partial', False) == damage
+        assert bag.metadata.get('repair_is_partial', False) == damage

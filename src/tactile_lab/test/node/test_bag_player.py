@@ -24,8 +24,8 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
-from tactile_bringup.wiring.graph import NodeDescription
 from tactile_msgs.msg import StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup

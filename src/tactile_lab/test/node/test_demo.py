@@ -30,7 +30,7 @@ def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys):
     assert summary == json.loads((folder / 'summary.json').read_text())
     assert summary['simulated'] is True
     assert [trial['protocol'] for trial in summary['live_trials']] == ['texture', 'stiffness'] * 2
-    for trial in summary['live_trials']:  # a label, or "unknown" at its rate of false alarms
+    for trial in summary['live_trials']:  # a label, or "unknown" at its rate of false rejection
         assert trial['answer'] or 'unlike all' in trial['reason'], trial
     (report,) = summary['replay']
     assert report['equal']

@@ -51,7 +51,7 @@ def record_hand(path, source, label):
         )
         extractor = TrialFeatureExtractor(config)
         with BagWriter(
-            path, {**bag.facts, 'feature_config': dataclasses.asdict(config)}
+            path, {**bag.metadata, 'feature_config': dataclasses.asdict(config)}
         ) as writer:
             strain, found = writer.add_topic(STRAIN_TOPIC), writer.add_topic(FOUND_TOPIC)
             for message in bag.messages(STRAIN):

@@ -23,15 +23,15 @@ from domain_coordinator import domain_id
 import pytest
 
 from tactile_bags import EVENT, TactileBag
-from tactile_bringup.nodes.graph_runner import ros_context, running_graph
-from tactile_bringup.nodes.operator_node import OperatorNode
-from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.wiring.graph import (
+from tactile_bringup.launch_config.graph import (
     feature_parameters_of,
     Ports,
     recorder_node,
     rig_graph,
 )
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.conversions import event_from_msg
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_msgs.msg import TrialEvent

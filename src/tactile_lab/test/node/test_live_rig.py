@@ -25,11 +25,11 @@ from rclpy.task import Future
 from rclpy.time import Time
 
 from linear_guide_driver.grbl import guide_client
+from tactile_bringup.launch_config.graph import NodeDescription, Ports, rig_graph
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.wiring.graph import NodeDescription, Ports, rig_graph
-from tactile_bringup.wiring.model_folder import find_models
 from tactile_msgs.action import RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError

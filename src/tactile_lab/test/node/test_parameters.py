@@ -24,15 +24,15 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tactile_bringup.nodes.graph_runner import create_node, ros_context
-from tactile_bringup.wiring.graph import (
+from tactile_bringup.launch_config.graph import (
     NodeDescription,
     Ports,
     recorder_node,
     rig_graph,
     slip_node,
 )
-from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bringup.nodes.graph_runner import create_node, ros_context
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.programs.node_program import GROUP
 from tactile_sim.rig_process import SimulatedRig

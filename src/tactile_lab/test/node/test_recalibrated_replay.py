@@ -30,9 +30,9 @@ from tactile_bags import (
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_topics import RecordedTopic
 from tactile_bags.replaying.replay import load_models, recorded_config, replay_through_core
+from tactile_bringup.launch_config.model_folder import find_models, model_path
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.wiring.model_folder import find_models, model_path
 from tactile_classifier.conversions import classification_to_msg
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
@@ -65,7 +65,7 @@ def models(tmp_path_factory):
 
 def record_answers(source, path, results):
     """Write a copy of a bag with what nodes made of it, as a recorder beside them does."""
-    with TactileBag(source) as bag, BagWriter(path, bag.facts) as writer:
+    with TactileBag(source) as bag, BagWriter(path, bag.metadata) as writer:
         for name, (type_name, _) in bag.topics.items():
             writer.add_topic(RecordedTopic(name.strip('/'), type_name))
         for message in bag.messages():

@@ -37,8 +37,8 @@ from tactile_bags import (
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 from tactile_bags.storage.mcap_writer import McapWriter
+from tactile_bringup.launch_config.graph import recorder_node
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
-from tactile_bringup.wiring.graph import recorder_node
 from tactile_features.conversions import strain_block_from_msg
 from tactile_lab.commands.running.live_trials import check_recording
 from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
@@ -80,7 +80,7 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
             strain.publish(block)
         wait_until(lambda: recorder.message_count == 201)
     with TactileBag(path) as bag:
-        assert bag.facts['simulated'] is False
+        assert bag.metadata['simulated'] is False
         assert bag.namespaces == ('thumb',)
         assert [m.data for m in bag.messages(STRAIN)] == blocks
         assert [m.decode().trial_id for m in bag.messages(EVENT)] == ['a']
@@ -124,8 +124,8 @@ def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
         wait_until(lambda: recorder.message_count == 301)
     assert [audit.trial_id for audit in recorder.audits] == ['t', '']
     with TactileBag(path) as bag:
-        assert bag.facts['audit']['failed_trials'] == 1
-        assert bag.facts['audit']['whole'][0]['lost_count'] == 1
+        assert bag.metadata['audit']['failed_trials'] == 1
+        assert bag.metadata['audit']['whole'][0]['lost_count'] == 1
         assert [m.decode().trial_id for m in bag.messages(AUDIT)] == ['t', '']
 
 
@@ -198,12 +198,12 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
     assert sequences[-last:] == list(range(1, last + 1))  # 0 was sent until it was heard
     with TactileBag(path) as bag:
         assert 'never closed' in bag.recovered
-        assert bag.facts == {'simulated': True, 'operator': 'nobody'}
+        assert bag.metadata == {'simulated': True, 'operator': 'nobody'}
     repair = repair_bag(path, tmp_path / 'repaired')
     assert repair.message_count == len(sequences)
     with TactileBag(tmp_path / 'repaired') as bag:
         assert bag.recovered == ''
-        assert bag.facts['operator'] == 'nobody'
+        assert bag.metadata['operator'] == 'nobody'
     assert messages_on_disk(tmp_path / 'repaired') == sequences
 
 

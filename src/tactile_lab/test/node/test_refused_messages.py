@@ -23,14 +23,14 @@ import pytest
 from rclpy.node import Node
 
 from tactile_bags import STRAIN, TactileBag
-from tactile_bags.auditing.audit import audit_bag
+from tactile_bags.auditing.auditor import audit_bag
 from tactile_bags.replaying.comparison import compare
 from tactile_bags.replaying.replay import recorded_config, replay_through_core
+from tactile_bringup.launch_config.graph import recorder_node, sensing_graph, slip_node
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
-from tactile_bringup.wiring.graph import recorder_node, sensing_graph, slip_node
-from tactile_bringup.wiring.model_folder import find_models
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup

@@ -23,8 +23,8 @@ from tactile_bags.replaying.replay import (
     recorded_config,
     replay_through_core,
 )
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
-from tactile_bringup.wiring.model_folder import find_models
 from tactile_ros.errors import TactileError
 
 

@@ -25,9 +25,9 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bags import TactileBag
 from tactile_bags.replaying.replay import recorded_config, recorded_results
+from tactile_bringup.launch_config.graph import Ports
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -35,7 +35,7 @@ from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_lab.datasets.partial_tables import read_partial_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
@@ -55,7 +55,7 @@ def table(tmp_path_factory):
 def model(table, tmp_path):
     """Return a file of any name: it says itself what it is for, and what it wants."""
     path = tmp_path / 'running.onnx'
-    write_model(path, train(table, 'knn', running=read_running_tables(table, [0.5, 1.5])))
+    write_model(path, train(table, 'knn', running=read_partial_tables(table, [0.5, 1.5])))
     return path
 
 
@@ -66,7 +66,7 @@ def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
             Ports(*rig.ports), bag, models=model, simulated=True, domain_id=int(domain)
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
-        (trial,) = run_live_trials(setup, [request], Output(as_json=True), hand=rig)
+        (trial,) = run_live_trials(setup, [request], Output(as_json=True), simulated_rig=rig)
     assert trial.answer.scores  # whatever it is: one window in twenty may be unknown
     with TactileBag(bag) as recording:
         assert recorded_config(recording).running_samples == (30, 90)
@@ -90,6 +90,6 @@ def test_a_model_for_any_contact_answers_a_live_trial(table, tmp_path):
             Ports(*rig.ports), tmp_path / 'bag', tmp_path, simulated=True, domain_id=int(domain)
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
-        (trial,) = run_live_trials(setup, [request], Output(as_json=True), hand=rig)
+        (trial,) = run_live_trials(setup, [request], Output(as_json=True), simulated_rig=rig)
     assert trial.answer is not None
     assert trial.answer.model_id == model.model_id

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from tactile_bags import BagWriter, EVENT, STRAIN, TactileBag
-from tactile_bags.auditing.audit import audit_bag, FingerAuditor
+from tactile_bags.auditing.auditor import audit_bag, FingerAuditor
 from tactile_features.records import (
     STATUS_CLOCK_STEP,
     STATUS_RECONNECTED,
@@ -397,7 +397,7 @@ def test_a_simulated_recording_passes(stiffness_bag):
 
 def _blocks_of_ten(source, target):
     """Copy a bag with ten samples in a message, as a live recording has few in each."""
-    with TactileBag(source) as bag, BagWriter(target, bag.facts) as writer:
+    with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
         types = writer.store.types
         for topic in bag.stored_topics:
             writer.add_stored_topic(topic)

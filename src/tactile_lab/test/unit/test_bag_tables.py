@@ -111,7 +111,7 @@ def test_bag_without_trials_is_refused_with_the_reason(rewrite, stiffness_bag, t
 
 def test_bags_with_other_parameters_do_not_mix(stiffness_bag, tmp_path):
     with TactileBag(stiffness_bag) as bag:
-        facts = {**bag.facts, 'feature_config': {'stiffness_settle_s': 1.0}}
+        facts = {**bag.metadata, 'feature_config': {'stiffness_settle_s': 1.0}}
         with BagWriter(tmp_path / 'other', facts) as writer:
             for name, (type_name, _) in bag.topics.items():
                 writer.add_topic(RecordedTopic(name.strip('/'), type_name))
@@ -141,7 +141,7 @@ def test_detected_trials_are_those_of_the_replay_whatever_was_recorded(stiffness
     config = {'phases': 'stiffness', 'detected_object_label': 'pla', 'detected_session_id': 's1'}
     path = tmp_path / 'detected'
     with TactileBag(stiffness_bag) as bag:
-        facts = {**bag.facts, 'feature_config': {**bag.facts['feature_config'], **config}}
+        facts = {**bag.metadata, 'feature_config': {**bag.metadata['feature_config'], **config}}
         with BagWriter(path, facts) as writer:
             strain = writer.add_topic(STRAIN_TOPIC)
             for message in bag.messages(STRAIN):

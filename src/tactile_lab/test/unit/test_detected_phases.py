@@ -27,7 +27,7 @@ from tactile_bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
-from tactile_bags.auditing.audit import audit_bag
+from tactile_bags.auditing.auditor import audit_bag
 from tactile_bags.replaying.replay import recorded_config, replay_windows
 from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
@@ -77,7 +77,7 @@ def test_an_audit_goes_by_the_stated_trials_where_others_were_found_beside_them(
     stiffness_bag, tmp_path
 ):
     both = tmp_path / 'both'
-    with TactileBag(stiffness_bag) as bag, BagWriter(both, bag.facts) as writer:
+    with TactileBag(stiffness_bag) as bag, BagWriter(both, bag.metadata) as writer:
         found_topic = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_events')
         strain, stated, found = map(writer.add_topic, (STRAIN_TOPIC, EVENT_TOPIC, found_topic))
         for message in bag.messages(STRAIN, EVENT):

@@ -21,7 +21,7 @@ import re
 from ament_index_python.packages import get_package_share_directory
 import pytest
 
-from tactile_bringup.wiring.parameter_tables import renew
+from tactile_bringup.launch_config.parameter_tables import renew
 import tactile_sim
 
 README = Path(__file__).resolve().parents[4] / 'README.md'
@@ -42,7 +42,7 @@ def test_tables_in_the_docs_are_those_of_the_code():
         pytest.skip('the packages are not in their own repository: no docs beside them')
     text = page.read_text()
     assert renew(text) == text, (
-        'renew them: ./tactile run python -m tactile_bringup.wiring.parameter_tables '
+        'renew them: ./tactile run python -m tactile_bringup.launch_config.parameter_tables '
         'docs/parameters.md'
     )
 

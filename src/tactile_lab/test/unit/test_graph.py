@@ -17,8 +17,14 @@ from pathlib import Path
 
 import pytest
 
-from tactile_bringup.wiring.graph import Ports, recorder_node, rig_graph, RIG_NODES, slip_node
-from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.launch_config.graph import (
+    Ports,
+    recorder_node,
+    rig_graph,
+    RIG_NODES,
+    slip_node,
+)
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_classifier.names import all_classifier_names, classifier_name, parse_classifier_name
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_program import find_node_class

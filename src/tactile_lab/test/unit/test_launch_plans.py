@@ -23,10 +23,10 @@ import sys
 
 import pytest
 
-from tactile_bringup.wiring.graph import PLAYER, RIG_NODES
-from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
-from tactile_bringup.wiring.launch_plans import plan_launch
-from tactile_bringup.wiring.parameter_tables import argument_tables
+from tactile_bringup.launch_config.graph import PLAYER, RIG_NODES
+from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
+from tactile_bringup.launch_config.launch_plans import plan_launch
+from tactile_bringup.launch_config.parameter_tables import argument_tables
 from tactile_classifier.errors import ModelFileError
 from tactile_lab.cli.options import Phases
 from tactile_ros.errors import TactileError
@@ -106,7 +106,7 @@ def test_every_argument_says_what_it_is_for(name):
 
 def test_arguments_are_read_without_launch_and_without_ros():
     code = (
-        'import sys, tactile_bringup.wiring.launch_plans as plans; '
+        'import sys, tactile_bringup.launch_config.launch_plans as plans; '
         'assert not {"launch", "rclpy"} & set(sys.modules), sorted(sys.modules)'
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)

@@ -78,7 +78,7 @@ def test_running_answers_over_distance_are_refused(bags, tmp_path):
     arguments = ['train', str(bags[0]), '-o', str(tmp_path), '--over', '45:0.5']
     done = CliRunner().invoke(app, [*arguments, '--running', '1'])
     assert done.exit_code == 2
-    assert 'no running answers' in done.output
+    assert 'no early predictions' in done.output
 
 
 @pytest.mark.parametrize('text', ['45', '45:', 'a:b', '1:0.5', '45:0', 'nan:1'])

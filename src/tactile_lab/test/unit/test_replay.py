@@ -26,7 +26,7 @@ from tactile_bags.replaying.replay import (
     replay_through_core,
     TactileResults,
 )
-from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_classifier.errors import ClassifierError
 
 NAMES = ('one', 'other')
@@ -107,15 +107,15 @@ def test_model_for_other_windows_is_refused(stiffness_bag, trained):
 def test_unusable_feature_parameters_are_refused(stiffness_bag):
     with TactileBag(stiffness_bag) as bag:
         for values in ({'colour': 1}, {'rate_hz': 'fast'}, {'rate_hz': -1.0}, [1], 'red'):
-            bag.facts['feature_config'] = values
+            bag.metadata['feature_config'] = values
             with pytest.raises(BagError, match='feature parameters'):
                 recorded_config(bag)
 
 
 def test_a_recording_of_before_an_option_has_what_it_meant_then(stiffness_bag):
     with TactileBag(stiffness_bag) as bag:
-        values = dict(bag.facts['feature_config'], spectrum_detrend='linear')
-        bag.facts['feature_config'] = values
+        values = dict(bag.metadata['feature_config'], spectrum_detrend='linear')
+        bag.metadata['feature_config'] = values
         assert recorded_config(bag).spectrum_detrend == 'linear'
         del values['spectrum_detrend'], values['spectrum_window']
         config = recorded_config(bag)

@@ -31,10 +31,10 @@ from tactile_lab.report.analysis import analyse, in_unit
 from tactile_lab.report.build import build_page, report_path, write_report
 from tactile_lab.report.components import find_components
 from tactile_lab.report.figures.drawing import INK, render
-from tactile_lab.report.lead import hardest_score, tell_confusion, tell_result
 from tactile_lab.report.page import Page
 from tactile_lab.report.published import compare_with_paper, tell_design
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
+from tactile_lab.report.summary import hardest_score, tell_accuracy, tell_confusion
 from tactile_ros.errors import TactileError
 
 
@@ -157,11 +157,9 @@ def test_examples_are_the_very_windows_of_the_features(stiffness_bag):
 
 def test_unscaled_rbf_machine_is_told_from_the_others_and_its_cause_is_seen(easy_holds):
     rows = {c.statement: c for c in compare_with_paper([easy_holds])}
-    scaled = rows[
-        'Stiffness: neighbours, the linear machine and the tree reach above 97.2 % (scaled)'
-    ]
+    scaled = rows['Stiffness: neighbours, the linear SVM and the tree reach above 97.2 % (scaled)']
     assert scaled.verdict == 'agrees'
-    assert rows['Stiffness: the RBF machine is dramatically lower (scaled)'].verdict == (
+    assert rows['Stiffness: the RBF SVM is dramatically lower (scaled)'].verdict == (
         'does not agree'
     )
     assert rows['Texture: flexion and abduction do equally well'].verdict == 'not tested'
@@ -196,16 +194,14 @@ def test_design_of_the_trials_is_told_beside_the_papers(easy_holds, mountings, s
     assert re.search(words, tell_design([dataclasses.replace(easy_holds, recordings=recordings)]))
 
 
-def test_lead_is_three_sentences_about_the_hardest_split(textures, easy_holds):
-    first, second, third = tell_result(textures)
+def test_summary_states_the_hardest_split_in_one_line(textures, easy_holds):
+    line = tell_accuracy(textures)
     held_out = textures.evaluations[1].score('knn', 'none')
     assert held_out.mean <= textures.plain.score('knn', 'none').mean
     assert hardest_score(textures).mean == held_out.mean
-    assert first.startswith(f'{100 * held_out.mean:.1f} % of the trials are named correctly')
-    assert 'stratified 6-fold' in first + second
-    assert 'one day held out' in first + second
-    assert 'There is no other split' in tell_result(easy_holds)[1]
-    assert third.startswith(('No trial is taken', 'The most frequent confusion'))
+    assert line.startswith(f'accuracy {100 * held_out.mean:.1f} % (one day held out; ')
+    assert f'chance {100 * textures.plain.chance:.1f} %; most frequent confusion: ' in line
+    assert 'the only split' in tell_accuracy(easy_holds)
 
 
 def test_most_frequent_confusion_is_that_of_the_matrix(easy_holds):
@@ -213,7 +209,7 @@ def test_most_frequent_confusion_is_that_of_the_matrix(easy_holds):
     confusion = np.array([[70, 2, 0], [0, 48, 24], [9, 0, 63]])
     told = tell_confusion(dataclasses.replace(score, confusion=confusion))
     one, other = score.labels[1:]
-    assert f'{one} is taken for {other} in 33 % of its trials' in told
+    assert told == f'{one} as {other} in 33 % of its trials'
 
 
 def test_papers_statements_stand_beside_the_papers_labels_alone(easy_holds):
@@ -228,12 +224,12 @@ def test_papers_statements_stand_beside_the_papers_labels_alone(easy_holds):
     assert 'Beside the paper' in build_page([result], [], {}, {})
 
 
-def test_all_but_picture_sentences_and_signals_is_folded(textures):
+def test_all_but_picture_summary_and_signals_is_folded(textures):
     page = build_page([textures], [], {}, {})
     whole, *folded = page.split('<details>')
     assert '<table' not in whole
     assert whole.count('<figure>') == 2
-    assert whole.index('<figure>') < whole.index('are named correctly')
+    assert whole.index('<figure>') < whole.index('accuracy ')
     assert all(part.count('</details>') == 1 for part in folded)
     assert page.count('<h2') == 2
 

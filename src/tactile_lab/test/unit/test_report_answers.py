@@ -40,8 +40,8 @@ from tactile_lab.report.answers import AnswersPlan, summarise_measures
 from tactile_lab.report.build import build_page
 from tactile_lab.report.components import find_components
 from tactile_lab.report.figures.significance import explain_mean_p
-from tactile_lab.report.lead import answer_rows
 from tactile_lab.report.recordings import bag_sets, RecordingSet
+from tactile_lab.report.summary import answer_rows
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
@@ -117,13 +117,13 @@ def test_what_cannot_be_done_says_why_and_the_rest_is_done():
     assert answers.stopping is None
     assert answers.measures == ()
     assert answers.not_done == (
-        'running answers: a hold is answered when it is over; only texture has running answers',
+        'early predictions: only texture has them; a hold is answered when it is over',
         'measures: needs the stream of a bag; an archive has windows alone',
     )
     two = make_holds(gap=50.0)
     two = answer(two.take((two.labels == 'far') | (two.labels == 'twin')))
     assert two.open_set is None
-    assert two.not_done[0].startswith('"I don\'t know": there are 2 labels')
+    assert two.not_done[0].startswith('unknown objects: there are 2 labels')
 
 
 def test_plan_gives_what_the_evaluation_alone_gives():
@@ -189,7 +189,7 @@ def test_running_answers_of_chosen_features_are_not_compared_with_the_whole(text
     (answers,) = run_plans([AnswersPlan(few, ('trial_block',))])
     assert answers.stopping is None
     assert answers.not_done == (
-        'running answers: some of the features alone have no running answers',
+        'early predictions: some of the features alone have no early predictions',
     )
     assert len(answers.measures) == 8
 
@@ -208,7 +208,7 @@ def test_a_short_name_of_several_features_is_refused_with_all_of_them(texture_ba
 def test_sections_stand_in_page_and_json_with_split_and_mark(answered):
     (result,), page = answered
     assert result.answers.not_done == ()
-    for heading in ('&quot;I don&#x27;t know&quot;', 'Sooner', 'Measures'):
+    for heading in ('Unknown objects', 'Early predictions', 'Measures'):
         assert f'<summary>{heading}</summary>' in page
     captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
     ours = [c for c in captions if '3 nearest neighbours, not scaled, ' in c]
@@ -232,7 +232,7 @@ def test_sections_are_left_out_when_not_asked_for(easy_result):
     assert easy_result.answers is None
     assert easy_result.to_dict()['answers'] is None
     page = build_page([easy_result], [], {}, {})
-    assert 'Sooner' not in page
+    assert 'Early predictions' not in page
     assert 'know&quot;' not in page
 
 

@@ -94,7 +94,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
     plural = 's' * (sessions > 1)
     assert facts['trained on'].startswith(f'72 measured trials, {sessions} session{plural},')
     assert (
-        f'{100 * manifest.parts[0].calibration_error_after:.1f} % after'
+        f'{100 * manifest.stages[0].calibration_error_after:.1f} % after'
         in (facts['calibration error'])
     )
     assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
@@ -106,7 +106,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
     assert found['model_id'] in printed
 
 
-def test_card_of_a_stranger_is_shown_as_text_and_not_as_markup(tmp_path, capsys):
+def test_untrusted_card_is_shown_as_text_and_not_as_markup(tmp_path, capsys):
     labels = np.repeat(['[red]pla[/red]', '[link=x]sponge'], 36)
     values = np.random.default_rng(2).normal(size=(72, 3)) + (labels == labels[0])[:, None]
     spec = spec_for('stiffness', FeatureConfig())

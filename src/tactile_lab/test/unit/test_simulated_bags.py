@@ -124,7 +124,7 @@ def test_samples_follow_each_other_without_gap_through_all_trials(stiffness_bag)
 
 def test_every_event_is_marked_as_simulated_and_phases_are_in_order(stiffness_bag):
     with TactileBag(stiffness_bag) as bag:
-        assert bag.facts['simulated'] is True
+        assert bag.metadata['simulated'] is True
     trials = read_events(stiffness_bag)
     assert len(trials) == 15
     for events in trials.values():
@@ -328,7 +328,7 @@ def test_slip_bag_tells_the_true_onset(simulator, tmp_path):
     )
     bag = write(tmp_path, SimulationPlan('slip', 'flexion', 1, 7))
     with TactileBag(bag.path) as opened:
-        table = opened.facts['slip_onsets']
+        table = opened.metadata['slip_onsets']
     assert table['simulated'] is True
     onset_s = table['onset_s']
     assert set(onset_s) == set(read_events(bag.path))

@@ -39,7 +39,7 @@ from tactile_lab.commands.analysis.train import (
 )
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
-from tactile_lab.datasets.running_tables import read_running_tables
+from tactile_lab.datasets.partial_tables import read_partial_tables
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
@@ -59,7 +59,7 @@ def table(bag):
 
 
 def test_running_tables_are_what_the_live_extractor_gives(bag, table):
-    tables = read_running_tables(table, [0.5, 1.5])
+    tables = read_partial_tables(table, [0.5, 1.5])
     assert list(tables) == [30, 90]
     with TactileBag(bag) as opened:
         config = recorded_config(opened)
@@ -75,8 +75,8 @@ def test_running_tables_are_what_the_live_extractor_gives(bag, table):
 
 @pytest.mark.parametrize('seconds', [[0.1], [1.0, 0.5], [3.0]])
 def test_seconds_that_do_not_fit_are_refused(table, seconds):
-    with pytest.raises(BagError, match='no running answers after'):
-        read_running_tables(table, seconds)
+    with pytest.raises(BagError, match='no early predictions after'):
+        read_partial_tables(table, seconds)
 
 
 def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
@@ -94,8 +94,8 @@ def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_
     assert model.manifest.false_alarm_rate == 0.1
     assert model.manifest.stop_error_rate == 0.2
     sentences = describe_answers(model.manifest)
-    assert 'at 10 % false alarms' in sentences[0]
-    assert sentences[-1].startswith('running answers, accuracy held out: 0.5 s')
+    assert 'at 10 % false rejection' in sentences[0]
+    assert sentences[-1].startswith('early predictions, accuracy held out: 0.5 s')
     assert trained.to_dict()['parts'][2]['sample_count'] == 90
     before = trained.path.read_bytes()
     with pytest.raises(TactileError, match='would be replaced: give another folder'):
@@ -123,7 +123,7 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
             model.expect(spec_for('texture', dataclasses.replace(config, spectrum_detrend=other)))
     (table,) = read_tables([bag], {'spectrum_detrend': detrend}).tables.values()
-    parts = read_running_tables(table, [1.0])[60]
+    parts = read_partial_tables(table, [1.0])[60]
     for window in windows:
         (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
         assert not model.describe_mismatch(window)
@@ -159,7 +159,7 @@ def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(ba
     model = TactileModel.load(written)
     stated = model.manifest.calibration['recalibrated']
     assert stated['model_id'] == trained.model_id
-    assert len(stated['offsets']) == 2  # of whole and running windows
+    assert len(stated['offsets']) == 2  # of whole and partial windows
     assert 'session_statistics' not in trained.to_dict()['calibration']
     with pytest.raises(TactileError, match='would be replaced'):
         run_recalibrate(trained.path, [bag], today, force=False, as_json=True)

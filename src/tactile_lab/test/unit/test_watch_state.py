@@ -303,7 +303,7 @@ def test_progress_comes_from_the_operator(state):
     assert state.describe()['progress'] == {'trial': '3', 'trials': '10', 'text': 'trial 3 of 10'}
 
 
-def test_strangers_cannot_fill_the_memory(state):
+def test_untrusted_messages_cannot_fill_the_memory(state):
     for number in range(200):
         state.take_block(f'f{number}', block(0))
         state.take_health(f'd{number}', 9, '', {})

@@ -177,7 +177,7 @@ def _spin_once(executor: SingleThreadedExecutor) -> None:
     try:
         executor.spin_once(timeout_sec=SPIN_S)
     except RCLError as error:
-        # rclpy raises here for what a stranger asks amiss. That must not stop the rig.
+        # rclpy raises here for an invalid request. That must not stop the rig.
         _logger().error(f'a request failed: {error}')
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Device time to ROS time, by the straight line that `.clock_skew` fits."""
+"""Device time to ROS time, by the clock-skew filter in `.clock_skew`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fractions import Fraction
 import time
 from typing import NamedTuple, Protocol
 
-from tendon_sensor_driver.stream.clock_skew import LowerLine, SECOND_NS, STEP_NS
+from tendon_sensor_driver.stream.clock_skew import ClockSkewFilter, SECOND_NS, STEP_NS
 
 _SLEW_DIVISOR = 20
 _LATE_NS = SECOND_NS // 4
@@ -152,7 +152,7 @@ class DeviceClock:
     """Maps the ticks of one device to ROS time.
 
     stamp = device time + offset. The offset follows the line under "arrival minus device
-    time" (`LowerLine`), which knows the drift, by at most 1/20 of the device time that
+    time" (`ClockSkewFilter`), which knows the drift, by at most 1/20 of the device time that
     passes: two stamps differ by what the device says, within 6 %, and never go backwards.
     A step of the host's clock that `note_step` tells moves line and stamps at once. One that
     nobody told moves the stamps only when the line has come more than 1 s above them.
@@ -189,7 +189,7 @@ class DeviceClock:
         self.late_samples = 0
         self.outliers = 0
         self.restarts = 0
-        self._line = LowerLine()
+        self._skew = ClockSkewFilter()
         self._last: Instant | None = None
         self._last_ns = 0  # device time of the last reading
         self._wrapped_ticks = 0
@@ -203,7 +203,7 @@ class DeviceClock:
 
     def note_step(self, step_ns: int) -> None:
         """Follow the host's clock, which was set by this before the next reading [ns]."""
-        self._line.shift(step_ns)
+        self._skew.shift(step_ns)
         self._offset_ns += step_ns
         if self._outlier is not None:
             self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
@@ -224,7 +224,7 @@ class DeviceClock:
             raise ValueError('a device clock needs readings with device time')
         if self._last is None:
             return self._begin(ticks, received_at_ns, is_restart=False)
-        expected_ns = received_at_ns - self._line.at(self._last_ns)
+        expected_ns = received_at_ns - self._skew.at(self._last_ns)
         device_ns = self._to_ns(ticks + self._wrapped_ticks)
         if device_ns < self._last_ns:
             after_wrap_ns = self._to_ns(ticks + self._wrapped_ticks + _WRAP_TICKS)
@@ -262,17 +262,17 @@ class DeviceClock:
         device_ns = self._to_ns(ticks)
         self._wrapped_ticks = 0
         self.restarts += is_restart
-        self._line.restart(device_ns, received_at_ns - device_ns)
+        self._skew.restart(device_ns, received_at_ns - device_ns)
         self._offset_ns = received_at_ns - device_ns
         if self._last is not None:
             self._offset_ns = max(self._offset_ns, self._last.stamp_ns + 1 - device_ns)
         return self._stamp(device_ns, is_restart=is_restart)
 
     def _continue(self, device_ns: int, received_at_ns: int) -> Instant:
-        self._line.add(device_ns, received_at_ns - device_ns)
-        away_ns = self._get_away(self._line.at(self._last_ns))
+        self._skew.add(device_ns, received_at_ns - device_ns)
+        away_ns = self._get_away(self._skew.at(self._last_ns))
         left_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
-        offset_ns = self._line.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
+        offset_ns = self._skew.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
         is_step = offset_ns - self._offset_ns > STEP_NS
         self._offset_ns = offset_ns
         return self._stamp(device_ns, is_restart=False, is_step=is_step)
@@ -293,7 +293,7 @@ class DeviceClock:
         return self._last
 
     def _compute_error(self) -> float:
-        if self._line.scatter_ns < 0:
+        if self._skew.scatter_ns < 0:
             return -1.0
-        lack_ns = abs(self._offset_ns - self._line.at(self._last_ns))
-        return self._tick_s + (self._line.scatter_ns + lack_ns) / 1e9
+        lack_ns = abs(self._offset_ns - self._skew.at(self._last_ns))
+        return self._tick_s + (self._skew.scatter_ns + lack_ns) / 1e9

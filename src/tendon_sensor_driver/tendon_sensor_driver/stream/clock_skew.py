@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The straight line under "arrival minus device time": offset and drift of two clocks.
+"""Clock-skew filter: offset and drift between the device's clock and the host's.
 
 A sample arrives some delay after it was taken. Most delays are short, some are long (a busy
-host, a USB adapter that collects for 16 ms), none is negative. So the smallest differences
-"arrival minus device time" are right and the others are late, and what lies under all of
-them, as close as it can, is the line on which the two clocks drift apart (Moon, Skelly and
-Towsley, "Estimation and removal of clock skew from network delay measurements", 1999).
+host, a USB adapter that collects for 16 ms), none is negative. The smallest differences
+"arrival minus device time" are right, the others are late. The line close below all of them
+is the drift between the two clocks (Moon, Skelly and Towsley, "Estimation and removal of
+clock skew from network delay measurements", 1999).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ import math
 
 SECOND_NS = 1_000_000_000
 STEP_NS = SECOND_NS
-"""A rise of the difference that is a step of a clock at once told, not a delay."""
+"""A larger rise of the difference is treated as a clock step, not as a delay [ns]."""
 
 _HORIZON = 30  # least differences that are kept
 _LEAST_SAMPLES = 30  # for one least difference, so that it is likely to be a short delay
@@ -42,8 +42,8 @@ _RISE_NS = 50_000_000  # of all of the last few: the host's clock was set
 _CHANGE_NS = 500_000  # a drift that changes by 10 ppm, bursts that beat with the samples
 
 
-class LowerLine:
-    """A line that no difference lies below, refitted once a second.
+class ClockSkewFilter:
+    """A lower bound of the differences, linear in time, refitted once a second.
 
     Differences are kept as the least one of each second, or of thirty samples or three
     seconds of a slow device. The line goes along the lower convex hull of the last thirty of
@@ -72,7 +72,7 @@ class LowerLine:
         self._least = (0, 0)
 
     def restart(self, device_ns: int, difference_ns: int) -> None:
-        """Begin again with one point; the slope stays, for a crystal stays itself."""
+        """Begin again with one point. The slope stays, because the crystals are the same."""
         self._points.clear()
         self.scatter_ns = -1
         self._device_ns, self._difference_ns = device_ns, difference_ns

@@ -41,8 +41,8 @@ from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_w
 from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_lab.report.analysis import analyse, SetResult
-from tactile_lab.report.lead import answer_rows, tell_result
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
+from tactile_lab.report.summary import answer_rows, tell_accuracy
 from tactile_ros.errors import TactileError
 
 PAPER: Mapping[str, Any] = MappingProxyType(
@@ -138,7 +138,7 @@ def _print_result(result: SetResult, output: Output) -> None:
     output.say(f'  {describe_features(result.recordings.table.spec)}')
     lines = (
         *result.recordings.tell_preparation(most=10),
-        *tell_result(result),
+        tell_accuracy(result),
         *(': '.join(row) for row in (answer_rows(result.answers) if result.answers else ())),
         *result.not_done,
         *tell_warnings(result.evaluations),
@@ -151,7 +151,7 @@ def _print_result(result: SetResult, output: Output) -> None:
 def _describe_folds(request: EvaluateRequest) -> str:
     if request.repetitions is None:
         return str(request.folds)
-    return f'{request.folds}, dealt {request.repetitions} times'
+    return f'{request.folds}, repeated {request.repetitions} times'
 
 
 def _settings(request: EvaluateRequest) -> dict[str, str]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tactile_bringup.wiring.model_folder import find_models
+from tactile_bringup.launch_config.model_folder import find_models
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_ros.errors import TactileError

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_bringup.wiring.model_folder import model_path
+from tactile_bringup.launch_config.model_folder import model_path
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import choose_repetitions, FOLDS
 from tactile_classifier.estimators.classifiers import default_scaling, RANDOM_STATE
@@ -44,8 +44,8 @@ from tactile_lab.commands.analysis.features import AUTO, choose_automatically, R
 from tactile_lab.commands.output import make_output_folder, Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, list_sets
+from tactile_lab.datasets.partial_tables import read_partial_tables
 from tactile_lab.datasets.prepared import prepare_trials
-from tactile_lab.datasets.running_tables import read_running_tables
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.sources.load import split_sources
 from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
@@ -54,7 +54,7 @@ from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
 
 RunningReader = Callable[[FeatureTable, Sequence[float]], dict[int, FeatureTable]]
-"""As `read_running_tables`."""
+"""As `read_partial_tables`."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class TrainedModel:
             'path': str(self.path),
             'model_id': self.model_id,
             'evaluation': self.evaluation.to_dict(),
-            'parts': [asdict(part) for part in self.manifest.parts],
+            'parts': [asdict(part) for part in self.manifest.stages],
             'calibration': describe_calibration(self.manifest),
             'false_alarm_rate': self.manifest.false_alarm_rate,
             'stop_error_rate': self.manifest.stop_error_rate,
@@ -136,7 +136,7 @@ def run_train(recordings: Sequence[Path], request: TrainRequest, *, as_json: boo
         )
     if request.running_seconds() and (request.over or automatic):  # wrong texts fail first
         raise TactileError(
-            'features over distance have no running answers, and so --features auto has none: '
+            'features over distance have no early predictions, and so --features auto has none: '
             'leave --running out'
         )
     own, leaves = split_sources(recordings, request.sources)
@@ -178,7 +178,7 @@ def _train_on_trials(
         read: Reader = lambda fields: BagTables({key: prepared.compute_table(fields)}, ())  # noqa: E731
         return _train_automatically(read, request, {}, output)
     found = BagTables({key: prepared.table}, ())
-    return train_models(found, request, output, prepared.running_tables)
+    return train_models(found, request, output, prepared.partial_tables)
 
 
 def _train_automatically(
@@ -211,7 +211,7 @@ def train_models(
     found: BagTables,
     request: TrainRequest,
     output: Output,
-    read_running: RunningReader = read_running_tables,
+    read_running: RunningReader = read_partial_tables,
 ) -> list[TrainedModel]:
     """Cross-validate the four classifiers on each table and write the chosen one's model.
 
@@ -311,10 +311,10 @@ def run_recalibrate(
         )
     make_output_folder(folder)
     seconds = [count / model.spec.rate_hz for count in model.running_samples]
-    running = read_running_tables(table, seconds) if seconds else {}
+    running = read_partial_tables(table, seconds) if seconds else {}
     found = write_recalibrated(path, source, {0: table, **running})
     stated = describe_calibration(found.manifest)
-    before, after = (each.manifest.parts[0].novelty_threshold for each in (model, found))
+    before, after = (each.manifest.stages[0].novelty_threshold for each in (model, found))
     output.say(
         f'{path}: {model.model_id} for the session of {len(table)} known trials; unknown: above '
         f'novelty {after:.2f}, before {before:.2f}; {found.model_id}'
@@ -323,15 +323,15 @@ def run_recalibrate(
 
 
 def describe_answers(manifest: Manifest) -> list[str]:
-    """Return what held-out trials say of probabilities, threshold and running answers."""
+    """Return what held-out trials say of probabilities, threshold and early predictions."""
     if 'reason' in manifest.calibration:
         return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
-    whole, *running = manifest.parts
+    whole, *running = manifest.stages
     sentences = [
         f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
         f'before, {100 * whole.calibration_error_after:.1f} % after; unknown: above novelty '
-        f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false alarms; '
-        f'both by {manifest.calibration["split"]}'
+        f'{whole.novelty_threshold:.2f}, at {100 * manifest.false_alarm_rate:g} % false '
+        f'rejection; both by {manifest.calibration["split"]}'
     ]
     if manifest.score_kind != PROBABILITY:
         sentences.append(f'scores: {tell_scores(manifest)}')
@@ -353,7 +353,7 @@ def describe_answers(manifest: Manifest) -> list[str]:
             else 'never decided early: these trials prove no threshold'
         )
         sentences.append(
-            f'running answers, accuracy held out: {shares}; {rule}, '
+            f'early predictions, accuracy held out: {shares}; {rule}, '
             f'at {100 * manifest.stop_error_rate:g} % wrong answers'
         )
     return sentences

@@ -30,9 +30,9 @@ import numpy as np
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.replaying.replay import recorded_results
+from tactile_bringup.launch_config.graph import Ports
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.wiring.graph import Ports
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.records import CONTACTS
@@ -107,7 +107,7 @@ def run_demo(
                 domain_id=int(domain),
                 watch=watch,
             )
-            live = run_live_trials(setup, choose_trials(seed, trials), output, hand=rig)
+            live = run_live_trials(setup, choose_trials(seed, trials), output, simulated_rig=rig)
 
     output.say('\n[bold]4  The recording, replayed[/bold]')
     reports = replay_and_compare(folder / 'recording', None, through_nodes=True)

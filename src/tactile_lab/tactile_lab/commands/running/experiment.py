@@ -188,12 +188,12 @@ def _run(
     output: Output,
 ) -> None:
     with ExitStack() as stack:
-        ports, hand = open_ports(request.ports, stack)
-        if hand is not None:
+        ports, simulated_rig = open_ports(request.ports, stack)
+        if simulated_rig is not None:
             output.say('SIMULATED rig: no number is a measurement.')
             for label in plan.objects:
                 for contact in plan.contacts:
-                    hand.check_mount(plan.protocol, label, contact)
+                    simulated_rig.check_mount(plan.protocol, label, contact)
         setup = LiveSetup(
             ports=ports,
             bag=folder.bags,
@@ -202,7 +202,9 @@ def _run(
             watch=request.watch,
             parameters=read_rig_parameters(request.params, request.models, ''),
         )
-        run_experiment(folder, plan, LiveBench(setup, plan, hand, output), operator, journal)
+        run_experiment(
+            folder, plan, LiveBench(setup, plan, simulated_rig, output), operator, journal
+        )
 
 
 def _summarise(folder: ExperimentFolder, progress: Progress, output: Output) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Trials run one after the other on a rig, recorded, and classified where models are at hand."""
+"""Trials run one after the other on a rig, recorded, and classified where there are models."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from tactile_bags.auditing.audit import Audit
-from tactile_bringup.nodes.graph_runner import ros_context, running_graph
-from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
-from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.wiring.graph import (
+from tactile_bringup.launch_config.graph import (
     feature_parameters_of,
     Ports,
     recorder_node,
     rig_graph,
 )
-from tactile_bringup.wiring.model_folder import find_models, models_for
+from tactile_bringup.launch_config.model_folder import find_models, models_for
+from tactile_bringup.nodes.graph_runner import ros_context, running_graph
+from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
+from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits
@@ -223,7 +223,7 @@ def run_live_trials(
     requests: Sequence[TrialRequest],
     output: Output,
     *,
-    hand: SimulatedRig | None,
+    simulated_rig: SimulatedRig | None,
     live: list[LiveTrial] | None = None,
 ) -> list[LiveTrial]:
     """Home the guide, run the trials, record them; print a line for each.
@@ -236,7 +236,7 @@ def run_live_trials(
     requests : sequence of TrialRequest
         Each with a trial id of its own.
     output : Output
-    hand : SimulatedRig or None
+    simulated_rig : SimulatedRig or None
         Puts what each request names under the simulated finger; on a real rig that is
         the experimenter's part.
     live : list of LiveTrial, optional
@@ -249,20 +249,20 @@ def run_live_trials(
         recording has failed: no trial is run that would not be recorded.
     """
     live = [] if live is None else live
-    if hand is not None:
+    if simulated_rig is not None:
         for request in requests:
-            hand.check_mount(request.protocol, request.object_label, request.contact)
+            simulated_rig.check_mount(request.protocol, request.object_label, request.contact)
     rig = None
     try:
         with live_rig(setup, output=output) as rig:
             for number, request in enumerate(requests, 1):
                 rig.operator.tell_progress(number, len(requests), request)
-                if hand is not None:
-                    hand.mount(request.protocol, request.object_label, request.contact)
+                if simulated_rig is not None:
+                    simulated_rig.mount(request.protocol, request.object_label, request.contact)
                 try:
                     live.append(run_with_second_try(rig, request, output))
                 except TactileError as error:
-                    if hand is not None and (burden := describe_load()):
+                    if simulated_rig is not None and (burden := describe_load()):
                         raise TactileError(f'{error} {burden}') from error
                     raise
                 output.say(describe_trial(live[-1]))

@@ -23,9 +23,7 @@ from pathlib import Path
 import threading
 from typing import Any
 
-from tactile_bringup.records import PROTOCOLS
-from tactile_bringup.trial_protocols import TrialRequest
-from tactile_bringup.wiring.graph import (
+from tactile_bringup.launch_config.graph import (
     feature_parameters_of,
     NodeDescription,
     Ports,
@@ -34,8 +32,10 @@ from tactile_bringup.wiring.graph import (
     rig_graph,
     RIG_NODES,
 )
-from tactile_bringup.wiring.model_folder import find_models
-from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bringup.launch_config.parameter_files import read_parameters
+from tactile_bringup.records import PROTOCOLS
+from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.running.watch import answer_line, say_address
 from tactile_lab.watch.options import WatchOptions

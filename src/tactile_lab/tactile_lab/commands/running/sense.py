@@ -21,7 +21,7 @@ from contextlib import ExitStack
 from pathlib import Path
 import tempfile
 
-from tactile_bringup.wiring.launch_plans import plan_launch
+from tactile_bringup.launch_config.launch_plans import plan_launch
 from tactile_lab.commands.running.rig import run_nodes, View
 from tactile_ros.programs.signals import hold_signals
 from tactile_sim.rig_process import SimulatedRig

@@ -67,7 +67,7 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
     live: list[LiveTrial] = []
     try:
         with ExitStack() as stack:
-            ports, hand = open_ports(request.ports, stack)
+            ports, simulated_rig = open_ports(request.ports, stack)
             setup = LiveSetup(
                 ports=ports,
                 bag=request.bag,
@@ -78,7 +78,7 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
             )
             if setup.simulated:
                 output.say('SIMULATED rig: no number is a measurement.')
-            run_live_trials(setup, trials, output, hand=hand, live=live)
+            run_live_trials(setup, trials, output, simulated_rig=simulated_rig, live=live)
     except BaseException as error:
         _summarise(live, request, output, str(error) or 'interrupted')
         raise

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from tactile_classifier.records import ClassificationResult
 from tactile_lab.commands.output import Output
-from tactile_lab.watch.finger import describe_line
+from tactile_lab.watch.answer_text import describe_line
 from tactile_lab.watch.options import WatchOptions
 from tactile_ros.programs.signals import hold_signals
 

@@ -217,7 +217,7 @@ def _worst_confusion(result: SetResult) -> str:
 
 
 def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
-    """Draw why the RBF machine needs scaling on stiffness features."""
+    """Draw why the RBF SVM needs scaling on stiffness features."""
 
     def draw(figure: Figure) -> None:
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
@@ -253,7 +253,7 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
             ylim=(0, 104),
             ylabel='accuracy [%]',
             xlabel='unit of force',
-            title='RBF machine: unscaled (line), scaled (dashes)',
+            title='RBF SVM: unscaled (line), scaled (dashes)',
         )
 
     return render(

@@ -27,7 +27,7 @@ from tactile_lab.report.figures.drawing import Drawing, INK, render
 
 
 def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
-    """Draw how each label fares that is left out, and false alarms of each part held out."""
+    """Draw how each label fares that is left out, and false rejection of each fold."""
     names = [unknown.label for unknown in found.unknown]
     rate = 100 * found.false_alarm_rate
 
@@ -45,12 +45,12 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
             axes.set(xlim=(0, 104), ylim=(len(names) - 0.5, -0.5))
         left.set_yticks(at, names)
         middle.set_yticks(at, [])
-        parts = range(1, len(found.group_false_alarm_rates) + 1)
-        alarms = [100 * share for share in found.group_false_alarm_rates]
-        right.bar(parts, alarms, 0.65, color='#d98c00')
+        folds = range(1, len(found.group_false_alarm_rates) + 1)
+        rejected = [100 * share for share in found.group_false_alarm_rates]
+        right.bar(folds, rejected, 0.65, color='#d98c00')
         right.axhline(rate, ls='--', lw=1, color=INK)
-        right.set(title='false alarms', xlabel='part held out', ylabel='of known trials [%]')
-        right.set_xticks(parts)
+        right.set(title='false rejection', xlabel='fold', ylabel='of known trials [%]')
+        right.set_xticks(folds)
         for axes, along in ((left, 'x'), (middle, 'x'), (right, 'y')):
             axes.grid(axis=along, alpha=0.2, lw=0.5)
 
@@ -60,7 +60,7 @@ def draw_open_set(result: SetResult, found: OpenSetEvaluation) -> Drawing:
         f'{result.recordings.title}: each label left out of the training in turn, '
         f'{found.split}. Left: how well novelty tells its trials from those of known labels '
         '(dots: chance). Middle: its trials that are given the name of a known label. Right: '
-        f'known trials turned away in each part held out (dashes: the {rate:g} % asked for).',
+        f'known trials rejected in each fold (dashes: the {rate:g} % asked for).',
         simulated=result.recordings.simulated,
     )
 

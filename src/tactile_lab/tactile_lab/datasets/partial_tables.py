@@ -43,10 +43,10 @@ def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int,
     try:
         return dataclasses.replace(config, running_samples=counts).running_samples
     except FeatureError as error:
-        raise BagError(f'no running answers after {list(seconds)} s: {error}') from error
+        raise BagError(f'no early predictions after {list(seconds)} s: {error}') from error
 
 
-def read_running_tables(table: FeatureTable, seconds: Sequence[float]) -> dict[int, FeatureTable]:
+def read_partial_tables(table: FeatureTable, seconds: Sequence[float]) -> dict[int, FeatureTable]:
     """Return one table for each part of the window, trial by trial as in the given one.
 
     Parameters

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a stranger sees first: one picture for each set of trials."""
+"""The picture at the top of the report: accuracy by split, and the confusion matrix."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.figures.accuracy import draw_matrix
 from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
-from tactile_lab.report.lead import CLASSIFIER, hardest_score, lead_score
+from tactile_lab.report.summary import CLASSIFIER, default_score, hardest_score
 
 
-def draw_lead(result: SetResult) -> Drawing:
-    """Draw accuracy by split with its interval, and what is taken for what in the hardest."""
+def draw_summary(result: SetResult) -> Drawing:
+    """Draw accuracy by split with its interval, and the confusion matrix of the hardest split."""
     score = hardest_score(result)
-    scores = [lead_score(result, evaluation) for evaluation in result.evaluations]
+    scores = [default_score(result, evaluation) for evaluation in result.evaluations]
     size_in = max(1.6, 0.28 * len(score.labels))
 
     def draw(figure: Figure) -> None:
@@ -43,7 +43,7 @@ def draw_lead(result: SetResult) -> Drawing:
             left.text(mean, y + 0.12, f'{mean:.1f}', ha='center', va='bottom')
         left.axvline(100 * result.plain.chance, ls=':', color=INK, lw=1)
         left.set_yticks(range(len(scores)), [s.split.replace(' ', '\n', 1) for s in scores])
-        left.set(xlim=(0, 104), ylim=(-0.5, len(scores) - 0.3), xlabel='named correctly [%]')
+        left.set(xlim=(0, 104), ylim=(-0.5, len(scores) - 0.3), xlabel='accuracy [%]')
         shares = score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1)
         draw_matrix(right, shares, lambda share: f'{100 * share:.0f}' if share else '')
         right.set_xticks(range(len(score.labels)), score.labels, rotation=90)

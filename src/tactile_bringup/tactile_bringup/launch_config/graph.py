@@ -15,7 +15,7 @@
 """Which nodes make up the system, and with which parameters.
 
 The graph is described here once; the launch files and the one-process runner
-are both made from it, see `tactile_bringup.wiring.launch_plans`.
+are both made from it, see `tactile_bringup.launch_config.launch_plans`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.wiring.model_features import wanted_features
+from tactile_bringup.launch_config.model_features import wanted_features
 from tactile_classifier.names import parse_classifier_name
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeatureConfig
@@ -96,6 +96,46 @@ class Ports:
     tendon: str
     sensor: str
     sensor_topic: str = ''
+
+
+@dataclass(frozen=True)
+class RigDescription:
+    """A simulated rig to start before the nodes.
+
+    Attributes
+    ----------
+    links : Path
+        Folder for its ports: guide, tendon and sensor.
+    mount : tuple of str
+        Protocol, object and contact of what lies under the finger; empty: nothing.
+    """
+
+    links: Path
+    seed: int
+    mount: tuple[str, ...] = ()
+
+    @property
+    def ports(self) -> Ports:
+        """The ports that it will serve."""
+        return Ports(*(str(self.links / name) for name in ('guide', 'tendon', 'sensor')))
+
+
+@dataclass(frozen=True)
+class LaunchPlan:
+    """What is to be started.
+
+    Attributes
+    ----------
+    nodes : tuple of NodeDescription
+    rigs : tuple of RigDescription
+        Simulated rigs; their ports must be there before the nodes start.
+    ends_with : str
+        Path of the node whose end ends all; empty: none does.
+    """
+
+    nodes: tuple[NodeDescription, ...]
+    rigs: tuple[RigDescription, ...] = ()
+    ends_with: str = ''
 
 
 def sensing_graph(
@@ -269,7 +309,7 @@ def recorder_node(
     """
     known = {f.name for f in fields(FeatureConfig)}  # every node has further ones
     features = FeatureConfig(**{k: v for k, v in feature_parameters.items() if k in known})
-    facts = {
+    metadata = {
         'simulated': simulated,
         'feature_config': asdict(features),
         'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
@@ -281,7 +321,7 @@ def recorder_node(
         {
             'bag': str(bag),
             'namespaces': tuple(namespaces),
-            'facts': json.dumps(facts),
+            'facts': json.dumps(metadata),
             'rig': rig,
             # ROS cannot tell the type of an empty list.
             **({'classifiers': classifiers} if classifiers else {}),

@@ -14,23 +14,22 @@
 
 """What each launch file starts, from the values of its arguments.
 
-Plain Python: `tactile_bringup.wiring.launching` makes launch actions of a plan, and the commands
-`tactile sense` and `tactile hand` run one in this process.
+Plain Python: `launching` makes launch actions of a plan, and the commands `tactile sense` and
+`tactile hand` run one in this process.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 import dataclasses
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.records import PROTOCOLS
-from tactile_bringup.wiring.graph import (
+from tactile_bringup.launch_config.graph import (
     feature_parameters_of,
     FEATURES_NODE,
     join_namespaces,
+    LaunchPlan,
     NO_PORT,
     NodeDescription,
     PLAYER,
@@ -40,62 +39,25 @@ from tactile_bringup.wiring.graph import (
     recorder_node,
     rig_graph,
     RIG_NODES,
+    RigDescription,
     sensing_graph,
     SENSING_NODES,
     SLIP_NODE,
     slip_node,
     topic_sensor_parameters,
 )
-from tactile_bringup.wiring.hand_file import Finger, parse_finger_names, read_hand
-from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
-from tactile_bringup.wiring.model_folder import choose_models, find_models
-from tactile_bringup.wiring.parameter_files import read_parameters
+from tactile_bringup.launch_config.hand_file import Finger, parse_finger_names, read_hand
+from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
+from tactile_bringup.launch_config.launch_values import LaunchValues, merge_parameters
+from tactile_bringup.launch_config.model_folder import choose_models, find_models
+from tactile_bringup.launch_config.replay_plan import plan_replay
+from tactile_bringup.records import PROTOCOLS
 from tactile_classifier.names import parse_classifier_name
 from tactile_features.records import PHASES_STATED
 from tactile_ros.errors import TactileError
 
 DEVICES = Path('/dev/tactile')
 """Where the udev rules of this package put the names of the devices."""
-
-
-@dataclass(frozen=True)
-class RigDescription:
-    """A simulated rig to start before the nodes.
-
-    Attributes
-    ----------
-    links : Path
-        Folder for its ports: guide, tendon and sensor.
-    mount : tuple of str
-        Protocol, object and contact of what lies under the finger; empty: nothing.
-    """
-
-    links: Path
-    seed: int
-    mount: tuple[str, ...] = ()
-
-    @property
-    def ports(self) -> Ports:
-        """The ports that it will serve."""
-        return Ports(*(str(self.links / name) for name in ('guide', 'tendon', 'sensor')))
-
-
-@dataclass(frozen=True)
-class LaunchPlan:
-    """What is to be started.
-
-    Attributes
-    ----------
-    nodes : tuple of NodeDescription
-    rigs : tuple of RigDescription
-        Simulated rigs; their ports must be there before the nodes start.
-    ends_with : str
-        Path of the node whose end ends all; empty: none does.
-    """
-
-    nodes: tuple[NodeDescription, ...]
-    rigs: tuple[RigDescription, ...] = ()
-    ends_with: str = ''
 
 
 def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPlan:
@@ -115,19 +77,11 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
     TactileError
         When an argument is not known or does not fit, or a file that one names is not there.
     """
-    arguments = {argument.name: argument for argument in LAUNCH_FILES[name]}
-    values = {argument.name: argument.default for argument in arguments.values()}
-    for key, value in given.items():
-        if key not in arguments:
-            raise TactileError(f'{name} has no argument {key}, only {", ".join(arguments)}')
-        choices = arguments[key].choices
-        if choices and value not in choices:
-            raise TactileError(f'{key} is "{value}"; it must be one of {", ".join(choices)}')
-        values[key] = value
+    values = LaunchValues(name, given)
     if name in PROTOCOLS:
         plan = _plan_protocol(name, values, scratch)
     elif name == 'replay':
-        plan = _plan_replay(values)
+        plan = plan_replay(values)
     else:
         plan = _plan_fingers(_described_fingers(name, values), values, scratch)
     if values['use_sim_time'] == 'true':
@@ -141,7 +95,7 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
     return plan
 
 
-def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> LaunchPlan:
+def _plan_protocol(protocol: str, values: LaunchValues, scratch: Path) -> LaunchPlan:
     simulated = values['rig'] == 'simulated'
     given = {name: values[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
     if values['sensor_topic']:
@@ -170,12 +124,12 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
     else:
         ports = Ports(**{name: port or str(DEVICES / name) for name, port in given.items()})
     ports = dataclasses.replace(ports, sensor_topic=values['sensor_topic'])
-    model = _path(values['model'])
+    model = values.path('model')
     models = choose_models(model, protocol, values['contact']) if model else {}
     namespace = values['namespace']
-    parameters = _merged(
+    parameters = merge_parameters(
         recalibration_parameters(values['recalibrate'], models),
-        _read(values, (*RIG_NODES, *models), namespace),
+        values.parameters((*RIG_NODES, *models), namespace),
     )
     nodes = rig_graph(
         ports, models, parameters, simulated=simulated, watched=True, namespace=namespace
@@ -195,12 +149,12 @@ def _plan_protocol(protocol: str, values: Mapping[str, str], scratch: Path) -> L
     return LaunchPlan(tuple(nodes), tuple(rigs))
 
 
-def _described_fingers(name: str, values: Mapping[str, str]) -> tuple[Finger, ...]:
+def _described_fingers(name: str, values: LaunchValues) -> tuple[Finger, ...]:
     if name == 'sense':
         topic = values['sensor_topic']
         return (Finger('', sensor_port=values['sensor_port'], sensor_topic=topic),)
     names = parse_finger_names(values['fingers'])
-    path = _path(values['hand_file'])
+    path = values.path('hand_file')
     if path:
         return read_hand(path, names)
     if not names:
@@ -208,9 +162,7 @@ def _described_fingers(name: str, values: Mapping[str, str]) -> tuple[Finger, ..
     return tuple(Finger(name) for name in names)
 
 
-def _plan_fingers(
-    fingers: Sequence[Finger], values: Mapping[str, str], scratch: Path
-) -> LaunchPlan:
+def _plan_fingers(fingers: Sequence[Finger], values: LaunchValues, scratch: Path) -> LaunchPlan:
     simulated = values['rig'] == 'simulated'
     nodes: list[NodeDescription] = []
     rigs: list[RigDescription] = []
@@ -233,10 +185,10 @@ def _plan_fingers(
 
 
 def _finger_nodes(
-    finger: Finger, port: str, values: Mapping[str, str], *, simulated: bool
+    finger: Finger, port: str, values: LaunchValues, *, simulated: bool
 ) -> list[NodeDescription]:
     namespace = join_namespaces(values['namespace'], finger.name)
-    model = finger.model or _path(values['model'])
+    model = finger.model or values.path('model')
     models = _models_of_contact(find_models(model), values['contact']) if model else {}
     slips = values['slip'] == 'true' if finger.slip is None else finger.slip
     names = (*SENSING_NODES, *([SLIP_NODE] if slips else []), *models)
@@ -254,8 +206,8 @@ def _finger_nodes(
             + ', '.join(choices)
         )
     # What only this finger's description says wins over the file for all of them.
-    stated = _merged(_read(values, names, namespace), finger.parameters)
-    parameters = _merged(
+    stated = merge_parameters(values.parameters(names, namespace), finger.parameters)
+    parameters = merge_parameters(
         {
             FEATURES_NODE: _found_phases(phases, values['contact'], simulated),
             SENSING_NODES[0]: topic_sensor_parameters(finger.sensor_topic, models, stated),
@@ -265,7 +217,7 @@ def _finger_nodes(
     )
     nodes = sensing_graph(port, models, parameters, namespace=namespace)
     if slips:
-        told = _merged({FEATURES_NODE: feature_parameters_of(nodes)}, parameters)
+        told = merge_parameters({FEATURES_NODE: feature_parameters_of(nodes)}, parameters)
         nodes.append(slip_node(told, simulated=simulated, namespace=namespace))
     if values['record']:
         bag = Path(values['record'], finger.name)  # the sense launch file has one, without name
@@ -308,69 +260,6 @@ def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
         owners[port] = node.path
 
 
-def _plan_replay(values: Mapping[str, str]) -> LaunchPlan:
-    # libraries for files, which a process that senses need not load
-    from tactile_bags.bag_reader import TactileBag
-    from tactile_bags.replaying.replay import recorded_config
-
-    path = _path(values['bag'])
-    if path is None:
-        raise TactileError('name the recording to play, as bag:=FOLDER')
-    try:
-        rate = float(values['rate'])
-    except ValueError:
-        raise TactileError(f'rate is "{values["rate"]}"; it must be a number') from None
-    with TactileBag(path) as bag:
-        config, facts, found = recorded_config(bag), bag.facts, bag.namespaces
-    wanted = values['namespace'].strip('/')
-    if wanted and wanted not in found:
-        raise TactileError(
-            f'{path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
-        )
-    namespaces = (wanted,) if wanted else found
-    model = _path(values['model'])
-    if model is None and facts.get('models'):
-        model = Path(path, facts['models'])
-        if not model.exists():
-            raise TactileError(
-                f'the models of this recording are not at {model.resolve()}; name them: model:=...'
-            )
-    models = find_models(model) if model else {}
-    nodes: list[NodeDescription] = []
-    for namespace in namespaces:
-        recorded = {FEATURES_NODE: asdict(config)}
-        parameters = _merged(recorded, _read(values, (*SENSING_NODES, *models), namespace))
-        graph = sensing_graph('', models, parameters, namespace=namespace)
-        nodes += [node for node in graph if node.name != 'tendon_sensor']
-    if values['record']:
-        nodes.append(
-            recorder_node(
-                Path(values['record']),
-                model,
-                tuple(models),
-                feature_parameters_of(nodes),
-                namespaces=namespaces,
-                simulated=bool(facts.get('simulated')),
-                rig=False,
-            )
-        )
-    chosen = {'namespace': wanted} if wanted else {}
-    player = NodeDescription(
-        'tactile_bags',
-        'bag_player_node',
-        PLAYER,
-        {
-            'bag': str(path),
-            'rate': rate,
-            # The processes start with it, and not all as fast.
-            'subscriber_timeout_s': 60.0,
-            'start_delay_s': 3.0,
-            **chosen,
-        },
-    )
-    return LaunchPlan((*nodes, player), ends_with=player.path)
-
-
 def _recorder(
     bag: Path,
     model: Path | None,
@@ -391,24 +280,3 @@ def _recorder(
         rig=rig,
     )
     return dataclasses.replace(node, namespace=namespace.strip('/'))
-
-
-def _read(
-    values: Mapping[str, str], names: Iterable[str], namespace: str
-) -> Mapping[str, Mapping[str, Any]]:
-    path = _path(values['params_file'])
-    if path is None:
-        return {}
-    return read_parameters(path, names, namespace, others_allowed=True)
-
-
-def _merged(*layers: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    merged: dict[str, dict[str, Any]] = {}
-    for layer in layers:
-        for node, parameters in layer.items():
-            merged.setdefault(node, {}).update(parameters)
-    return merged
-
-
-def _path(text: str) -> Path | None:
-    return Path(text).expanduser() if text else None

@@ -28,7 +28,7 @@ RUNNING = 'running_samples'
 def wanted_features(models: Mapping[str, str], stated: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of the feature node that models need and nobody has stated.
 
-    Running windows are those of any model: each answers its own and passes over the others.
+    Partial windows are those of any model: each answers its own and passes over the others.
     A model that does not fit what is stated asks for nothing; its classifier refuses it.
 
     Parameters

@@ -27,7 +27,7 @@ from tactile_features import (
     TrialEvent,
     TrialFeatureExtractor,
 )
-from tactile_features.feature_sets.texture_spectrum import compute_running_spectrum
+from tactile_features.feature_sets.texture_spectrum import compute_partial_spectrum
 
 S = 1_000_000_000
 PERIOD_NS = S // 50
@@ -105,7 +105,7 @@ def test_a_sine_of_whole_periods_keeps_its_amplitude_and_its_frequency(count, wh
     # Three periods in the part: an odd number of them need not be a bin of the whole.
     cycles = 3 * whole / count
     wave = 0.7 * np.sin(2 * np.pi * 3 * np.arange(count) / count + 0.4)
-    values = compute_running_spectrum(5.0 + wave, whole)
+    values = compute_partial_spectrum(5.0 + wave, whole)
     if cycles.is_integer():
         assert values[int(cycles)] == pytest.approx(0.7, rel=1e-12)
     assert abs(int(values.argmax()) - cycles) <= 1.0
@@ -113,13 +113,13 @@ def test_a_sine_of_whole_periods_keeps_its_amplitude_and_its_frequency(count, wh
 
 def test_at_the_nyquist_frequency_it_keeps_its_amplitude_too():
     wave = 0.3 * (-1.0) ** np.arange(40)
-    assert compute_running_spectrum(wave, 60)[-1] == pytest.approx(0.3, rel=1e-12)
+    assert compute_partial_spectrum(wave, 60)[-1] == pytest.approx(0.3, rel=1e-12)
 
 
 def test_the_whole_window_is_its_own_last_part():
     whole = TENSION_N[:180]
     np.testing.assert_allclose(
-        compute_running_spectrum(whole, 180), compute_spectrum(whole), rtol=1e-12, atol=1e-15
+        compute_partial_spectrum(whole, 180), compute_spectrum(whole), rtol=1e-12, atol=1e-15
     )
 
 
@@ -129,7 +129,7 @@ def test_it_agrees_with_the_sum_that_defines_it():
     terms = (part - part.mean()) * np.exp(-2j * np.pi * k * n / 180)
     expected = np.abs(terms.sum(axis=1)) * 2 / 50
     expected[0], expected[-1] = 0.0, expected[-1] / 2
-    np.testing.assert_allclose(compute_running_spectrum(part, 180), expected, atol=1e-13)
+    np.testing.assert_allclose(compute_partial_spectrum(part, 180), expected, atol=1e-13)
 
 
 @pytest.mark.parametrize('counts', [(29,), (100,), (60, 60), (60, 40)])

@@ -29,7 +29,7 @@ from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_features.windows import SampleBuffer
 
 
-class RunningWindow(PhaseWindow):
+class PartialWindow(PhaseWindow):
     """The first ``count`` samples of the texture window of a glide that has begun.
 
     It supposes that the glide lasts, because nobody knows its end yet: so it is the same

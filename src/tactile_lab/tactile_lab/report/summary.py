@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a stranger reads first: three sentences for each set of trials.
+"""The summary of one set of trials: its accuracy in one line, its answers in rows.
 
-They are about the classifier that `tactile train` writes unless told otherwise, so none was
+The accuracy is that of the classifier that `tactile train` writes by default, so it was not
 chosen by the accuracies that are shown.
 """
 
@@ -32,8 +32,8 @@ from tactile_lab.report.answers import Answers
 CLASSIFIER = 'knn'
 
 
-def lead_score(result: SetResult, evaluation: Evaluation) -> Score:
-    """Return the score of the classifier that `tactile train` writes unless told otherwise."""
+def default_score(result: SetResult, evaluation: Evaluation) -> Score:
+    """Return the score of the classifier that `tactile train` writes by default."""
     return evaluation.score(CLASSIFIER, default_scaling(result.recordings.table.task, CLASSIFIER))
 
 
@@ -42,43 +42,36 @@ def hardest_score(result: SetResult) -> Score:
 
     Random folds come first, so a held-out group counts before them.
     """
-    scores = [lead_score(result, evaluation) for evaluation in reversed(result.evaluations)]
+    scores = [default_score(result, evaluation) for evaluation in reversed(result.evaluations)]
     return min(scores, key=lambda score: score.mean)
 
 
-def tell_result(result: SetResult) -> list[str]:
-    """Return three sentences: how often right, what other splits say, what is confused."""
+def tell_accuracy(result: SetResult) -> str:
+    """Return accuracy, split, interval, chance and the most frequent confusion in one line."""
     score = hardest_score(result)
+    split = score.split if len(result.evaluations) > 1 else f'{score.split}, the only split'
     interval = (
         f'no interval: {score.interval.reason}'
         if score.interval.reason
         else f'95 % interval {tell_interval(score.interval)} %'
     )
-    others = [
-        f'{100 * each.mean:.1f} % ({each.split})'
-        for each in (lead_score(result, evaluation) for evaluation in result.evaluations)
-        if each is not score
-    ]
-    return [
-        f'{100 * score.mean:.1f} % of the trials are named correctly ({score.split}; {interval}); '
-        f'guessing names {100 * result.plain.chance:.1f} %.',
-        f'The same classifier under other splits: {", ".join(others)}.'
-        if others
-        else 'There is no other split, so these trials do not tell how well another session does.',
-        tell_confusion(score),
-    ]
+    return (
+        f'accuracy {100 * score.mean:.1f} % ({split}; {interval}); '
+        f'chance {100 * result.plain.chance:.1f} %; '
+        f'most frequent confusion: {tell_confusion(score)}'
+    )
 
 
 def tell_confusion(score: Score) -> str:
-    """Return the most frequent confusion in one sentence."""
+    """Return the most frequent confusion, such as ``pla as sponge in 33 % of its trials``."""
     shares = score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1)
     shares *= 1 - np.eye(len(shares))
     if not shares.any():
-        return 'No trial is taken for another label.'
+        return 'none'
     true, said = np.unravel_index(int(np.argmax(shares)), shares.shape)
     return (
-        f'The most frequent confusion: {score.labels[true]} is taken for {score.labels[said]} '
-        f'in {100 * shares[true, said]:.0f} % of its trials.'
+        f'{score.labels[true]} as {score.labels[said]} in {100 * shares[true, said]:.0f} % of '
+        'its trials'
     )
 
 
@@ -100,7 +93,7 @@ def answer_rows(answers: Answers) -> list[tuple[str, str]]:
             ('AUROC', f'{100 * unknown.auroc:.1f} %'),
             ('unknown labels missed', f'{100 * unknown.miss_rate:.1f} %'),
             (
-                f'false alarms, {100 * unknown.false_alarm_rate:g} % asked for',
+                f'false rejection, {100 * unknown.false_alarm_rate:g} % asked for',
                 f'{100 * unknown.realised_false_alarm_rate:.1f} %',
             ),
             ('calibration error before', f'{100 * unknown.calibration_error_before:.1f} %'),

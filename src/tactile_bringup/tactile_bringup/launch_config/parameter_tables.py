@@ -14,7 +14,7 @@
 
 """The nodes' parameters and the launch files' arguments as Markdown, from the code itself.
 
-``python -m tactile_bringup.wiring.parameter_tables FILE...`` renews the tables between
+``python -m tactile_bringup.launch_config.parameter_tables FILE...`` renews the tables between
 the two markers in each file.
 """
 
@@ -28,8 +28,8 @@ from typing import Any
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bags.records import PlayerConfig, RecorderConfig
+from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES, LaunchArgument
 from tactile_bringup.records import TrialConfig
-from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES, LaunchArgument
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.slip import SlipConfig

@@ -40,9 +40,14 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
 
-from tactile_bringup.wiring.graph import NodeDescription, PLAYER
-from tactile_bringup.wiring.launch_arguments import LAUNCH_FILES
-from tactile_bringup.wiring.launch_plans import LaunchPlan, plan_launch, RigDescription
+from tactile_bringup.launch_config.graph import (
+    LaunchPlan,
+    NodeDescription,
+    PLAYER,
+    RigDescription,
+)
+from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
+from tactile_bringup.launch_config.launch_plans import plan_launch
 
 RIG_LINGERS_S = 3.0
 """A simulated rig outlives the drivers that bring it to rest, as a real one does; one that

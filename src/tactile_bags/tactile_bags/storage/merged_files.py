@@ -1,0 +1,87 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The messages of several data files in the order of their arrival."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+import heapq
+
+from tactile_bags.errors import BagError
+from tactile_bags.storage.mcap_format import MAX_OPEN_BYTES, StoredTopic
+from tactile_bags.storage.mcap_reader import McapFile, Message
+from tactile_bags.storage.sqlite_reader import SqliteFile
+
+_Place = tuple[int, int]
+"""Number of a file, and of a part in it."""
+
+
+class MergedFiles:
+    """Merges open data files by time of arrival; what is open at once is bounded.
+
+    Parameters
+    ----------
+    files : sequence of McapFile or SqliteFile
+    """
+
+    def __init__(self, files: Sequence[McapFile | SqliteFile]) -> None:
+        self._files = files
+        self._open_bytes = 0
+
+    def messages(
+        self, names: Collection[str], since_ns: int
+    ) -> Iterator[tuple[int, StoredTopic, bytes]]:
+        """Yield arrival time [ns], topic and bytes of the messages on some topics."""
+        sources = (self._sources(n, file, names, since_ns) for n, file in enumerate(self._files))
+        # Of a source, the number is unique: what comes behind it is never compared.
+        waiting = heapq.merge(*sources, key=lambda source: source[:2])
+        due = next(waiting, None)
+        opened: list[tuple[int, _Place, Message, Iterator[Message]]] = []
+        while due is not None or opened:
+            if due is not None and (not opened or due[:2] <= opened[0][:2]):
+                _, place, messages = due
+                due = next(waiting, None)
+            else:
+                received_at_ns, place, message, messages = heapq.heappop(opened)
+                yield received_at_ns, self._files[place[0]].topics[message[1]], message[2]
+            following = next(messages, None)
+            if following is not None:
+                heapq.heappush(opened, (following[0], place, following, messages))
+
+    def _sources(
+        self, number: int, file: McapFile | SqliteFile, names: Collection[str], since_ns: int
+    ) -> Iterator[tuple[int, _Place, Iterator[Message]]]:
+        """Yield what of a file is to be read, by its start: start, place, messages."""
+        channels = {n for n, topic in file.topics.items() if topic.name in names}
+        if isinstance(file, SqliteFile):
+            yield 0, (number, 0), file.messages(channels)
+            return
+        for first_ns, i in file.segments.in_time(channels, since_ns):
+            yield first_ns, (number, i), self._open_segment(file, i, channels)
+
+    def _open_segment(
+        self, file: McapFile, number: int, channels: Collection[int]
+    ) -> Iterator[Message]:
+        segment = file.segments[number]
+        self._open_bytes += segment.size
+        try:
+            if self._open_bytes > MAX_OPEN_BYTES:
+                raise BagError(
+                    'its chunks overlap in time so much that more than '
+                    f'{MAX_OPEN_BYTES} bytes would have to be read at once'
+                )
+            yield from file.messages_of(segment, channels)
+        finally:
+            self._open_bytes -= segment.size
