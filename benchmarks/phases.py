@@ -224,6 +224,8 @@ def _extract(
         while events and events[0].stamp_ns <= block.stamp_ns:
             windows += extractor.add_event(events.pop(0))
         windows += extractor.add_block(block)
+    for event in events:  # of the last trial, after the last sample
+        windows += extractor.add_event(event)
     return windows
 
 

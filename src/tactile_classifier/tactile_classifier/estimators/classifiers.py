@@ -83,10 +83,10 @@ could take any number."""
 
 
 class SupportVectorMachine(SVC):  # type: ignore[misc]
-    """scikit-learn's `SVC`, which says in our words that it was stopped."""
+    """scikit-learn's `SVC`, which says in our words when its answers are not to be relied on."""
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> SupportVectorMachine:  # noqa: N803
-        """Fit; warn when `MAX_SVM_STEPS` were not enough."""
+        """Fit; warn when `MAX_SVM_STEPS` were not enough, or when a label is never given."""
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', ConvergenceWarning)
             super().fit(X, y, sample_weight)
@@ -96,6 +96,15 @@ class SupportVectorMachine(SVC):  # type: ignore[misc]
                 'steps, before it had converged: its answers depend on where it stopped; '
                 'use the scaling "standard", or another classifier',
                 ConvergenceWarning,
+                stacklevel=2,
+            )
+        never = sorted(set(self.classes_) - set(self.predict(X)))
+        if never:
+            warnings.warn(
+                f'the {self.kernel} support vector machine never answers {", ".join(never)}, not '
+                'even to its training trials: the number of trials of each label counts more for '
+                'it than the features; use the scaling "standard", another classifier, or equally '
+                'many trials of each label',
                 stacklevel=2,
             )
         return self

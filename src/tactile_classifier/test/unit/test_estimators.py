@@ -75,3 +75,13 @@ def test_machine_that_does_not_converge_says_so(monkeypatch):
     with pytest.raises(ConvergenceWarning, match=r'linear .* was stopped after 1,000 steps'):
         build_estimator('svm_linear', 'none').fit(values, labels)
     build_estimator('svm_linear', 'none').fit(np.where(labels == 'a', 1.0, 2.0)[:, None], labels)
+
+
+@pytest.mark.filterwarnings('error')
+def test_machine_that_never_gives_a_label_says_so():
+    labels = np.repeat(['a', 'b'], [20, 19])
+    values = 1e-3 * (labels == 'a')[:, None]  # as small as amplitudes in newtons can be
+    with pytest.raises(UserWarning, match=r'linear .* never answers b,'):
+        build_estimator('svm_linear', 'none').fit(values, labels)
+    build_estimator('svm_linear', 'none').fit(values[1:], labels[1:])  # equally many
+    build_estimator('svm_linear', 'standard').fit(values, labels)
