@@ -155,8 +155,14 @@ class LinkClient(BlockClient, Generic[LinkType]):
         self._stop.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(JOIN_TIMEOUT_S)
+            if self._thread.is_alive():
+                self._last_error = 'the consumer of the blocks does not return'
 
     # -- for subclasses ------------------------------------------------------------------
+
+    @property
+    def _is_reconnecting(self) -> bool:
+        return self._thread.ident is not None
 
     @abstractmethod
     def _connect(self) -> LinkType:
@@ -196,9 +202,10 @@ class LinkClient(BlockClient, Generic[LinkType]):
 
     def _step(self) -> None:
         try:
-            if self._link is None:
+            if self._link is not None:
+                self._read(self._link)
+            else:
                 self._link = self._connect()
-            self._read(self._link)
         except LinkError as error:
             self._is_connected = False
             self._last_error = str(error)

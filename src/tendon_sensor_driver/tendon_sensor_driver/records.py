@@ -324,7 +324,7 @@ class Health:
     restarts
         Times that the device's clock began anew.
     overruns
-        Pieces of the byte stream dropped because the blocks were not taken fast enough.
+        Times that bytes were dropped because the blocks were not taken fast enough.
     status
         Of the newest sample.
     device_status

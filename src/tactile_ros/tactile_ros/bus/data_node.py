@@ -16,13 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rclpy.executors import Executor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 
 from tactile_ros.bus.local_bus import depth_of, Inbox, RecordPublisher, RecordSubscription
 from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
@@ -63,6 +64,14 @@ class DataNode(TactileNode):
     ) -> RecordSubscription:
         """Subscribe to records; see `RecordSubscription`."""
         return RecordSubscription(self, message_type, topic, callback, **options)
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """None for an executor: the receiver takes the messages.
+
+        Callback groups do not suffice. The events executor does not ask them.
+        """
+        yield from ()
 
     def call_every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
         """Call again and again, by the computer's time."""

@@ -22,6 +22,7 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Int32
@@ -93,6 +94,25 @@ def test_messages_come_in_order_on_the_worker_and_one_thread_serves_all(context,
         assert listener.values == list(range(500))
         assert listener.threads == {f'worker of {listener.get_name()}'}
     assert len(receiver_threads()) == 1
+
+
+def test_an_events_executor_takes_no_messages_either(context):
+    """It asks no callback group. Taken on two threads, messages would change their order."""
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    listener.create_subscription(Int32, 'numbers', listener.take, STREAM)
+    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
+    executor = EventsExecutor(context=context)
+    executor.add_node(listener)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for i in range(500):
+        publisher.publish(Int32(data=i))
+        executor.spin_once(timeout_sec=0.0)
+    wait_until(lambda: len(listener.values) == 500)
+    assert listener.values == list(range(500))
+    assert listener.threads == {'worker of listener'}
+    executor.shutdown()
+    for node in (peer, listener):
+        node.destroy_node()
 
 
 def test_latched_messages_and_their_information_come(context, spun):

@@ -17,41 +17,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import queue
-import threading
-from typing import NamedTuple
+import time
 
-from tendon_sensor_driver.client_base import BlockClient, FIRST_DELAY_S, JOIN_TIMEOUT_S
-from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.client_base import LinkClient
 from tendon_sensor_driver.lines.line_protocol import LineDecoder
 from tendon_sensor_driver.lines.transport import find_serial_number, SerialTransport
 from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
 from tendon_sensor_driver.stream.strain_stream import StrainStream
 
-LONGEST_DELAY_S = 1.0
+LONGEST_DELIVERY_NS = 250_000_000
+"""What arrives while a consumer takes longer may not fit in the kernel's buffer."""
+
+_DROP_S = 0.05
 _BURST_READINGS = 3
 _MENU_PROMPT = b'>'
-_QUEUED_CHUNKS = 1000
 
 
-class _Chunk(NamedTuple):
-    """Bytes with the time of their arrival and the connection that they came over."""
-
-    data: bytes
-    received_at_ns: int
-    connection: int
-    is_cut: bool  # bytes before these were dropped
-    clock_step_ns: int  # of the host's clock before these arrived
-
-
-class TendonSensorClient(BlockClient):
+class TendonSensorClient(LinkClient[SerialTransport]):
     """Reads one sensor and hands out blocks of tension until it is closed.
 
-    One thread reads the port and notes when bytes arrive; a second one decodes them and
-    calls ``on_block``, so that a slow consumer does not spoil the arrival times. Between
-    them is a bounded queue: what does not fit is lost, counted, and visible in the blocks
-    like any other lost sample. A port that is lost is opened again, first after 0.25 s,
-    then after twice as long each time up to 1 s.
+    One thread reads, decodes and calls ``on_block``, which must return soon: bytes that come
+    meanwhile are stamped late. If it takes longer than 0.25 s, what has come meanwhile is dropped,
+    since the kernel may have dropped parts of it. That is counted, and visible in the blocks like
+    any other lost sample.
 
     A board that says nothing may be an OpenScale whose settings menu somebody left open. A
     carriage return makes the menu show itself and means nothing to a board that measures;
@@ -63,7 +51,7 @@ class TendonSensorClient(BlockClient):
     ----------
     config : TendonSensorConfig
     on_block : callable
-        ``on_block(block)``; called on a thread of the client.
+        ``on_block(block)``; called on the client's thread.
     now_ns : callable
         The present ROS time [ns].
 
@@ -82,10 +70,7 @@ class TendonSensorClient(BlockClient):
         super().__init__(config, on_block, now_ns)
         self._decoder = LineDecoder(config)
         self._stream = StrainStream(config)
-        self._chunks: queue.SimpleQueue[_Chunk | None] = queue.SimpleQueue()
-        self._transport: SerialTransport | None = None
-        self._reader = threading.Thread(target=self._read, name='sensor-reader', daemon=True)
-        self._worker = threading.Thread(target=self._work, name='sensor-worker', daemon=True)
+        self._delivered_in_ns = 0
         self._overruns = 0
         self._bursts = 0
         self._identity = ''
@@ -95,39 +80,13 @@ class TendonSensorClient(BlockClient):
         """Serial number of the USB adapter, empty when it has none."""
         return self._identity
 
-    def open(self) -> None:
-        """Open the port and start to read.
-
-        Raises
-        ------
-        LinkError
-            When the port cannot be opened.
-        TendonSensorError
-            When this client has been opened before.
-        """
-        self._check_is_new(self._reader)
-        self._transport = SerialTransport(self._config.port, self._config.baud)
-        self._identity = find_serial_number(self._config.port)
-        self._note_heard()
-        self._is_connected = True
-        self._worker.start()
-        self._reader.start()
-
     def close(self) -> None:
         """Hand out what has arrived and close the port. Harmless when called twice."""
-        if self._stop.is_set():
-            return
         self._stop.set()
-        transport = self._transport
-        if transport is None:
-            return
-        transport.cancel()
-        self._reader.join(JOIN_TIMEOUT_S)
-        self._chunks.put(None)
-        if self._worker is not threading.current_thread():
-            self._worker.join(JOIN_TIMEOUT_S)
-            if self._worker.is_alive():
-                self._last_error = 'the consumer of the blocks does not return'
+        link = self._link
+        if link is not None:
+            link.cancel()
+        super().close()
 
     def health(self) -> Health:
         """Return the state of the link now."""
@@ -152,91 +111,56 @@ class TendonSensorClient(BlockClient):
             last_error=self._last_error,
         )
 
-    # -- the reading thread ------------------------------------------------------------
+    # -- the client's thread -----------------------------------------------------------
 
-    def _read(self) -> None:
-        is_cut, step_ns = False, 0
-        transport = self._transport
-        while transport is not None and not self._stop.is_set():
-            try:
-                data = transport.read()
-            except LinkError as error:
-                self._is_connected = False
-                self._last_error = str(error)
-                transport.close()
-                transport = self._transport = self._reconnect()
-                continue
-            if not data:
-                continue
-            self._delay_s = FIRST_DELAY_S
-            received_at_ns = self._arrivals.now_ns()
-            step_ns += self._arrivals.take_step_ns()
-            # This thread alone adds, so the queue cannot grow beyond its bound meanwhile.
-            if self._chunks.qsize() < _QUEUED_CHUNKS:
-                chunk = _Chunk(data, received_at_ns, self._reconnects, is_cut, step_ns)
-                self._chunks.put(chunk)
-                is_cut, step_ns = False, 0
-            else:
-                self._overruns += 1
-                is_cut = True
-        self._is_connected = False
-        if transport is not None:
-            transport.close()
+    def _connect(self) -> SerialTransport:
+        link = SerialTransport(self._config.port, self._config.baud)
+        self._identity = find_serial_number(self._config.port)
+        if self._is_reconnecting:
+            self._is_connected = True
+            self._reconnects += 1
+            self._decoder.reset()
+            self._stream.note_reconnection()
+        return link
 
-    def _reconnect(self) -> SerialTransport | None:
-        while not self._stop.wait(self._delay_s):
-            self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
-            try:
-                transport = SerialTransport(self._config.port, self._config.baud)
-            except LinkError as error:
-                self._last_error = str(error)
-            else:
-                self._identity = find_serial_number(self._config.port)
-                self._reconnects += 1
-                self._is_connected = True
-                return transport
-        return None
+    def _flush(self) -> list[Block]:
+        return self._stream.flush()
 
-    # -- the thread that decodes and delivers ------------------------------------------
-
-    def _work(self) -> None:
-        connection = 0
-        while True:
-            try:
-                chunk = self._chunks.get(timeout=self._config.silence_s)
-            except queue.Empty:
-                self._deliver(self._stream.flush())
-                if self._stop.is_set():
-                    return
-                self._leave_menu()
-                continue
-            if chunk is None:
-                self._deliver(self._stream.flush())
-                return
-            if chunk.connection != connection:
-                connection = chunk.connection
-                self._decoder.reset()
-                self._stream.note_reconnection()
-            elif chunk.is_cut:
-                self._decoder.reset()
-                self._stream.note_dropped_bytes()
-            if chunk.clock_step_ns:
-                self._stream.note_clock_step(chunk.clock_step_ns)
-            readings = self._decoder.feed(chunk.data, chunk.received_at_ns)
-            self._bursts += len(readings) >= _BURST_READINGS
-            for reading in readings:
-                self._note_heard()
-                self._deliver(self._stream.add(reading))
-
-    def _leave_menu(self) -> None:
-        transport = self._transport
-        last = self._decoder.last_byte
-        if not self._config.leave_menu or transport is None or not self._is_connected:
+    def _read(self, link: SerialTransport) -> None:
+        if self._delivered_in_ns > LONGEST_DELIVERY_NS:
+            self._drop_input(link)
+        data = link.read(self._config.silence_s)
+        if not data:
+            self._deliver(self._stream.flush())
+            self._leave_menu(link)
             return
-        try:
-            if last == _MENU_PROMPT:
-                transport.write(b'x')
-            elif not last:
-                transport.write(b'\r')
-        except LinkError as error:
-            self._last_error = str(error)
+        received_at_ns = self._arrivals.now_ns()
+        step_ns = self._arrivals.take_step_ns()
+        if step_ns:
+            self._stream.note_clock_step(step_ns)
+        began_ns = time.monotonic_ns()
+        readings = self._decoder.feed(data, received_at_ns)
+        self._bursts += len(readings) >= _BURST_READINGS
+        for reading in readings:
+            self._note_samples()
+            self._deliver(self._stream.add(reading))
+        self._delivered_in_ns = time.monotonic_ns() - began_ns
+
+    def _drop_input(self, link: SerialTransport) -> None:
+        """Drop what has come meanwhile: pieces of two lines may be joined in it."""
+        end_s = time.monotonic() + _DROP_S
+        while time.monotonic() < end_s:
+            link.read(_DROP_S)
+        self._decoder.reset()
+        self._stream.note_dropped_bytes()
+        self._delivered_in_ns = 0
+        self._overruns += 1
+
+    def _leave_menu(self, link: SerialTransport) -> None:
+        last = self._decoder.last_byte
+        if not self._config.leave_menu or self._stop.is_set():
+            return
+        if last == _MENU_PROMPT:
+            link.write(b'x')
+        elif not last:
+            link.write(b'\r')

@@ -28,7 +28,6 @@ from serial.tools import list_ports
 
 from tendon_sensor_driver.errors import LinkError
 
-READ_TIMEOUT_S = 0.25
 _WRITE_TIMEOUT_S = 0.5
 _MOST_BYTES = 4096
 
@@ -69,7 +68,7 @@ class SerialTransport:
             self._port = serial.Serial(
                 port,
                 baud,
-                timeout=READ_TIMEOUT_S,
+                timeout=0,
                 write_timeout=_WRITE_TIMEOUT_S,
                 exclusive=True,
             )
@@ -79,8 +78,8 @@ class SerialTransport:
         self._cancelled, self._cancel = os.pipe()
         os.set_blocking(self._cancel, False)
 
-    def read(self) -> bytes:
-        """Return what has arrived, or nothing after 0.25 s without any.
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, or nothing after some time without any or after `cancel`.
 
         Raises
         ------
@@ -90,7 +89,7 @@ class SerialTransport:
         # As pyserial's read, but with one wait and one read for all that has come.
         try:
             port = self._port.fileno()
-            ready, _, _ = select.select([port, self._cancelled], [], [], READ_TIMEOUT_S)
+            ready, _, _ = select.select([port, self._cancelled], [], [], timeout_s)
             if self._cancelled in ready:
                 os.read(self._cancelled, 1)
                 return b''
@@ -106,7 +105,7 @@ class SerialTransport:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send bytes; may be called while another thread reads.
+        """Send bytes.
 
         Raises
         ------
@@ -114,8 +113,7 @@ class SerialTransport:
             When the port has gone or takes nothing.
         """
         try:
-            with self._lock:
-                self._port.write(data)
+            self._port.write(data)
         except _FAILURES as error:
             raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
 
