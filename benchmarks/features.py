@@ -32,7 +32,8 @@ from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.feature_sets.stiffness_regression import compute_regression
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum, WINDOWS
-from tactile_features.records import StrainBlock, TrialEvent
+from tactile_features.records import TrialEvent
+from tactile_ros.strain import StrainBlock
 
 PERIOD_NS = 16_666_667
 EPOCH_NS = 1_760_000_000_123_456_789

@@ -16,13 +16,12 @@
 
 from __future__ import annotations
 
-import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 import threading
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -43,6 +42,8 @@ from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, Trial
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.strain import StrainBlock as StrainRecord
+from tendon_sensor_driver.conversions import to_strain_msg
 
 STRAIN, TRIALS = 'tendon_sensor/strain', 'trial_runner/events'
 FEATURES, ANSWER = 'tactile_features/features', 'tactile_classifier/classification'
@@ -111,27 +112,6 @@ class Work:
     within: bool = False
 
 
-class Record(NamedTuple):
-    """A block as a driver hands it on."""
-
-    stamp_ns: int
-    sequence: int
-    period_ns: int
-    tension_n: np.ndarray
-    lost_before: int = 0
-    status: int = 0
-    stamp_error_s: float = 0.0
-
-    def to_message(self) -> Any:
-        """Return the block as a driver publishes it."""
-        return StrainBlock(
-            header=Header(stamp=_to_time(self.stamp_ns)),
-            sequence=self.sequence,
-            period_ns=self.period_ns,
-            tension_n=array.array('d', self.tension_n.tobytes()),
-        )
-
-
 @dataclass(frozen=True)
 class Nothing:
     """No parameters."""
@@ -144,7 +124,7 @@ class Source(DataNode):
         super().__init__('source', Nothing, **options)
 
     def set_up(self, config: Any) -> None:
-        self.strain = self.publish_records(StrainBlock, STRAIN, Record.to_message, STREAM)
+        self.strain = self.publish_records(StrainBlock, STRAIN, _to_message, STREAM)
 
     def tear_down(self) -> None:
         self.strain.close()
@@ -318,10 +298,12 @@ def _publish(
     node = Node('publisher', context=context)
     trials = {f: node.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in fingers}
     wanted = list(trials.values()) if what.who == 'ours' else []
-    send: dict[str, Callable[[Record], None]] = {f: s.strain.publish for f, s in sources.items()}
+    send: dict[str, Callable[[StrainRecord], None]] = {
+        f: s.strain.publish for f, s in sources.items()
+    }
     for finger in fingers if not sources else ():
         strain = node.create_publisher(StrainBlock, f'{finger}/{STRAIN}', STREAM)
-        send[finger] = lambda record, strain=strain: strain.publish(record.to_message())
+        send[finger] = lambda record, strain=strain: strain.publish(_to_message(record))
         wanted.append(strain)
     deadline_s = time.monotonic() + STARTUP_S
     while not all(p.get_subscription_count() for p in wanted):
@@ -341,7 +323,7 @@ def _publish(
         sequence = number * case.block
         start_ns = first_ns + sequence * case.period_ns
         end_ns = start_ns + (case.block - 1) * case.period_ns
-        record = Record(start_ns, sequence, case.period_ns, tension_n)
+        record = StrainRecord(start_ns, sequence, case.period_ns, tension_n)
         for finger in fingers:
             if place == 0:
                 trials[finger].publish(_event(start_ns, window, 'glide'))
@@ -353,6 +335,10 @@ def _publish(
     sent.put(published)
     over.wait(STARTUP_S)
     node.destroy_node()
+
+
+def _to_message(block: StrainRecord) -> StrainBlock:
+    return to_strain_msg(block, '')
 
 
 def _event(stamp_ns: int, window: int, phase: str) -> Any:

@@ -42,7 +42,7 @@ from tactile_bags.recorded_topics import (
 )
 from tactile_bags.storage.mcap_format import StoredTopic
 from tactile_bags.storage.mcap_writer import McapWriter
-from tactile_features.records import StrainBlock
+from tactile_ros.strain import StrainBlock
 
 START_NS = 1_600_000_000_000_000_000
 SAVE_PERIOD_NS = 5_000_000_000  # the recorder's 0.5 s would take an hour for metadata.yaml alone

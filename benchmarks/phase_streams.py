@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_features.records import StrainBlock, TrialEvent
+from tactile_features.records import TrialEvent
 from tactile_lab.simulation.simulated_trials import plan_trial
+from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.fast_trials import simulate_trials
 

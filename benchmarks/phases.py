@@ -31,7 +31,8 @@ from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIE
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.phases.signal_phases import find_phases
-from tactile_features.records import FeatureWindow, Outcome, StrainBlock, TrialEvent
+from tactile_features.records import FeatureWindow, Outcome, TrialEvent
+from tactile_ros.strain import StrainBlock
 
 CONTACTS = ('flexion', 'abduction')
 MARK = {'stiffness': 'hold', 'texture': 'glide'}

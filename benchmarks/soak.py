@@ -54,9 +54,9 @@ from tactile_bags.bag_reader import TactileBag
 from tactile_bags.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
 from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import running_graph
-from tactile_features.records import STATUS_CLOCK_STEP, STATUS_RECONNECTED, STATUS_RESTARTED
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.qos import EVENTS
+from tactile_ros.strain import StrainStatus
 from tactile_sim.devices.pty_port import PtyPort
 
 CASE = CASES[1]
@@ -68,7 +68,7 @@ KILLED = FINGERS[-1]
 START_S = 60.0
 SETTLED_S = 600.0
 MOST_GROWTH_MB_H = 1.0
-MARKED = STATUS_RECONNECTED | STATUS_RESTARTED | STATUS_CLOCK_STEP
+MARKED = StrainStatus.RECONNECTED | StrainStatus.RESTARTED | StrainStatus.CLOCK_STEP
 
 processes = multiprocessing.get_context('spawn')
 

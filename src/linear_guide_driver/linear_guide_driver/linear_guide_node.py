@@ -40,9 +40,9 @@ from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import STREAM
 from tactile_ros.readiness import ReadinessPublisher
+from tactile_ros.strain import NOT_LIVE
 
 FEEDBACK_PERIOD_S = 0.1
-NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
 
 
 class LinearGuideNode(TactileNode):
@@ -84,7 +84,7 @@ class LinearGuideNode(TactileNode):
                 'tendon_sensor/strain',
                 config.strain_timeout_s,
                 STREAM,
-                lambda block: bool(block.tension_n) and not block.status & NO_MEASUREMENT,
+                lambda block: bool(block.tension_n) and not block.status & NOT_LIVE,
             )
         self._stop_service = self.create_service(Trigger, '~/stop', self._on_stop)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)

@@ -42,11 +42,11 @@ from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import STREAM
 from tactile_ros.readiness import ReadinessPublisher
+from tactile_ros.strain import NOT_LIVE, StrainStatus
 
 FEEDBACK_PERIOD_S = 0.1
 WARM_C = 10.0
 FULL_CURRENT = 0.95
-NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
 
 
 class TendonActuatorNode(TactileNode):
@@ -236,11 +236,11 @@ class TendonActuatorNode(TactileNode):
 
     def _on_strain(self, block: StrainBlock) -> None:
         client = self._client
-        if client is None or block.status & NO_MEASUREMENT:
+        if client is None or block.status & NOT_LIVE:
             return
         if not block.tension_n:
             raise MessageError('tension_n is empty; a block holds one sample or more')
-        is_saturated = bool(block.status & StrainBlock.STATUS_SATURATED)
+        is_saturated = bool(block.status & StrainStatus.SATURATED)
         if client.safety.add_samples(block.tension_n, is_saturated, time.monotonic_ns()):
             client.supervise()
 

@@ -20,27 +20,27 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    'Feature': 'feature_sets.feature_set',
-    'FeatureConfig': 'config',
-    'FeatureError': 'errors',
-    'FeatureSet': 'feature_sets.feature_set',
-    'FeatureSpec': 'spec',
-    'FeatureWindow': 'records',
-    'Outcome': 'records',
-    'SpatialWindow': 'feature_sets.texture_spatial',
-    'StrainBlock': 'records',
-    'TrialEvent': 'records',
-    'TrialFeatureExtractor': 'extraction.extractor',
-    'UndefinedFeatureError': 'errors',
-    'WindowSamples': 'feature_sets.feature_set',
-    'WindowSpec': 'feature_sets.feature_set',
-    'compute_regression': 'feature_sets.stiffness_regression',
-    'compute_spatial': 'feature_sets.texture_spatial',
-    'compute_spectrum': 'feature_sets.texture_spectrum',
-    'features_from_trials': 'extraction.extractor',
-    'find_phases': 'phases.signal_phases',
-    'list_feature_sets': 'feature_sets.registry',
-    'spec_for': 'spec',
+    'Feature': '.feature_sets.feature_set',
+    'FeatureConfig': '.config',
+    'FeatureError': '.errors',
+    'FeatureSet': '.feature_sets.feature_set',
+    'FeatureSpec': '.spec',
+    'FeatureWindow': '.records',
+    'Outcome': '.records',
+    'SpatialWindow': '.feature_sets.texture_spatial',
+    'StrainBlock': 'tactile_ros.strain',
+    'TrialEvent': '.records',
+    'TrialFeatureExtractor': '.extraction.extractor',
+    'UndefinedFeatureError': '.errors',
+    'WindowSamples': '.feature_sets.feature_set',
+    'WindowSpec': '.feature_sets.feature_set',
+    'compute_regression': '.feature_sets.stiffness_regression',
+    'compute_spatial': '.feature_sets.texture_spatial',
+    'compute_spectrum': '.feature_sets.texture_spectrum',
+    'features_from_trials': '.extraction.extractor',
+    'find_phases': '.phases.signal_phases',
+    'list_feature_sets': '.feature_sets.registry',
+    'spec_for': '.spec',
 }
 
 __all__ = sorted(_HOMES)
@@ -49,5 +49,5 @@ __all__ = sorted(_HOMES)
 def __getattr__(name: str) -> Any:
     # On first use: SciPy takes long to import, and records alone do not need it.
     if name in _HOMES:
-        return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
+        return getattr(importlib.import_module(_HOMES[name], __name__), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

@@ -34,9 +34,10 @@ from tactile_features.message_checks import (
     find_event_fault,
     find_window_fault,
 )
-from tactile_features.records import FeatureWindow, Measure, Outcome, StrainBlock, TrialEvent
+from tactile_features.records import FeatureWindow, Measure, Outcome, TrialEvent
 from tactile_features.slip import Slip, SlipConfig
 from tactile_ros.errors import MessageError
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 Record = TypeVar('Record')
 
@@ -69,25 +70,18 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
         period_ns=int(msg.period_ns),
         tension_n=np.array(msg.tension_n, dtype=np.float64),
         lost_before=int(msg.lost_before),
-        status=int(msg.status),
+        status=StrainStatus(int(msg.status)),
         stamp_error_s=float(msg.stamp_error_s),
     )
 
 
 @_checked(find_block_fault)
-def strain_block_from_record(block: Any) -> StrainBlock:
-    """Return the record of a driver's block: the same as from the message of that block."""
+def strain_block_from_record(block: StrainBlock) -> StrainBlock:
+    """Return a driver's block as its message would come: checked, read-only, without wrench."""
+    _check_stamp(block.stamp_ns)
     tension_n = block.tension_n.view()
     tension_n.flags.writeable = False  # others look at it, too
-    return StrainBlock(
-        stamp_ns=_check_stamp(int(block.stamp_ns)),
-        sequence=int(block.sequence),
-        period_ns=int(block.period_ns),
-        tension_n=tension_n,
-        lost_before=int(block.lost_before),
-        status=int(block.status),
-        stamp_error_s=float(block.stamp_error_s),
-    )
+    return dataclasses.replace(block, tension_n=tension_n, wrench=None)
 
 
 @_checked(find_event_fault)

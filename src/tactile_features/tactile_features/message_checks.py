@@ -21,7 +21,8 @@ import math
 import numpy as np
 
 from tactile_features import records
-from tactile_features.records import FeatureWindow, StrainBlock, TrialEvent
+from tactile_features.records import FeatureWindow, TrialEvent
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 LARGEST_TENSION_N = 1e9
 """A larger value is no tension of anything. Values that are not finite are the core's part."""
@@ -31,9 +32,9 @@ END_OF_TIME_NS = 2**31 * 10**9
 
 _KNOWN = {
     name: tuple(value for key, value in vars(records).items() if key.startswith(name))
-    for name in ('PHASE_', 'CONTACT_', 'PROTOCOL_', 'STATUS_')
+    for name in ('PHASE_', 'CONTACT_', 'PROTOCOL_')
 }
-_STATUS = sum(_KNOWN['STATUS_'])
+_STATUS = int(sum(StrainStatus))
 
 
 def find_block_fault(block: StrainBlock) -> str:

@@ -45,16 +45,6 @@ PHASE_RETURN = 'return'
 PHASE_DONE = 'done'
 PHASE_ABORTED = 'aborted'
 
-STATUS_OK = 0
-STATUS_HOST_TIME = 1
-STATUS_SATURATED = 2
-STATUS_STUCK = 4
-STATUS_DEVICE_ERROR = 8
-STATUS_RESYNCHRONISED = 16
-STATUS_RECONNECTED = 32
-STATUS_RESTARTED = 64
-STATUS_CLOCK_STEP = 128
-
 SET_TEXTURE_SPECTRUM = 'texture_spectrum'
 SET_TEXTURE_SPATIAL = 'texture_spatial'
 SET_STIFFNESS_REGRESSION = 'stiffness_regression'
@@ -70,40 +60,6 @@ class Outcome(IntEnum):
     UNDEFINED = 4
     ABORTED = 5
     BAD_TIME = 6
-
-
-@dataclass(frozen=True, eq=False)
-class StrainBlock:
-    """A run of consecutive samples of the tension on one tendon.
-
-    Sample ``i`` has sequence number ``sequence + i`` and time
-    ``stamp_ns + i * period_ns``.
-
-    Attributes
-    ----------
-    stamp_ns : int
-        Time of the first sample (ROS time) [ns].
-    sequence : int
-        Sequence number of the first sample; counts lost samples too.
-    period_ns : int
-        Time between two samples of this block [ns].
-    tension_n : ndarray of shape (n,)
-        Tension [N].
-    lost_before : int
-        Samples known to be lost between the previous block and this one.
-    status : int
-        Bits such as `STATUS_CLOCK_STEP`; they hold for every sample of the block.
-    stamp_error_s : float
-        Bound on the error of the stamps [s]; negative: not known.
-    """
-
-    stamp_ns: int
-    sequence: int
-    period_ns: int
-    tension_n: NDArray[np.float64]
-    lost_before: int = 0
-    status: int = STATUS_OK
-    stamp_error_s: float = -1.0
 
 
 @dataclass(frozen=True)

@@ -23,13 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_features.config import check_parameters, parameter
-from tactile_features.records import (
-    STATUS_DEVICE_ERROR,
-    STATUS_SATURATED,
-    STATUS_STUCK,
-    StrainBlock,
-)
 from tactile_features.windows import SampleBuffer, Samples
+from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +33,6 @@ MOTION_SLIDING = 'sliding'
 LARGEST_RATE_HZ = 250.0
 """Faster samples are averaged down to at most this rate: a slip takes milliseconds."""
 
-_NO_MEASUREMENT = STATUS_SATURATED | STATUS_STUCK | STATUS_DEVICE_ERROR
 _MOVE_S = 0.1  # over which the finger's own motion shows
 _MEMORY_S = 20.0  # of the estimate of the noise
 _PRIOR = 60.0  # values that the white noise counts for in the estimate from the past
@@ -177,7 +171,7 @@ class SlipDetector:
     def _take(self, samples: Samples) -> list[Slip]:
         slips = []
         tension_n = samples['tension_n']
-        good = np.isfinite(tension_n) & ((samples['status'] & _NO_MEASUREMENT) == 0)
+        good = np.isfinite(tension_n) & ((samples['status'] & NO_MEASUREMENT) == 0)
         columns = (samples['stamp_ns'], samples['sequence'], tension_n, samples['hole'], good)
         for stamp_ns, sequence, value_n, is_after_hole, is_good in zip(
             *(column.tolist() for column in columns), strict=True

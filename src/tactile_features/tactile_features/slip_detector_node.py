@@ -25,7 +25,6 @@ from tactile_features.conversions import (
     strain_block_from_record,
 )
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
-from tactile_features.records import StrainBlock as StrainRecord
 from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
 from tactile_ros.bus.data_node import DataNode
@@ -33,6 +32,7 @@ from tactile_ros.bus.local_bus import RecordSubscription
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.strain import StrainBlock as StrainRecord
 
 EVENT_TOPICS = ('trial_runner/events', 'tactile_features/detected_events')
 """Where trials are told of; the latest event of either counts."""

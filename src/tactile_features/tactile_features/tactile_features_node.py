@@ -31,7 +31,6 @@ from tactile_features.conversions import (
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.extraction.sample_timeout import SampleTimeout
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
-from tactile_features.records import StrainBlock as StrainRecord
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordSubscription
@@ -39,6 +38,7 @@ from tactile_ros.bus.worker import Periodic
 from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.strain import StrainBlock as StrainRecord
 
 WATCH_PERIOD_S = 0.25
 

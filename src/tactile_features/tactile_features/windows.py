@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.records import STATUS_CLOCK_STEP, STATUS_RECONNECTED, StrainBlock
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 SAMPLE = np.dtype(
     [
@@ -44,7 +44,8 @@ missing between them, or the clock was stepped."""
 
 _LARGEST_STEP_NS = 1 << 62
 
-_BREAKS = STATUS_RECONNECTED | STATUS_CLOCK_STEP
+_CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
+_BREAKS = _CLOCK_STEP | int(StrainStatus.RECONNECTED)
 """Where one of these begins, a block does not continue the one before."""
 
 SET_BACK_NS = 1_000_000_000
@@ -165,7 +166,7 @@ class SampleBuffer:
         return (
             block.sequence == int(last['sequence']) + 1
             and block.stamp_ns > last['latest_ns']
-            and not block.status & ~int(last['status']) & _BREAKS
+            and not int(block.status) & ~int(last['status']) & _BREAKS
         )
 
     def _append_next(self, block: StrainBlock) -> None:
@@ -250,7 +251,7 @@ def _known_error(block: StrainBlock) -> float:
 
 def _measure_step(last: Any, first: Any, period_ns: int) -> int:
     """Return by how much the host's clock was stepped between two samples [ns], 0: not at all."""
-    if not first['status'] & ~last['status'] & STATUS_CLOCK_STEP:
+    if not first['status'] & ~last['status'] & _CLOCK_STEP:
         return 0
     periods = max(1, int(first['sequence']) - int(last['sequence']))
     elapsed_ns = int(first['stamp_ns']) - int(last['stamp_ns'])

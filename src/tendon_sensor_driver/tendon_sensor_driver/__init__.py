@@ -20,23 +20,23 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    'Bias': 'stream.tare',
-    'Block': 'records',
-    'Calibration': 'stream.calibration',
-    'Health': 'records',
-    'LineDecoder': 'lines.line_protocol',
-    'LinkError': 'errors',
-    'Reading': 'records',
-    'SensorClient': 'sensors',
-    'StrainStatus': 'records',
-    'StrainStream': 'stream.strain_stream',
-    'Tare': 'stream.tare',
-    'TareError': 'stream.tare',
-    'TendonSensorClient': 'lines.line_client',
-    'TendonSensorConfig': 'records',
-    'TendonSensorError': 'errors',
-    'encode_reading': 'lines.line_protocol',
-    'make_sensor': 'sensors',
+    'Bias': '.stream.tare',
+    'Calibration': '.stream.calibration',
+    'Health': '.records',
+    'LineDecoder': '.lines.line_protocol',
+    'LinkError': '.errors',
+    'Reading': '.records',
+    'SensorClient': '.sensors',
+    'StrainBlock': 'tactile_ros.strain',
+    'StrainStatus': 'tactile_ros.strain',
+    'StrainStream': '.stream.strain_stream',
+    'Tare': '.stream.tare',
+    'TareError': '.stream.tare',
+    'TendonSensorClient': '.lines.line_client',
+    'TendonSensorConfig': '.records',
+    'TendonSensorError': '.errors',
+    'encode_reading': '.lines.line_protocol',
+    'make_sensor': '.sensors',
 }
 
 __all__ = sorted(_HOMES)
@@ -45,5 +45,5 @@ __all__ = sorted(_HOMES)
 def __getattr__(name: str) -> Any:
     # On first use, so that who needs the records alone imports no serial port.
     if name in _HOMES:
-        return getattr(importlib.import_module(f'{__name__}.{_HOMES[name]}'), name)
+        return getattr(importlib.import_module(_HOMES[name], __name__), name)
     raise AttributeError(f'module {__name__} has no attribute {name}')

@@ -24,8 +24,9 @@ import time
 from types import TracebackType
 from typing import Generic, Protocol, TypeVar
 
+from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
-from tendon_sensor_driver.records import Block, TendonSensorConfig
+from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.stream.clock import ArrivalClock
 
 _Self = TypeVar('_Self', bound='BlockClient')
@@ -52,7 +53,7 @@ class BlockClient(ABC):
     def __init__(
         self,
         config: TendonSensorConfig,
-        on_block: Callable[[Block], None],
+        on_block: Callable[[StrainBlock], None],
         now_ns: Callable[[], int],
     ) -> None:
         self._config = config
@@ -98,7 +99,7 @@ class BlockClient(ABC):
         if thread.ident is not None or self._stop.is_set():
             raise TendonSensorError('this client has been opened before; make a new one')
 
-    def _deliver(self, blocks: list[Block]) -> None:
+    def _deliver(self, blocks: list[StrainBlock]) -> None:
         try:
             for block in blocks:
                 self._on_block(block)
@@ -126,7 +127,7 @@ class LinkClient(BlockClient, Generic[LinkType]):
     def __init__(
         self,
         config: TendonSensorConfig,
-        on_block: Callable[[Block], None],
+        on_block: Callable[[StrainBlock], None],
         now_ns: Callable[[], int],
     ) -> None:
         super().__init__(config, on_block, now_ns)
@@ -173,7 +174,7 @@ class LinkClient(BlockClient, Generic[LinkType]):
         """Deliver what has arrived; LinkError when the link is lost."""
 
     @abstractmethod
-    def _flush(self) -> list[Block]:
+    def _flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one."""
 
     def _note_loss(self, link: LinkType) -> None:

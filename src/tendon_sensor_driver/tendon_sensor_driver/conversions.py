@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendon_sensor_driver.records import AXES, Block, Health, StrainStatus, TendonSensorConfig
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver.records import AXES, Health, TendonSensorConfig
 from tendon_sensor_driver.stream.tare import Bias
 
 LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
@@ -37,11 +38,11 @@ def _to_time_msg(stamp_ns: int) -> Any:
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
-def to_strain_msg(block: Block, frame_id: str) -> Any:
+def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
     """Return the block as ``tactile_msgs/StrainBlock``."""
-    from tactile_msgs.msg import StrainBlock
+    from tactile_msgs.msg import StrainBlock as StrainBlockMsg
 
-    message = StrainBlock()
+    message = StrainBlockMsg()
     message.header.stamp = _to_time_msg(block.stamp_ns)
     message.header.frame_id = frame_id
     message.sequence = block.sequence
@@ -54,7 +55,7 @@ def to_strain_msg(block: Block, frame_id: str) -> Any:
     return message
 
 
-def to_wrench_msg(block: Block, frame_id: str, axis: str = 'fx', scale: float = 1.0) -> Any:
+def to_wrench_msg(block: StrainBlock, frame_id: str, axis: str = 'fx', scale: float = 1.0) -> Any:
     """Return the block's last sample as ``geometry_msgs/WrenchStamped``, the tension along +x.
 
     A wrench of six axes is turned from the sensor's own axes into the frame, whose +x lies

@@ -17,11 +17,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from enum import IntFlag
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from tactile_ros.strain import StrainStatus
 
 SENSORS = ('line', 'net_ft', 'digital_ft', 'topic')
 UNITS = ('kg', 'g', 'N', 'lbf')
@@ -223,20 +221,6 @@ class TendonSensorConfig:
         return self.time_unit_s / 10.0**self.time_decimals
 
 
-class StrainStatus(IntFlag):
-    """The status bits of a block, equal to the constants of ``tactile_msgs/StrainBlock``."""
-
-    OK = 0
-    HOST_TIME = 1
-    SATURATED = 2
-    STUCK = 4
-    DEVICE_ERROR = 8
-    RESYNCHRONISED = 16
-    RECONNECTED = 32
-    RESTARTED = 64
-    CLOCK_STEP = 128
-
-
 class Reading(NamedTuple):
     """One sample as the device sent it.
 
@@ -256,43 +240,6 @@ class Reading(NamedTuple):
     value: float
     received_at_ns: int
     resynchronised: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """A run of consecutive samples; mirrors ``tactile_msgs/StrainBlock``.
-
-    Sample i has sequence number ``sequence + i`` and time ``stamp_ns + i * period_ns``.
-
-    Attributes
-    ----------
-    stamp_ns
-        Time of the first sample [ns].
-    sequence
-        Number of the first sample; lost samples are counted too.
-    period_ns
-        Nominal time between two samples [ns].
-    tension_n
-        Tension on the tendon, float64, shape (samples,) [N].
-    lost_before
-        Samples known to be lost between the block before and this one.
-    stamp_error_s
-        Bound on the error of the stamps [s]; negative when not known.
-    status
-        Holds for every sample.
-    wrench
-        Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the sensor's own axes, shape (samples, 6); None
-        for a sensor of one axis.
-    """
-
-    stamp_ns: int
-    sequence: int
-    period_ns: int
-    tension_n: NDArray[np.float64]
-    lost_before: int
-    stamp_error_s: float
-    status: StrainStatus
-    wrench: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)

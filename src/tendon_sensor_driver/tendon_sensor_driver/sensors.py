@@ -19,11 +19,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.lines.line_client import TendonSensorClient
-from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 
-OnBlock = Callable[[Block], None]
+OnBlock = Callable[[StrainBlock], None]
 NowNs = Callable[[], int]
 
 

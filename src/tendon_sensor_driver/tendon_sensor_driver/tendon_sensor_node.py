@@ -30,6 +30,8 @@ from tactile_ros.bus.local_bus import RecordPublisher
 from tactile_ros.bus.worker import Periodic
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.strain import StrainBlock as StrainRecord
+from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.conversions import (
     assess_health,
     LEVEL_OK,
@@ -38,7 +40,7 @@ from tendon_sensor_driver.conversions import (
     to_values,
     to_wrench_msg,
 )
-from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor, SensorClient
 from tendon_sensor_driver.stream import tare
 
@@ -110,7 +112,9 @@ class TendonSensorNode(DataNode):
             return TopicClient(self, config, self._publish, self._now_ns)
         return make_sensor(config, self._publish, self._now_ns)
 
-    def _add_stream(self, kind: type, topic: str, to_message: Callable[[Block], Any]) -> Any:
+    def _add_stream(
+        self, kind: type, topic: str, to_message: Callable[[StrainRecord], Any]
+    ) -> Any:
         publisher = self.publish_records(kind, topic, to_message, STREAM)
         return self._add(publisher, RecordPublisher.close)
 
@@ -123,7 +127,7 @@ class TendonSensorNode(DataNode):
 
     # -- on the client's thread --------------------------------------------------------
 
-    def _publish(self, block: Block) -> None:
+    def _publish(self, block: StrainRecord) -> None:
         """Send one block, unless deactivated."""
         if block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()

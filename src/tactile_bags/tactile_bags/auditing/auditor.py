@@ -32,7 +32,8 @@ from tactile_bags.auditing.trial_counts import TrialCounts
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
-from tactile_features.records import PHASE_ABORTED, PHASE_DONE, StrainBlock, TrialEvent
+from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
+from tactile_ros.strain import StrainBlock
 
 MAX_BLOCKS = 100_000
 """Most blocks that are kept for events that come late: fewer seconds of very small blocks."""

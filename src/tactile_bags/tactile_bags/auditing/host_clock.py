@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from tactile_bags.auditing.stream_counts import SampleRun, StreamCounts
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
-from tactile_features.records import STATUS_CLOCK_STEP
+from tactile_ros.strain import StrainStatus
 
 EVENT_DELAY_S = 10.0
 """How much later than its samples an event may come and its trial still be audited [s]."""
@@ -118,7 +118,7 @@ def _is_late(run: SampleRun, last: SampleRun) -> bool:
 
 def _clock_step(run: SampleRun, last: SampleRun) -> int:
     """Return by how much the host's clock was set between two runs [ns]; 0: it was not."""
-    is_marked = run.status & ~last.status & STATUS_CLOCK_STEP
+    is_marked = run.status & ~last.status & StrainStatus.CLOCK_STEP
     is_behind = run.stamp_ns < last.stamp_of(last.size - 1) - round(CLOCK_STEP_S * 1e9)
     if not is_marked and not is_behind:
         return 0

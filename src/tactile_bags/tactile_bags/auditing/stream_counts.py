@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from tactile_features.records import STATUS_RECONNECTED
+from tactile_ros.strain import StrainStatus
 
 MAX_GAPS = 10_000
 """Gaps that are remembered, for samples that come late after all."""
@@ -129,7 +129,7 @@ class StreamCounts:
             # What the driver knows of may be more than the numbering shows.
             self._lose(max(run.sequence - self._next, run.lost_before), run.sequence)
             self.largest_step_ns = max(self.largest_step_ns, run.stamp_ns - self.end_ns)
-        if run.status & ~self._status & STATUS_RECONNECTED:
+        if run.status & ~self._status & StrainStatus.RECONNECTED:
             self.reconnections += 1
         if not self.samples:
             self.start_ns = run.stamp_ns

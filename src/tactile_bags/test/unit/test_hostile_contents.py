@@ -37,7 +37,8 @@ from tactile_bags.errors import BagError
 from tactile_bags.recorded_topics import message_store
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import StrainBlock, TrialEvent
+from tactile_features.records import TrialEvent
+from tactile_ros.strain import StrainBlock
 
 
 @pytest.fixture

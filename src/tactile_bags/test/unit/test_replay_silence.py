@@ -37,9 +37,8 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.extraction.extractor import GRACE_S
-from tendon_sensor_driver import StrainStatus
+from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.conversions import to_strain_msg
-from tendon_sensor_driver.records import Block
 
 S = 1_000_000_000
 START_NS = 1_760_000_000 * S
@@ -52,7 +51,7 @@ NAMES = ('the recording', 'the core')
 def block(first, count, status=StrainStatus.OK):
     tension_n = np.random.default_rng(first).normal(5.0, 0.1, count)
     stamp_ns = START_NS + first * PERIOD_NS
-    return Block(stamp_ns, first, PERIOD_NS, tension_n, 0, 0.001, status)
+    return StrainBlock(stamp_ns, first, PERIOD_NS, tension_n, stamp_error_s=0.001, status=status)
 
 
 def event(time_s, phase, trial_id='t1'):

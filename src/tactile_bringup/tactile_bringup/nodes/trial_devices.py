@@ -37,6 +37,7 @@ from tactile_msgs.msg import Readiness, StrainBlock
 from tactile_ros.goals import GoalAborted, GoalCanceled
 from tactile_ros.qos import LATEST, STREAM
 from tactile_ros.requests import send
+from tactile_ros.strain import NOT_LIVE
 
 POLL_S = 0.02
 """How often a wait looks for a reason to end."""
@@ -46,8 +47,6 @@ TRACK_S = 1.0
 
 REASON_S = 0.3
 """How long a driver may take to say why it has acted; it looks ten times a second."""
-
-NO_MEASUREMENT = StrainBlock.STATUS_STUCK | StrainBlock.STATUS_DEVICE_ERROR
 
 
 class TrialDevice:
@@ -335,7 +334,7 @@ class StrainWatch:
         )
 
     def _on_block(self, block: StrainBlock) -> None:
-        if block.tension_n and not block.status & NO_MEASUREMENT:
+        if block.tension_n and not block.status & NOT_LIVE:
             self._heard_s = time.monotonic()
 
 

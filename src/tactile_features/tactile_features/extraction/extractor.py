@@ -40,11 +40,11 @@ from tactile_features.records import (
     PHASE_GLIDE,
     PHASE_HOLD,
     PHASES_STATED,
-    StrainBlock,
     TrialEvent,
 )
 from tactile_features.spec import array_spec, FeatureSpec, set_for
 from tactile_features.windows import SampleBuffer
+from tactile_ros.strain import StrainBlock
 
 GRACE_S = 0.5
 """Longest time that a sample takes to arrive; only after it does a sample count as missing."""

@@ -33,18 +33,16 @@ from tactile_features.records import (
     PHASE_ABORTED,
     PHASE_CONTACT,
     PHASE_GLIDE,
-    STATUS_DEVICE_ERROR,
-    STATUS_SATURATED,
-    STATUS_STUCK,
     TrialEvent,
 )
 from tactile_features.spec import spec_of
 from tactile_features.windows import SAMPLE, SampleBuffer, Samples
+from tactile_ros.strain import StrainStatus
 
 _BAD_STATUS = {
-    STATUS_SATURATED: 'saturated',
-    STATUS_STUCK: 'stuck',
-    STATUS_DEVICE_ERROR: 'reported as faulty by the device',
+    StrainStatus.SATURATED: 'saturated',
+    StrainStatus.STUCK: 'stuck',
+    StrainStatus.DEVICE_ERROR: 'reported as faulty by the device',
 }
 
 CROP_MARGIN = 10.0

@@ -148,7 +148,6 @@ def test_a_window_survives_the_wire_bit_for_bit(read, window):
         (TrialEvent, 'PROTOCOL_', vars(records)),
         (TrialEvent, 'CONTACT_', vars(records)),
         (TrialEvent, 'PHASE_', vars(records)),
-        (StrainBlock, 'STATUS_', vars(records)),
         (TactileFeatures, 'SET_', vars(records)),
         (TactileFeatures, 'OUTCOME_', {f'OUTCOME_{o.name}': o.value for o in Outcome}),
     ],

@@ -23,19 +23,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 
-from tactile_features import (
-    FeatureConfig,
-    Outcome,
-    StrainBlock,
-    TrialEvent,
-    TrialFeatureExtractor,
-)
-from tactile_features.records import (
-    STATUS_CLOCK_STEP,
-    STATUS_RECONNECTED,
-    STATUS_RESYNCHRONISED,
-    STATUS_STUCK,
-)
+from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 S = 1_000_000_000
 PERIOD_NS = 50_000_000
@@ -81,7 +70,12 @@ def make_stream(random, count=160):
     status_at = {}
     for start in some(3):
         bit = random.choice(
-            [STATUS_STUCK, STATUS_STUCK, STATUS_RECONNECTED, STATUS_RESYNCHRONISED]
+            [
+                StrainStatus.STUCK,
+                StrainStatus.STUCK,
+                StrainStatus.RECONNECTED,
+                StrainStatus.RESYNCHRONISED,
+            ]
         )
         status_at.update(dict.fromkeys(range(start, start + random.randint(1, 20)), bit))
     error_at = {}
@@ -102,7 +96,7 @@ def make_stream(random, count=160):
         status = status_at.get(n, 0)
         if step_at is not None and n >= step_at:
             stamp_ns += step_ns
-            status |= STATUS_CLOCK_STEP if n == step_at else 0
+            status |= StrainStatus.CLOCK_STEP if n == step_at else 0
         tension_n = 2.0 if is_constant else random.gauss(5.0, 1.0)
         error_s = error_at.get(n, 0.001)
         samples.append(Sample(stamp_ns, sequence, tension_n, status, lost_before, error_s))
@@ -148,9 +142,9 @@ def group(samples, is_end_of_block):
                 first.sequence,
                 step_ns,
                 tension_n,
-                first.lost_before,
-                first.status,
-                first.stamp_error_s,
+                lost_before=first.lost_before,
+                status=first.status,
+                stamp_error_s=first.stamp_error_s,
             )
         )
         i = j

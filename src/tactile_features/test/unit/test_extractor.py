@@ -24,18 +24,10 @@ from tactile_features import (
     compute_spectrum,
     FeatureConfig,
     Outcome,
-    StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
 )
-from tactile_features.records import (
-    STATUS_DEVICE_ERROR,
-    STATUS_HOST_TIME,
-    STATUS_RECONNECTED,
-    STATUS_RESYNCHRONISED,
-    STATUS_SATURATED,
-    STATUS_STUCK,
-)
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 S = 1_000_000_000
 PERIOD_NS = S // 10
@@ -213,9 +205,9 @@ def test_a_short_loss_is_interpolated_when_allowed_and_stated():
 @pytest.mark.parametrize(
     ('status', 'word'),
     [
-        (STATUS_SATURATED, 'saturated'),
-        (STATUS_STUCK, 'stuck'),
-        (STATUS_DEVICE_ERROR, 'faulty'),
+        (StrainStatus.SATURATED, 'saturated'),
+        (StrainStatus.STUCK, 'stuck'),
+        (StrainStatus.DEVICE_ERROR, 'faulty'),
     ],
 )
 def test_bad_samples_in_the_window_refuse_it(status, word):
@@ -229,7 +221,7 @@ def test_bad_samples_in_the_window_refuse_it(status, word):
 
 
 def test_harmless_status_is_passed_on():
-    status = STATUS_HOST_TIME | STATUS_RESYNCHRONISED
+    status = StrainStatus.HOST_TIME | StrainStatus.RESYNCHRONISED
     window = glide(block(0, 30), block(30, 20, status=status))
     assert window.outcome == Outcome.OK
     assert window.status == status
@@ -265,7 +257,7 @@ def test_samples_at_another_rate_are_refused():
 
 
 def test_a_reconnection_or_restart_in_the_window_is_a_gap():
-    reconnected = glide(block(0, 30), block(30, status=STATUS_RECONNECTED), block(31, 20))
+    reconnected = glide(block(0, 30), block(30, status=StrainStatus.RECONNECTED), block(31, 20))
     restarted = glide(block(0, 30), block(0, 20, shift_ns=3 * S))
     for window in (reconnected, restarted):
         assert window.outcome == Outcome.GAP

@@ -20,11 +20,11 @@ from tactile_features import (
     FeatureError,
     features_from_trials,
     spec_for,
-    StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
     UndefinedFeatureError,
 )
+from tactile_ros.strain import StrainBlock
 
 RNG = np.random.default_rng(0)
 

@@ -20,13 +20,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tactile_features import FeatureConfig, StrainBlock, TrialEvent, TrialFeatureExtractor
+from tactile_features import FeatureConfig, TrialEvent, TrialFeatureExtractor
 from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures.pitch import find_ripple
 from tactile_features.measures.press import (
     measure_press,
     measure_relaxation,
 )
+from tactile_ros.strain import StrainBlock
 
 RATE_HZ = 60.0
 TIME_S = np.arange(180) / RATE_HZ

@@ -23,11 +23,11 @@ from tactile_features import (
     FeatureError,
     features_from_trials,
     Outcome,
-    StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
 )
 from tactile_features.feature_sets.texture_spectrum import compute_partial_spectrum
+from tactile_ros.strain import StrainBlock
 
 S = 1_000_000_000
 PERIOD_NS = S // 50
@@ -43,7 +43,7 @@ def event(time_s, phase, trial_id='t'):
 
 def block(sequence, count, *, lost_before=0):
     values = TENSION_N[sequence : sequence + count]
-    return StrainBlock(sequence * PERIOD_NS, sequence, PERIOD_NS, values, lost_before)
+    return StrainBlock(sequence * PERIOD_NS, sequence, PERIOD_NS, values, lost_before=lost_before)
 
 
 def test_it_comes_with_its_last_sample_before_the_end_of_the_glide_is_known():

@@ -27,11 +27,11 @@ from tactile_features import (
     FeatureError,
     find_phases,
     Outcome,
-    StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
 )
 from tactile_features.phases.signal_phases import SignalPhases
+from tactile_ros.strain import StrainBlock
 
 RATE_HZ = 60.0
 STIFFNESS = FeatureConfig(phases='stiffness', detected_contact='flexion')

@@ -23,8 +23,8 @@ import numpy as np
 import pytest
 
 from tactile_features.errors import FeatureError
-from tactile_features.records import STATUS_SATURATED, STATUS_STUCK, StrainBlock
 from tactile_features.slip import SlipConfig, SlipDetector
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 CONFIG = SlipConfig()
 PERIOD_NS = 16_666_667
@@ -102,7 +102,7 @@ def test_gripping_is_no_slip():
     assert detect(block(pulled + noise)) == []
 
 
-@pytest.mark.parametrize('status', [STATUS_SATURATED, STATUS_STUCK])
+@pytest.mark.parametrize('status', [StrainStatus.SATURATED, StrainStatus.STUCK])
 def test_samples_that_are_no_measurement_are_no_slip(status):
     tension_n = grip()
     tension_n[890:900] = 19.0

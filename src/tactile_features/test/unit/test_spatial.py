@@ -30,10 +30,10 @@ from tactile_features import (
     Outcome,
     SpatialWindow,
     spec_for,
-    StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
 )
+from tactile_ros.strain import StrainBlock
 
 RATE_HZ = 62.5
 PERIOD_NS = 16_000_000

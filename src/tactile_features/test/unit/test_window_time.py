@@ -19,16 +19,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_features import (
-    FeatureConfig,
-    Outcome,
-    StrainBlock,
-    TrialEvent,
-    TrialFeatureExtractor,
-)
+from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
 from tactile_features.extraction.extractor import GRACE_S
 from tactile_features.extraction.sample_timeout import LONGEST_STEP_S, SampleTimeout
-from tactile_features.records import STATUS_CLOCK_STEP
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 S = 1_000_000_000
 PERIOD_NS = S // 10
@@ -146,7 +140,7 @@ def test_the_running_windows_of_a_glide_allow_what_the_whole_one_does():
 
 def stepped(at, step_s, count=100):
     """Samples around a step of the clock before sample ``at``."""
-    first = block(at, shift_s=step_s, status=STATUS_CLOCK_STEP)
+    first = block(at, shift_s=step_s, status=StrainStatus.CLOCK_STEP)
     return block(0, at), first, block(at + 1, count, shift_s=step_s)
 
 

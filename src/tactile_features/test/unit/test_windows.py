@@ -15,9 +15,8 @@
 import numpy as np
 import pytest
 
-from tactile_features import StrainBlock
-from tactile_features.records import STATUS_RECONNECTED
 from tactile_features.windows import SampleBuffer
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 PERIOD_NS = 10
 
@@ -96,7 +95,7 @@ def test_interpolation_is_linear_in_time_and_tension():
 
 
 def test_nothing_is_interpolated_across_a_reconnection_or_unnumbered_loss():
-    for fields in ({'status': STATUS_RECONNECTED}, {'lost_before': 2}):
+    for fields in ({'status': StrainStatus.RECONNECTED}, {'lost_before': 2}):
         buffer = make_buffer(block(0, [1]), block(2, [3], **fields), max_gap_samples=5)
         assert column(buffer, 'sequence') == [0, 2]
         assert column(buffer, 'hole') == [True, True]

@@ -42,9 +42,10 @@ from tactile_lab.devices.load_cell_fit import (
 )
 from tactile_lab.devices.parameter_edit import set_parameters
 from tactile_ros.errors import TactileError
+from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
 from tactile_sim.devices.weight_stand import WeightStand
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 
 NODE = 'tendon_sensor'
@@ -54,8 +55,6 @@ SETTLED_S = 1.0
 
 SETTLE_TIMEOUT_S = 20.0
 """How long a weight may swing."""
-
-NO_MEASUREMENT = StrainStatus.SATURATED | StrainStatus.STUCK | StrainStatus.DEVICE_ERROR
 
 
 @dataclass(frozen=True)
@@ -189,7 +188,7 @@ class _Listener:
         self._count = max(4, round(SETTLED_S * config.rate_hz))
         self._samples: deque[float] = deque(maxlen=self._count)
 
-    def take(self, block: Block) -> None:
+    def take(self, block: StrainBlock) -> None:
         with self._arrived:
             if block.status & NO_MEASUREMENT:
                 self._samples.clear()

@@ -25,8 +25,9 @@ from typing import Any
 import numpy as np
 
 from tactile_lab.devices.device_checks import CheckReport, Problem
+from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor, NowNs, OnBlock, SensorClient
 
 MakeSensor = Callable[[TendonSensorConfig, OnBlock, NowNs], SensorClient]
@@ -61,10 +62,10 @@ def check_sensor(
         Makes the client; for a sensor on a topic one that has a node.
     """
     link = {'net_ft': config.host, 'topic': config.topic}.get(config.sensor, config.port)
-    blocks: list[Block] = []
+    blocks: list[StrainBlock] = []
     lock = threading.Lock()
 
-    def on_block(block: Block) -> None:
+    def on_block(block: StrainBlock) -> None:
         with lock:
             blocks.append(block)
 
@@ -132,7 +133,7 @@ def _judge_topic(
 
 
 def judge_blocks(
-    blocks: list[Block], config: TendonSensorConfig
+    blocks: list[StrainBlock], config: TendonSensorConfig
 ) -> tuple[dict[str, Any], list[Problem]]:
     """Return facts and problems of the blocks of a sensor whose tendon is left alone."""
     if not blocks:

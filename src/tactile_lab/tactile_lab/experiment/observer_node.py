@@ -26,11 +26,12 @@ from rclpy.node import Node
 
 from tactile_bags import FEATURES_TOPIC, STRAIN_TOPIC
 from tactile_features.conversions import feature_window_from_msg, strain_block_from_msg
-from tactile_features.records import FeatureWindow, StrainBlock
+from tactile_features.records import FeatureWindow
 from tactile_msgs.msg import StrainBlock as StrainBlockMsg
 from tactile_msgs.msg import TactileFeatures
 from tactile_ros.message_guard import MessageGuard
 from tactile_ros.qos import RESULTS, STREAM
+from tactile_ros.strain import StrainBlock
 
 WINDOW_TIMEOUT_S = 5.0
 """How long the features of a trial may take after its end."""

@@ -37,15 +37,10 @@ from tactile_bringup.trial_protocols import glide_speed_m_s, TrialRequest
 from tactile_classifier.estimators.classifiers import build_estimator, DEFAULT_SCALING
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.records import (
-    Outcome,
-    PROTOCOL_STIFFNESS,
-    PROTOCOL_TEXTURE,
-    StrainBlock,
-    TrialEvent,
-)
+from tactile_features.records import Outcome, PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE, TrialEvent
 from tactile_lab.simulation.robustness_axes import list_axes, Sensing, Setting
 from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
+from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_motion, STEPS_PER_SAMPLE
 from tactile_sim.physics.scene import build_scene

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.records import StrainBlock
+from tactile_ros.strain import StrainBlock
 
 BUCKET_NS = 10_000_000
 """Time that two points stand for, where samples come faster: a pixel of a plot of 10 s."""

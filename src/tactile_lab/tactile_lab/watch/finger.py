@@ -34,15 +34,11 @@ from tactile_features.records import (
     PHASE_HOLD,
     PHASE_PULL,
     SET_TEXTURE_SPECTRUM,
-    STATUS_CLOCK_STEP,
-    STATUS_DEVICE_ERROR,
-    STATUS_SATURATED,
-    STATUS_STUCK,
-    StrainBlock,
     TrialEvent,
 )
 from tactile_lab.watch.answer_text import describe_answer, rounded
 from tactile_lab.watch.decimation import BUCKET_NS, Decimator, Point
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 SHOWN_S = 12.0
 """Time that points are kept for; a page shows a little less."""
@@ -61,10 +57,16 @@ MOST_SAMPLES = 32_768
 MOST_ANSWERS = 12
 
 SIGNAL_FAULTS = (
-    (STATUS_SATURATED, 'The sensor is saturated: the tension is beyond its range.'),
-    (STATUS_STUCK, 'The tension has not changed for too long: check the sensor and its cable.'),
-    (STATUS_DEVICE_ERROR, 'The sensor reports an error of its own.'),
-    (STATUS_CLOCK_STEP, "The computer's clock was set: times before and after do not compare."),
+    (StrainStatus.SATURATED, 'The sensor is saturated: the tension is beyond its range.'),
+    (
+        StrainStatus.STUCK,
+        'The tension has not changed for too long: check the sensor and its cable.',
+    ),
+    (StrainStatus.DEVICE_ERROR, 'The sensor reports an error of its own.'),
+    (
+        StrainStatus.CLOCK_STEP,
+        "The computer's clock was set: times before and after do not compare.",
+    ),
 )
 
 MEASURED = (PHASE_GLIDE, PHASE_HOLD, PHASE_PULL)
@@ -138,7 +140,9 @@ class Finger:
     @staticmethod
     def _is_repeated(block: StrainBlock, last_ns: int) -> bool:
         """Return whether a block only repeats the last seconds, as a late message does."""
-        return last_ns - block.stamp_ns < 1_000_000_000 and not block.status & STATUS_CLOCK_STEP
+        return (
+            last_ns - block.stamp_ns < 1_000_000_000 and not block.status & StrainStatus.CLOCK_STEP
+        )
 
     def _begin_anew(self, stamp_ns: int) -> None:
         self.epoch += 1

@@ -23,9 +23,10 @@ import time
 from typing import Any
 
 from tactile_classifier.records import ClassificationResult
-from tactile_features.records import FeatureWindow, StrainBlock, TrialEvent
+from tactile_features.records import FeatureWindow, TrialEvent
 from tactile_lab.watch.answer_text import describe_line
 from tactile_lab.watch.finger import Finger, SHOWN_S
+from tactile_ros.strain import StrainBlock
 
 MOST_FINGERS = 16
 MOST_DEVICES = 64

@@ -23,10 +23,10 @@ import aiohttp
 import numpy as np
 import pytest
 
-from tactile_features.records import StrainBlock
 from tactile_lab.watch.server import FILES, FRAMES_HZ, MOST_PAGES, WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_ros.errors import TactileError
+from tactile_ros.strain import StrainBlock
 
 DEADLINE_S = 10.0
 TRIAL = {'do': 'trial', 'protocol': 'texture', 'contact': 'flexion', 'object': 'R1'}

@@ -22,13 +22,8 @@ import pytest
 
 from tactile_bags import BagWriter, EVENT, STRAIN, TactileBag
 from tactile_bags.auditing.auditor import audit_bag, FingerAuditor
-from tactile_features.records import (
-    STATUS_CLOCK_STEP,
-    STATUS_RECONNECTED,
-    STATUS_RESTARTED,
-    StrainBlock,
-    TrialEvent,
-)
+from tactile_features.records import TrialEvent
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 PERIOD_NS = 10_000_000
 START_NS = 1_600_000_000_000_000_000
@@ -126,7 +121,7 @@ def test_a_restart_is_a_finding_and_not_a_duplicate():
 def test_a_reconnection_is_a_finding():
     first, second = blocks_of([5, 5])
     second = StrainBlock(
-        second.stamp_ns, 5, PERIOD_NS, second.tension_n, status=STATUS_RECONNECTED
+        second.stamp_ns, 5, PERIOD_NS, second.tension_n, status=StrainStatus.RECONNECTED
     )
     assert 'reached anew' in whole([first, second]).findings[0]
 
@@ -237,10 +232,10 @@ def test_memory_does_not_grow_with_the_length_of_a_recording(with_trials):
 
 PHASES = ('approach', 'contact', 'hold', 'release', 'done')
 STEPS = [
-    (-60, STATUS_CLOCK_STEP),
-    (-15, STATUS_CLOCK_STEP),
-    (60, STATUS_CLOCK_STEP),
-    (-0.5, STATUS_CLOCK_STEP),
+    (-60, StrainStatus.CLOCK_STEP),
+    (-15, StrainStatus.CLOCK_STEP),
+    (60, StrainStatus.CLOCK_STEP),
+    (-0.5, StrainStatus.CLOCK_STEP),
     (-60, 0),
     (-15, 0),
 ]
@@ -330,7 +325,7 @@ def test_a_loss_beside_a_clock_step_is_counted(step_s, status):
 
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
 def test_trials_after_a_restart_with_a_clock_step_pass(step_s, status):
-    status |= STATUS_RECONNECTED | STATUS_RESTARTED
+    status |= StrainStatus.RECONNECTED | StrainStatus.RESTARTED
     before, *after, recording = stepped_recording(
         step_s, status, starts=[1_000, 4_100, 6_000], restart=True
     )
@@ -348,7 +343,7 @@ def test_many_clock_steps_take_little_memory(step_s):
             if i == 5_000:
                 early = tracemalloc.get_traced_memory()[0]
             stamp_ns = START_NS + i * PERIOD_NS + i // 10 * step_s * 10**9
-            status = STATUS_CLOCK_STEP * (i % 10 == 0)
+            status = StrainStatus.CLOCK_STEP * (i % 10 == 0)
             block = StrainBlock(stamp_ns, i, PERIOD_NS, np.zeros(1), status=status)
             assert auditor.add_block(block) == []
         assert tracemalloc.get_traced_memory()[0] < early + 100_000
@@ -372,7 +367,7 @@ def test_an_event_between_a_clock_step_and_its_block_delays_no_other_trial(step_
             phase, trial = events[i]
             message = TrialEvent(stamp_ns, trial, '', 'stiffness', 'flexion', '', phase)
             audits += auditor.add_event(message)
-        status = STATUS_CLOCK_STEP * (i == 2_000)
+        status = StrainStatus.CLOCK_STEP * (i == 2_000)
         audits += auditor.add_block(
             StrainBlock(stamp_ns, i, PERIOD_NS, np.zeros(1), status=status)
         )

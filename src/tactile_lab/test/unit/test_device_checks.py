@@ -18,14 +18,15 @@ import numpy as np
 import pytest
 
 from tactile_lab.devices.sensor_checks import judge_blocks
-from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver.records import TendonSensorConfig
 
 PERIOD_NS = 16_666_667
 CONFIG = TendonSensorConfig()
 
 
 def block(index, tension_n, lost_before=0, status=StrainStatus.OK, stamp_error_s=0.001):
-    return Block(
+    return StrainBlock(
         stamp_ns=10**18 + index * PERIOD_NS,
         sequence=index,
         period_ns=PERIOD_NS,

@@ -36,11 +36,11 @@ from tactile_features import (
     features_from_trials,
     Outcome,
     spec_for,
-    StrainBlock,
     TrialEvent,
     TrialFeatureExtractor,
 )
 from tactile_features.feature_sets.registry import find_feature_set, GROUP, list_feature_sets
+from tactile_ros.strain import StrainBlock
 
 PAGE = Path(__file__).resolve().parents[4] / 'docs' / 'feature_sets.md'
 RATE_HZ = 62.5

@@ -20,8 +20,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 
-from tactile_features.records import StrainBlock
 from tactile_lab.watch.decimation import BUCKET_NS, Decimator
+from tactile_ros.strain import StrainBlock
 
 RATES_HZ = st.sampled_from([1.0, 60.0, 150.0, 199.0, 200.0, 201.0, 1000.0, 7000.0])
 

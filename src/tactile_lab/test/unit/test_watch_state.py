@@ -25,17 +25,11 @@ from rich.console import Console
 from tactile_classifier.records import ClassificationResult
 from tactile_classifier.records import Outcome as Answered
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_features.records import (
-    FeatureWindow,
-    Outcome,
-    STATUS_CLOCK_STEP,
-    STATUS_SATURATED,
-    StrainBlock,
-    TrialEvent,
-)
+from tactile_features.records import FeatureWindow, Outcome, TrialEvent
 from tactile_lab.watch.finger import Finger
 from tactile_lab.watch.state import Frames, MOST_FINGERS, SPECTRUM_PERIOD_S, WatchState
 from tactile_lab.watch.terminal import draw, sparkline
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 PERIOD_NS = 16_666_667
 START_NS = 1_700_000_000 * 10**9
@@ -274,14 +268,14 @@ def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
     epoch = frames.next()['live']['']['epoch']
     state.take_block('', block(605))
     assert frames.next() is None
-    state.take_block('', block(0, (5.0,), status=STATUS_CLOCK_STEP))
+    state.take_block('', block(0, (5.0,), status=StrainStatus.CLOCK_STEP))
     live = frames.next()['live']['']
     assert live['epoch'] == epoch + 1
     assert live['y'] == [5.0]
 
 
 def test_silent_sensors_and_devices_are_told(state, clock):
-    state.take_block('', block(0, status=STATUS_SATURATED))
+    state.take_block('', block(0, status=StrainStatus.SATURATED))
     state.take_health('tendon_sensor', 0, 'samples arrive', {})
     state.take_readiness('linear_guide', ['Home the guide.'])
     state.take_health('linear_guide', 1, 'not homed; home the guide', {})

@@ -20,12 +20,13 @@ from collections.abc import Callable
 import logging
 import time
 
+from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.ati.digital_ft_link import DigitalFtLink
 from tendon_sensor_driver.ati.digital_ft_protocol import describe_status
 from tendon_sensor_driver.ati.digital_ft_stream import DigitalFtStream
 from tendon_sensor_driver.client_base import LinkClient
 from tendon_sensor_driver.errors import LinkError
-from tendon_sensor_driver.records import Block, Health, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 
 _DEAD_S = 0.6
 
@@ -52,7 +53,7 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
     def __init__(
         self,
         config: TendonSensorConfig,
-        on_block: Callable[[Block], None],
+        on_block: Callable[[StrainBlock], None],
         now_ns: Callable[[], int],
     ) -> None:
         super().__init__(config, on_block, now_ns)
@@ -101,7 +102,7 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
         self._connected_monotonic_ns = time.monotonic_ns()
         return link
 
-    def _flush(self) -> list[Block]:
+    def _flush(self) -> list[StrainBlock]:
         return self._stream.flush()
 
     def _read(self, link: DigitalFtLink) -> None:

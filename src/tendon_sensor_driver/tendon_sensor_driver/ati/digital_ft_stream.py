@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.ati.counter import Batch, SampleCounter
 from tendon_sensor_driver.ati.digital_ft_protocol import (
     DigitalCalibration,
@@ -26,7 +27,7 @@ from tendon_sensor_driver.ati.digital_ft_protocol import (
     StreamPart,
 )
 from tendon_sensor_driver.ati.sample_stream import CountedStream
-from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.records import TendonSensorConfig
 
 _FIRST_MEASUREMENT_S = 0.5
 _LONGEST_MEASUREMENT_S = 60.0
@@ -106,9 +107,9 @@ class DigitalFtStream:
         if self._begun_ns is not None:
             self._begun_ns += step_ns
 
-    def add(self, data: bytes, received_at_ns: int) -> list[Block]:
+    def add(self, data: bytes, received_at_ns: int) -> list[StrainBlock]:
         """Take bytes; return the blocks that they complete."""
-        blocks: list[Block] = []
+        blocks: list[StrainBlock] = []
         for part in self.decoder.feed(data):
             self._measure(len(part.gauges) + part.lost_before, received_at_ns)
             if not self._averaged:
@@ -120,7 +121,7 @@ class DigitalFtStream:
             blocks += self._average(part, received_at_ns)
         return blocks
 
-    def flush(self) -> list[Block]:
+    def flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one."""
         return self._stream.flush()
 
@@ -148,7 +149,7 @@ class DigitalFtStream:
         else:
             self._begun_ns, self._counted = received_at_ns, 0
 
-    def _average(self, part: StreamPart, received_at_ns: int) -> list[Block]:
+    def _average(self, part: StreamPart, received_at_ns: int) -> list[StrainBlock]:
         self._wait.append(part.gauges @ self._matrix.T)
         self._wait_errors.append(part.has_error)
         wrench = np.concatenate(self._wait)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.ati.counter import CounterRestartError, SampleCounter
 from tendon_sensor_driver.ati.net_ft_links import LinkCounts, NetFtLink, open_link
 from tendon_sensor_driver.ati.net_ft_protocol import compute_rate_hz, describe_status, MOST_RECORDS
@@ -25,7 +26,7 @@ from tendon_sensor_driver.ati.net_ft_web import BoxConfiguration, BoxWeb
 from tendon_sensor_driver.ati.sample_stream import CountedStream
 from tendon_sensor_driver.client_base import LinkClient
 from tendon_sensor_driver.errors import LinkError
-from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 
 
 class NetFtClient(LinkClient[NetFtLink]):
@@ -50,7 +51,7 @@ class NetFtClient(LinkClient[NetFtLink]):
     def __init__(
         self,
         config: TendonSensorConfig,
-        on_block: Callable[[Block], None],
+        on_block: Callable[[StrainBlock], None],
         now_ns: Callable[[], int],
     ) -> None:
         super().__init__(config, on_block, now_ns)
@@ -150,7 +151,7 @@ class NetFtClient(LinkClient[NetFtLink]):
             and box.records_per_datagram == min(self._config.samples_per_block, MOST_RECORDS)
         )
 
-    def _flush(self) -> list[Block]:
+    def _flush(self) -> list[StrainBlock]:
         return self._stream.flush()
 
     def _note_loss(self, link: NetFtLink) -> None:

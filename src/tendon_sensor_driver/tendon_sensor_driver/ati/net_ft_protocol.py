@@ -22,8 +22,8 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import StrainStatus
 
 RDT_PORT = 49152
 HTTP_PORT = 80

@@ -22,8 +22,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.ati.counter import Batch, Order, SampleCounter
-from tendon_sensor_driver.records import AXES, Block, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.records import AXES, TendonSensorConfig
 from tendon_sensor_driver.stream.clock import DeviceClock, HostClock, Instant
 
 _FEWEST_STUCK = 10
@@ -127,7 +128,7 @@ class CountedStream:
             self._end_ns += step_ns
         self._event |= StrainStatus.CLOCK_STEP
 
-    def add(self, batch: Batch) -> list[Block]:
+    def add(self, batch: Batch) -> list[StrainBlock]:
         """Take a batch; return the blocks that it completes.
 
         Raises
@@ -153,14 +154,14 @@ class CountedStream:
             self._event |= StrainStatus.CLOCK_STEP
         return self._place(batch._replace(timed=timed), order, instant)
 
-    def flush(self) -> list[Block]:
+    def flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one."""
         run, self._run = self._run, None
         if run is None:
             return []
         wrench = np.concatenate(run.parts)
         return [
-            Block(
+            StrainBlock(
                 stamp_ns=run.stamp_ns,
                 sequence=run.sequence,
                 period_ns=self._period_ns,
@@ -174,7 +175,7 @@ class CountedStream:
 
     # -- one batch ---------------------------------------------------------------------
 
-    def _place(self, batch: Batch, order: Order, instant: Instant) -> list[Block]:
+    def _place(self, batch: Batch, order: Order, instant: Instant) -> list[StrainBlock]:
         indices, ahead = order.indices, order.ahead_ticks
         wrench = batch.wrench[indices]
         status = batch.status[indices] | self._judge(wrench)
@@ -208,7 +209,7 @@ class CountedStream:
         self.status = StrainStatus(int(status[-1]))
         return blocks
 
-    def _set_period(self) -> list[Block]:
+    def _set_period(self) -> list[StrainBlock]:
         """End the block when the device turns out to have another rate."""
         period_ns = round(_SECOND_NS * self.counter.ticks_per_sample / self._tick_rate_hz)
         blocks = self.flush() if period_ns != self._period_ns else []
@@ -245,9 +246,9 @@ class CountedStream:
         lost: int,
         status: int,
         error_s: float,
-    ) -> list[Block]:
+    ) -> list[StrainBlock]:
         """Take samples that belong together; return the blocks that they fill."""
-        blocks: list[Block] = []
+        blocks: list[StrainBlock] = []
         taken = 0
         while taken < len(wrench):
             if self._run is None:

@@ -19,10 +19,11 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.client_base import LinkClient
 from tendon_sensor_driver.lines.line_protocol import LineDecoder
 from tendon_sensor_driver.lines.transport import find_serial_number, SerialTransport
-from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.stream.strain_stream import StrainStream
 
 LONGEST_DELIVERY_NS = 250_000_000
@@ -64,7 +65,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     def __init__(
         self,
         config: TendonSensorConfig,
-        on_block: Callable[[Block], None],
+        on_block: Callable[[StrainBlock], None],
         now_ns: Callable[[], int],
     ) -> None:
         super().__init__(config, on_block, now_ns)
@@ -123,7 +124,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
             self._stream.note_reconnection()
         return link
 
-    def _flush(self) -> list[Block]:
+    def _flush(self) -> list[StrainBlock]:
         return self._stream.flush()
 
     def _read(self, link: SerialTransport) -> None:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tendon_sensor_driver.records import Block, StrainStatus
+from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.stream.clock import Instant
 
 
@@ -69,7 +69,7 @@ class Sequencer:
         status: StrainStatus = StrainStatus.OK,
         event: StrainStatus = StrainStatus.OK,
         wrench: list[float] | None = None,
-    ) -> list[Block]:
+    ) -> list[StrainBlock]:
         """Take one sample; return the blocks that it completes, at most two.
 
         Parameters
@@ -88,7 +88,7 @@ class Sequencer:
         lost = self._count_lost(instant)
         self.lost_samples += lost
         self._sequence += lost + 1
-        blocks: list[Block] = []
+        blocks: list[StrainBlock] = []
         misfit_ns = abs(
             instant.stamp_ns - self._first.stamp_ns - len(self._tensions_n) * self._period_ns
         )
@@ -105,11 +105,11 @@ class Sequencer:
             blocks += self.flush()
         return blocks
 
-    def flush(self) -> list[Block]:
+    def flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one, as it is."""
         if not self._tensions_n:
             return []
-        block = Block(
+        block = StrainBlock(
             stamp_ns=self._first.stamp_ns,
             sequence=self._first_sequence,
             period_ns=self._period_ns,

@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import math
 
-from tendon_sensor_driver.records import Block, Reading, StrainStatus, TendonSensorConfig
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver.records import Reading, TendonSensorConfig
 from tendon_sensor_driver.stream.calibration import Calibration
 from tendon_sensor_driver.stream.clock import DeviceClock, HostClock, SampleClock
 from tendon_sensor_driver.stream.sequencer import Sequencer
@@ -88,7 +89,7 @@ class SampleStream:
         tension_n: float,
         status: StrainStatus = StrainStatus.OK,
         wrench: list[float] | None = None,
-    ) -> list[Block]:
+    ) -> list[StrainBlock]:
         """Take one sample; return the blocks that it completes.
 
         Parameters
@@ -139,7 +140,7 @@ class SampleStream:
         self._clock.note_step(step_ns)
         self._event |= StrainStatus.CLOCK_STEP
 
-    def flush(self) -> list[Block]:
+    def flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one."""
         return self._sequencer.flush()
 
@@ -163,7 +164,7 @@ class StrainStream(SampleStream):
         else:
             super().__init__(config, DeviceClock(config.tick_s), config.period_ns)
 
-    def add(self, reading: Reading) -> list[Block]:
+    def add(self, reading: Reading) -> list[StrainBlock]:
         """Take one reading; return the blocks that it completes."""
         if reading.resynchronised:
             self.note_dropped_bytes()

@@ -23,10 +23,9 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_ros.strain import NO_MEASUREMENT, StrainBlock, StrainStatus
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
-
-_BAD = StrainStatus.SATURATED | StrainStatus.STUCK | StrainStatus.DEVICE_ERROR
+from tendon_sensor_driver.records import TendonSensorConfig
 
 
 class TareError(TendonSensorError):
@@ -76,7 +75,7 @@ class Tare:
     def __init__(self, config: TendonSensorConfig) -> None:
         self._config = config
         self._lock = threading.Lock()
-        self._blocks: deque[Block] = deque()
+        self._blocks: deque[StrainBlock] = deque()
         self._samples = 0
         self._wrench_bias: NDArray[np.float64] | None = None
         self._bias = Bias(0)
@@ -86,7 +85,7 @@ class Tare:
         """What is taken off now."""
         return self._bias
 
-    def apply(self, block: Block) -> Block:
+    def apply(self, block: StrainBlock) -> StrainBlock:
         """Take note of a block as it came, and return it with the bias taken off."""
         with self._lock:
             self._blocks.append(block)
@@ -149,7 +148,7 @@ class Tare:
                 return None
         return bias.bias_n - self._bias.bias_n
 
-    def _check(self, now_ns: int) -> list[Block]:
+    def _check(self, now_ns: int) -> list[StrainBlock]:
         """Return the last blocks when there are enough, they are fresh and good."""
         blocks, config = list(self._blocks), self._config
         if self._samples < config.tare_samples:
@@ -162,13 +161,13 @@ class Tare:
         if silence_s > config.silence_s:
             raise TareError(f'no sample for {silence_s:.1f} s; see the diagnostics of the sensor')
         for block in blocks:
-            if block.status & _BAD:
-                bad = block.status & _BAD
+            if block.status & NO_MEASUREMENT:
+                bad = block.status & NO_MEASUREMENT
                 names = ', '.join(str(bit.name).lower() for bit in StrainStatus if bit & bad)
                 raise TareError(f'the last samples are marked {names}; see the diagnostics')
         return blocks
 
-    def _compute(self, blocks: list[Block], now_ns: int) -> Bias:
+    def _compute(self, blocks: list[StrainBlock], now_ns: int) -> Bias:
         config = self._config
         tension_n = np.concatenate([block.tension_n for block in blocks])[-config.tare_samples :]
         mean_n, spread_n = float(tension_n.mean()), float(tension_n.std(ddof=1))

@@ -34,9 +34,10 @@ from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.worker import Periodic
 from tactile_ros.message_classes import message_class
 from tactile_ros.rclpy_internals import RCLError
+from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.client_base import BlockClient
 from tendon_sensor_driver.errors import TendonSensorError
-from tendon_sensor_driver.records import Block, Health, TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.topics.diagnosis import (
     choose_type,
     describe_publishers,
@@ -75,7 +76,7 @@ class TopicClient(BlockClient):
         self,
         node: DataNode,
         config: TendonSensorConfig,
-        on_block: Callable[[Block], None],
+        on_block: Callable[[StrainBlock], None],
         now_ns: Callable[[], int],
     ) -> None:
         super().__init__(config, on_block, now_ns)

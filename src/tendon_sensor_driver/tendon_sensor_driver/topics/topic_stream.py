@@ -19,7 +19,8 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from tendon_sensor_driver.records import Block, StrainStatus, TendonSensorConfig
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.stream.strain_stream import SampleStream
 from tendon_sensor_driver.topics.readings import TopicReading
 from tendon_sensor_driver.topics.stamps import RateMeter, StampClock
@@ -70,7 +71,7 @@ class TopicStream:
 
     def add(
         self, reading: TopicReading, received_at_ns: int, number: int | None = None
-    ) -> list[Block]:
+    ) -> list[StrainBlock]:
         """Take one reading; return the blocks that it completes.
 
         Parameters
@@ -107,6 +108,6 @@ class TopicStream:
         if self.samples is not None:
             self.samples.note_clock_step(step_ns)
 
-    def flush(self) -> list[Block]:
+    def flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one."""
         return [] if self.samples is None else self.samples.flush()

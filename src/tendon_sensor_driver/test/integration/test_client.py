@@ -19,10 +19,10 @@ import time
 
 import pytest
 
+from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import (
     encode_reading,
     LinkError,
-    StrainStatus,
     TendonSensorClient,
     TendonSensorConfig,
     TendonSensorError,

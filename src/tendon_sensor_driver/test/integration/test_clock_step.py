@@ -18,7 +18,8 @@ import time
 
 import pytest
 
-from tendon_sensor_driver import StrainStatus, TendonSensorClient, TendonSensorConfig
+from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver import TendonSensorClient, TendonSensorConfig
 
 SECOND_NS = 1_000_000_000
 MS_NS = 1_000_000

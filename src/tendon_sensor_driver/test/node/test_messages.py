@@ -13,7 +13,7 @@
 # limitations under the License.
 
 from tactile_msgs.msg import StrainBlock
-from tendon_sensor_driver import StrainStatus
+from tactile_ros.strain import StrainStatus
 
 
 def test_status_bits_are_those_of_the_message():

@@ -21,7 +21,8 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 
-from tendon_sensor_driver import encode_reading, StrainStatus
+from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver import encode_reading
 
 PERIOD_S = 1 / 60
 ANSWER_S = 5.0  # generous: other work may share the machine

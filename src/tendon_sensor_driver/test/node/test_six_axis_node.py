@@ -18,7 +18,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 
-from tendon_sensor_driver import StrainStatus
+from tactile_ros.strain import StrainStatus
 
 box_module = pytest.importorskip('tactile_sim.devices.ati.net_ft_box')
 device_module = pytest.importorskip('tactile_sim.devices.ati.net_ft_device')

@@ -32,7 +32,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float32, Float64
 
-from tendon_sensor_driver import StrainStatus
+from tactile_ros.strain import StrainStatus
 
 RELIABLE = QoSProfile(depth=1000)
 SECOND_NS = 1_000_000_000

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tendon_sensor_driver import StrainStatus, TendonSensorConfig
+from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver import TendonSensorConfig
 from tendon_sensor_driver.ati.counter import Batch, CounterRestartError, SampleCounter
 from tendon_sensor_driver.ati.sample_stream import CountedStream
 

@@ -18,7 +18,8 @@ import re
 import numpy as np
 import pytest
 
-from tendon_sensor_driver import Block, Health, StrainStatus, TendonSensorConfig
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver import Health, TendonSensorConfig
 from tendon_sensor_driver.conversions import (
     assess_health,
     describe_status,
@@ -34,7 +35,7 @@ from tendon_sensor_driver.conversions import (
 from tendon_sensor_driver.records import AXES
 from tendon_sensor_driver.stream.tare import Bias
 
-BLOCK = Block(
+BLOCK = StrainBlock(
     stamp_ns=1_700_000_000_123_456_789,
     sequence=2**40,
     period_ns=16_666_667,

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tendon_sensor_driver import StrainStatus
+from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.stream.clock import Instant
 from tendon_sensor_driver.stream.sequencer import Sequencer
 

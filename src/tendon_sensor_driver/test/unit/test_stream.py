@@ -18,11 +18,11 @@ import math
 
 import pytest
 
+from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import (
     encode_reading,
     LineDecoder,
     Reading,
-    StrainStatus,
     StrainStream,
     TendonSensorConfig,
 )

@@ -17,7 +17,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tendon_sensor_driver import Block, StrainStatus, TendonSensorConfig
+from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver import TendonSensorConfig
 from tendon_sensor_driver.stream.tare import Tare, TareError
 
 CONFIG = TendonSensorConfig(tare_samples=50)
@@ -26,7 +27,7 @@ NOW_NS = 100 * PERIOD_NS
 
 
 def make_block(tension_n, first=0, status=StrainStatus.OK, wrench=None):
-    return Block(
+    return StrainBlock(
         stamp_ns=first * PERIOD_NS,
         sequence=first,
         period_ns=PERIOD_NS,

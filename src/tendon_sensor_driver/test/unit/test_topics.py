@@ -22,7 +22,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tendon_sensor_driver import StrainStatus, TendonSensorConfig, TendonSensorError
+from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver import TendonSensorConfig, TendonSensorError
 from tendon_sensor_driver.sensors import make_sensor
 from tendon_sensor_driver.topics.diagnosis import (
     choose_type,

@@ -29,7 +29,7 @@ from linear_guide_driver import (
     TendonActuatorConfig,
 )
 from tactile_sim.devices.faults import KINDS
-from tendon_sensor_driver.records import StrainStatus, TendonSensorConfig
+from tendon_sensor_driver import StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 
 # -- sensor --------------------------------------------------------------------------------

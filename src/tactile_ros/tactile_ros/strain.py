@@ -1,0 +1,85 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A block of samples of the tension: the one record from the sensor's driver to the features.
+
+It is plain Python and mirrors ``tactile_msgs/StrainBlock``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, KW_ONLY
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class StrainStatus(IntFlag):
+    """The status bits of a block, equal to the constants of ``tactile_msgs/StrainBlock``."""
+
+    OK = 0
+    HOST_TIME = 1
+    SATURATED = 2
+    STUCK = 4
+    DEVICE_ERROR = 8
+    RESYNCHRONISED = 16
+    RECONNECTED = 32
+    RESTARTED = 64
+    CLOCK_STEP = 128
+
+
+NOT_LIVE = int(StrainStatus.STUCK | StrainStatus.DEVICE_ERROR)
+"""With one of these bits a sample says nothing about the tension."""
+
+NO_MEASUREMENT = int(NOT_LIVE | StrainStatus.SATURATED)
+"""With one of these bits the value is not the tension. A saturated one is a lower bound of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class StrainBlock:
+    """A run of consecutive samples of the tension on one tendon.
+
+    Sample ``i`` has sequence number ``sequence + i`` and time ``stamp_ns + i * period_ns``.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Time of the first sample (ROS time) [ns].
+    sequence : int
+        Number of the first sample; lost samples are counted, too.
+    period_ns : int
+        Nominal time between two samples [ns].
+    tension_n : ndarray of float64, shape (samples,)
+        Tension [N].
+    lost_before : int
+        Samples known to be lost between the block before and this one.
+    status : StrainStatus
+        Holds for every sample.
+    stamp_error_s : float
+        Bound on the error of the stamps [s]; negative: not known.
+    wrench : ndarray of shape (samples, 6), or None
+        Fx, Fy, Fz [N], Tx, Ty, Tz [N m] in the sensor's own axes. None for a sensor of one axis
+        and outside of the driver: the message does not have it.
+    """
+
+    stamp_ns: int
+    sequence: int
+    period_ns: int
+    tension_n: NDArray[np.float64]
+    _: KW_ONLY
+    lost_before: int = 0
+    status: StrainStatus = StrainStatus.OK
+    stamp_error_s: float = -1.0
+    wrench: NDArray[np.float64] | None = None
