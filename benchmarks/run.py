@@ -63,6 +63,8 @@ TOPICS = {
     'speeds': ('speeds', 'run_speeds'),
     'simulated-speeds': ('speeds', 'run_simulated_speeds'),
     'peers': ('peers', 'run_peers'),
+    'training-cost': ('random_convolutions', 'run_training_cost'),
+    'public-sets': ('random_convolutions', 'run_public_sets'),
     'phases': ('phases', 'run_phases'),
     'phase-rest': ('phases', 'run_phase_rest'),
     'phase-features': ('phases', 'run_phase_features'),
@@ -73,7 +75,7 @@ TOPICS = {
 LONG = (
     *('hand', 'endurance', 'long_recording', 'peers', 'speeds', 'simulated-speeds'),
     *('rest', 'rolling', 'signals', 'slip-limits', 'twin', 'twin-speed'),
-    *('published', 'hard-plates'),
+    *('published', 'hard-plates', 'training-cost', 'public-sets'),
 )
 """Topics of many minutes, or with peers to install, which are run when they are named."""
 
@@ -91,7 +93,7 @@ answers that differ. Where a bound is stated, exceeding it is a failure.
 """
 
 EPILOG = """topics (hand, endurance, long_recording, peers, speeds, rest, rolling, signals,
-slip-limits, twins, published and hard-plates only when named):
+slip-limits, twins, published, hard-plates, training-cost and public-sets only when named):
   spectrum     91 amplitudes of a texture window
   regression   slope, intercept, correlation of a stiffness window
   significance rank-sum tests of all pairs of classes, all features
@@ -126,6 +128,8 @@ slip-limits, twins, published and hard-plates only when named):
   speeds       texture at a speed never seen, on recordings (needs the archive)
   simulated-speeds  the same on simulated plates
   peers        MiniRocket (aeon), tsfresh and raw neighbours beside ours
+  training-cost  random convolutions beside MiniRocket and MultiRocket (aeon)
+  public-sets  the same on other recordings, which come with aeon
   phases       of a trial, found in the tension: how often, how exactly (simulated)
   phase-rest      false ones, of a finger at rest
   phase-features  accuracy with them, beside stated ones (simulated)
