@@ -25,13 +25,17 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.answer_graph import (
+from tactile_classifier.model_file.card import render_card
+from tactile_classifier.model_file.graphs.answer import (
     add_answer,
     add_novelty,
     add_probabilities,
     add_scaling,
 )
-from tactile_classifier.model_file.card import render_card
+from tactile_classifier.model_file.graphs.graph import Graph, Shape
+from tactile_classifier.model_file.graphs.neighbours import add_neighbours
+from tactile_classifier.model_file.graphs.random_convolutions import add_random_convolutions
+from tactile_classifier.model_file.graphs.svm import add_svm
 from tactile_classifier.model_file.inference import (
     ANSWER,
     INPUT,
@@ -41,11 +45,7 @@ from tactile_classifier.model_file.inference import (
     SCORES,
     TactileModel,
 )
-from tactile_classifier.model_file.neighbours_graph import add_neighbours
 from tactile_classifier.model_file.onnx_container import seal
-from tactile_classifier.model_file.onnx_graph import Graph, Shape
-from tactile_classifier.model_file.random_convolutions_graph import add_random_convolutions
-from tactile_classifier.model_file.svm_graph import add_svm
 from tactile_classifier.records import ROCKET
 from tactile_classifier.training.trainer import FittedStage, Trained
 

@@ -23,9 +23,9 @@ from sklearn.preprocessing import StandardScaler
 from tactile_classifier.datasets.splits import stratified_split
 from tactile_classifier.estimators.classifiers import build_estimator
 from tactile_classifier.estimators.neighbours import halve, NearestNeighbours, predict_neighbours
-from tactile_classifier.model_file.answer_graph import add_scaling
-from tactile_classifier.model_file.neighbours_graph import add_neighbours
-from tactile_classifier.model_file.onnx_graph import Graph
+from tactile_classifier.model_file.graphs.answer import add_scaling
+from tactile_classifier.model_file.graphs.graph import Graph
+from tactile_classifier.model_file.graphs.neighbours import add_neighbours
 
 
 @pytest.mark.parametrize('scaling', ['standard', 'none'])

@@ -23,9 +23,9 @@ from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import build_estimator, compute_raw_scores
 from tactile_classifier.estimators.random_convolution_classifier import RandomConvolutionClassifier
 from tactile_classifier.evaluation.cross_validation import evaluate, list_pairs
+from tactile_classifier.model_file.graphs.graph import Graph
+from tactile_classifier.model_file.graphs.random_convolutions import add_random_convolutions
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.onnx_graph import Graph
-from tactile_classifier.model_file.random_convolutions_graph import add_random_convolutions
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_classifier.estimators.neighbours import halve, NearestNeighbours, NEIGHBOURS
-from tactile_classifier.model_file.onnx_graph import Graph
+from tactile_classifier.model_file.graphs.graph import Graph
 
 
 def add_neighbours(graph: Graph, neighbours: NearestNeighbours, x: str) -> str:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.model_file.onnx_graph import Graph
+from tactile_classifier.model_file.graphs.graph import Graph
 
 if TYPE_CHECKING:
     from sklearn.svm import SVC

@@ -25,7 +25,7 @@ import numpy as np
 
 from tactile_classifier.confidence.calibration import Calibration
 from tactile_classifier.confidence.novelty import NoveltyMeasure
-from tactile_classifier.model_file.onnx_graph import Graph
+from tactile_classifier.model_file.graphs.graph import Graph
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline

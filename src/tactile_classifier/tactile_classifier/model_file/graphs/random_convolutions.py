@@ -31,7 +31,7 @@ from tactile_classifier.estimators.random_convolutions import (
     RandomConvolutions,
     TAPS,
 )
-from tactile_classifier.model_file.onnx_graph import Graph
+from tactile_classifier.model_file.graphs.graph import Graph
 
 if TYPE_CHECKING:
     from tactile_classifier.estimators.random_convolution_classifier import (
