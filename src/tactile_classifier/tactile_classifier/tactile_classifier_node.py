@@ -61,7 +61,7 @@ class TactileClassifierNode(DataNode):
     published_count : int
         Those that were answered.
     refused_count : int
-        Those of them, running ones too, whose features are of another specification than the
+        Those of them, partial ones too, whose features are of another specification than the
         model's: they are answered with the reason.
     running_count : int
         Partial windows that were answered.

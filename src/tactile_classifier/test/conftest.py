@@ -80,7 +80,7 @@ def stiffness_table():
 
 @pytest.fixture(scope='session')
 def partial_tables(texture_table):
-    """Return 4 labels of whole windows, and what their first 1 and 2 s might give."""
+    """Return 4 labels of full windows, and what their first 1 and 2 s might give."""
     table = texture_table.take(texture_table.labels < 'plate 4')
     rng = np.random.default_rng(11)
 

@@ -55,7 +55,7 @@ class RuleEvaluation:
     accuracy : float
         Share of right answers, early or at the end [1].
     mean_s, full_s : float
-        Mean time of signal behind an answer, and that of the whole window [s].
+        Mean time of signal behind an answer, and that of the full window [s].
     parts_without_rule : int
         Folds for which the other trials proved no threshold.
     """
@@ -77,7 +77,7 @@ class StoppingEvaluation:
     Attributes
     ----------
     seconds : tuple of float
-        Signal seen; the last is the whole window [s].
+        Signal seen; the last is the full window [s].
     accuracies : tuple of float
         Share of right answers after each [1].
     rules : tuple of RuleEvaluation
@@ -112,7 +112,7 @@ def evaluate_stopping(
     Parameters
     ----------
     table : FeatureTable
-        Whole windows, of a known number of samples.
+        Full windows, of a known number of samples.
     running : mapping of int to FeatureTable
         By samples seen: the first part of each window, trial by trial.
     classifier, scaling : str

@@ -208,7 +208,7 @@ class TactileModel:
         values : array_like of shape (windows, k)
             Features in the order and units of ``spec``.
         sample_count : int
-            Samples in the windows, one of ``running_samples``; 0: whole windows.
+            Samples in the windows, one of ``running_samples``; 0: full windows.
 
         Raises
         ------

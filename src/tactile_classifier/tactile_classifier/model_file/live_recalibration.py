@@ -53,7 +53,7 @@ class LiveRecalibration:
     stays until a window states another ``session_id``. The answers are those of the file that
     `recalibrate` would write for the same trials, to the last bit.
 
-    Whole windows and each length of partial windows count by themselves, because they arrive
+    Full windows and each length of partial windows count by themselves, because they arrive
     on topics of their own. So the answers depend on the order of each topic alone, and a replay
     repeats them. The model and its file stay as they are.
 
@@ -152,7 +152,7 @@ def correct(
     ----------
     model : TactileModel
     statistics : SessionStatistics
-        Of the stage with ``sample_count`` samples; 0: whole windows.
+        Of the stage with ``sample_count`` samples; 0: full windows.
     sample_count : int
     values : ndarray of shape (trials, k)
     label : array_like of int, shape (trials,)

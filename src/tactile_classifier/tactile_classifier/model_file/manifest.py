@@ -52,7 +52,7 @@ class Stage:
     Attributes
     ----------
     sample_count : int
-        Samples in the window; 0: the whole window.
+        Samples in the window; 0: the full window.
     novelty_threshold : float
         Novelty above which the answer is "unknown" [1]; negative: there is no novelty.
     stop_threshold : float
@@ -73,7 +73,7 @@ class Stage:
 
 
 FULL_WINDOW = Stage()
-"""A whole window without novelty and calibration, as in files of format version 1."""
+"""A full window without novelty and calibration, as in files of format version 1."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Manifest:
     created : str
         When it was trained (ISO 8601, UTC).
     stages : tuple of Stage
-        The whole window, then the running ones by rising sample count.
+        The full window, then the partial ones by rising sample count.
     calibration : mapping
         ``split``, ``groups`` and ``trials`` of the held-out trials behind the thresholds and
         probabilities, and ``session_share``, the share of new sessions in which the thresholds

@@ -29,7 +29,7 @@ what is usual between trials of that label. Rounding gives below 1e-6, new trial
 
 
 def name_trials(model: TactileModel, values: npt.NDArray[np.float64]) -> npt.NDArray[np.str_]:
-    """Return label, `UNKNOWN` or `NO_ANSWER` for each whole window, as `TactileModel.classify`.
+    """Return label, `UNKNOWN` or `NO_ANSWER` for each full window, as `TactileModel.classify`.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def write_recalibrated(
     path, source : str or Path
         The file to write, and the trained model.
     tables : mapping of int to FeatureTable
-        Known trials of the session by samples: 0, the whole windows, and each of the model's
+        Known trials of the session by samples: 0, the full windows, and each of the model's
         ``running_samples``.
 
     Raises

@@ -55,7 +55,7 @@ class FittedStage:
     Attributes
     ----------
     sample_count : int
-        Samples in the window; 0: the whole window.
+        Samples in the window; 0: the full window.
     estimator : sklearn.pipeline.Pipeline
     values : ndarray of shape (trials, k)
         The features that it was fitted on.
@@ -73,14 +73,14 @@ class FittedStage:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Trained:
-    """Fitted stages, the whole window's first, and what their model file will say of them."""
+    """Fitted stages, the full window's first, and what their model file will say of them."""
 
     stages: tuple[FittedStage, ...]
     manifest: Manifest
 
     @property
     def estimator(self) -> Pipeline:
-        """What answers whole windows."""
+        """What answers full windows."""
         return self.stages[0].estimator
 
 
@@ -125,7 +125,8 @@ def train(
     Raises
     ------
     DatasetError
-        When there are too few trials, one class only, or the running tables hold others.
+        When there are too few trials or one class only, or when the tables of partial windows
+        hold other trials.
     ValueError
         When a name is not known, a rate is not between 0 and 1, or the score is of another
         classifier.

@@ -104,7 +104,7 @@ def test_what_is_unlike_all_training_is_unknown(model, table, make_window, sampl
     assert 'unlike all that the model was trained on' in result.reason
     assert len(result.scores) == 4
     assert result.false_alarm_rate == 0.05
-    assert result.decided is not is_running  # a whole window is all there is
+    assert result.decided is not is_running  # a full window is all there is
 
 
 def test_running_window_without_features_is_not_decided(model, make_window):

@@ -189,7 +189,7 @@ class PhaseWindow:
         if buffer.evicted_ns is None or buffer.evicted_ns < self._from_ns:
             return None
         reason = (
-            f'the buffer of {self._config.buffer_s:g} s no longer holds the whole window; '
+            f'the buffer of {self._config.buffer_s:g} s no longer holds the full window; '
             'raise buffer_s'
         )
         return self.refuse(Outcome.GAP, reason)

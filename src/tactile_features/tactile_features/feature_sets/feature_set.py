@@ -198,7 +198,7 @@ class FeatureSet(ABC):
         samples : WindowSamples
             The first samples of each window.
         sample_count : int
-            Samples in the whole window.
+            Samples in the full window.
 
         Raises
         ------

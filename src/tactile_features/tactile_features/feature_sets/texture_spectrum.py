@@ -135,7 +135,7 @@ def compute_partial_spectrum(
     tension_n : array_like of shape (..., n)
         Tension [N], ``2 <= n <= sample_count``.
     sample_count : int
-        Samples in the whole window.
+        Samples in the full window.
     detrend, window : str
         As for `compute_spectrum`.
 
@@ -173,7 +173,7 @@ def _amplitudes(tension: FloatArray, sample_count: int, detrend: str, window: st
     index = np.arange(n) - (n - 1) / 2.0
     square = n * (n * n - 1) / 12.0
     weight = np.sin(np.pi * np.arange(n) / n) ** 2 if window == 'hann' else None
-    # The mean of a whole window without weights is in the component at 0 Hz alone.
+    # The mean of a full window without weights is in the component at 0 Hz alone.
     is_raw = detrend == 'none' and (weight is not None or n < sample_count)
     with np.errstate(over='ignore', invalid='ignore'):
         for at in range(0, len(rows), _BLOCK_WINDOWS):

@@ -137,7 +137,7 @@ def _collect(
     found: dict[tuple[str, str], LabelledWindows],
     left_out: list[str],
 ) -> None:
-    # A table has features of whole windows alone: measures would be made in vain.
+    # A table has features of full windows alone: measures would be made in vain.
     config = replace(config, measures=False, running_samples=())
     replayed = replay_phases(bag, config, namespace, finish=True)
     dropped = find_dropped(bag.path)

@@ -58,7 +58,7 @@ class WatchState:
     Attributes
     ----------
     on_answer : callable
-        Given finger, answer and the stated label for every answer on a whole window.
+        Given finger, answer and the stated label for every answer on a full window.
     """
 
     def __init__(
