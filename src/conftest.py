@@ -12,12 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Programs that tests start: on a ROS domain of this process's own, and with Ctrl-C."""
+"""What all tests share: helpers in ``testing``, and how programs that they start are run.
+
+Programs have a ROS domain of this process's own, and hear Ctrl-C.
+"""
 
 import os
+from pathlib import Path
 import signal
+import sys
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / 'testing'))
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A script's background ignores Ctrl-C, and so would the programs that are started there.

@@ -15,20 +15,12 @@
 """A simulated rig to break, and ears on its ports."""
 
 import re
-import time
 
 import serial
 
-DEADLINE_S = 30.0
+from waiting import wait_until
+
 LINE = re.compile(rb'(\d+),(-?\d+\.\d{5}),kg,\r\n')
-
-
-def wait_for(condition, what):
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not (result := condition()):
-        assert time.monotonic() < deadline_s, what() if callable(what) else what
-        time.sleep(0.005)
-    return result
 
 
 class Ear:
@@ -49,7 +41,7 @@ class Ear:
         return self.data
 
     def wait_for(self, condition, what):
-        wait_for(lambda: condition(self.listen()), f'{what}: {self.data[-200:]!r}')
+        wait_until(lambda: condition(self.listen()), f'{what}: {self.data[-200:]!r}')
         taken, self.data = self.data, b''
         return taken
 
@@ -58,9 +50,3 @@ class Ear:
         self.data = b''
         said = self.wait_for(lambda data: data.count(b'\n') > count, f'{count} lines')
         return said[said.index(b'\n') + 1 :]
-
-
-def advance_rig(rig, seconds):
-    """Let some of the rig's time pass."""
-    until_s = rig.truth()['time_s'] + seconds
-    wait_for(lambda: rig.truth()['time_s'] >= until_s, 'the rig stands still')

@@ -16,7 +16,6 @@
 
 import os
 import select
-import time
 import tty
 
 import pytest
@@ -67,14 +66,3 @@ def sensor(tmp_path):
     sensor = PtySensor(tmp_path / 'sensor')
     yield sensor
     sensor.unplug()
-
-
-@pytest.fixture(scope='session')
-def wait_for():
-    def wait(condition, timeout_s=10.0):
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline, 'the condition did not come true in time'
-            time.sleep(0.002)
-
-    return wait

@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 
-from background import Background, wait_until
+from background import Background
 import pytest
 
 from linear_guide_driver import (
@@ -31,6 +31,7 @@ from linear_guide_driver import (
     MotionRefusedError,
     MotionStoppedError,
 )
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -142,7 +143,7 @@ def test_a_stop_brakes_and_keeps_the_position(guide, grbl, way):
         flag.set()
     else:
         assert guide.request_stop()
-        wait_until(lambda: not grbl.is_moving, 0.2)
+        wait_until(lambda: not grbl.is_moving, timeout_s=0.2)
     error = move.end()
     assert isinstance(error, MotionStoppedError)
     assert 'the position is kept' in str(error)
@@ -347,7 +348,7 @@ client.move_to(0.19, 0.02)
 def test_a_killed_driver_leaves_little_for_the_controller_to_carry_out(grbl):
     command = [sys.executable, '-c', HOME_AND_MOVE, grbl.port]
     driver = subprocess.Popen(command, env=os.environ)
-    wait_until(lambda: grbl.mpos > -195, 15.0)
+    wait_until(lambda: grbl.mpos > -195)
     driver.kill()
     driver.wait()
     killed_at = grbl.mpos

@@ -16,7 +16,7 @@ import dataclasses
 import threading
 import time
 
-from background import Background, wait_until
+from background import Background
 import pytest
 from scripted_servo import compute_crc
 
@@ -31,6 +31,7 @@ from linear_guide_driver import (
 )
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
+from waiting import wait_until
 
 COUNT_M = 2 * 3.141592653589793 * 0.01 / 4096
 
@@ -332,7 +333,8 @@ def test_a_goal_that_is_refused_for_another_reason_says_so(tendon, servo, monkey
 def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(config, servo):
     tendon = TendonActuatorClient(dataclasses.replace(config, watchdog_s=0.3))
     tendon.connect()
-    time.sleep(0.7)
+    polls = servo.packets
+    wait_until(lambda: servo.packets > polls + 45)  # 0.7 s at 60 Hz, twice the watchdog's time
     assert servo.table[98] == 15
     servo.is_mute = True  # the answers are lost; the driver must fall silent to stop it
     pull = Background(tendon.pull_to, 0.02, 0.01)

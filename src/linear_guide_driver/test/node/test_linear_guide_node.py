@@ -14,7 +14,6 @@
 
 import threading
 
-from background import wait_until
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rclpy.parameter import Parameter
@@ -26,6 +25,7 @@ from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import Readiness, StrainBlock
 from tactile_ros.qos import LATEST, STREAM
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_no_joint_state_before_the_position_is_known(guide):
     joints, diagnostics = [], []
     guide.peer.create_subscription(JointState, '/linear_guide/joint_states', joints.append, 10)
     guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
-    wait_until(lambda: diagnostics, 5.0)
+    wait_until(lambda: diagnostics)
     assert diagnostics[0].status[0].message.endswith('home the guide')
     assert joints == []
 
@@ -98,7 +98,7 @@ def test_the_stop_service_ends_the_goal(guide, grbl):
     handle = move(guide, 0.15, 0.05)
     wait_until(lambda: grbl.is_moving)
     assert guide.call_stop('/linear_guide/stop').success
-    wait_until(lambda: not grbl.is_moving, 0.5)
+    wait_until(lambda: not grbl.is_moving, timeout_s=0.5)
     status, result = guide.result(handle)
     assert status == 'aborted'
     assert 'Stopped at' in result.message
@@ -227,7 +227,7 @@ def test_a_controller_that_restarts_at_rest_is_told_at_once(guide, grbl):
     diagnostics = []
     guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
     home(guide)
-    wait_until(lambda: diagnostics, 5.0)
+    wait_until(lambda: diagnostics)
     grbl.lose_power()
     wait_until(lambda: 'restarted by itself' in diagnostics[-1].status[0].message)
     assert diagnostics[-1].status[0].message.endswith('home the guide')

@@ -14,7 +14,6 @@
 
 import threading
 
-from background import wait_until
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rclpy.qos import qos_profile_sensor_data
@@ -26,6 +25,7 @@ from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -51,9 +51,9 @@ class Sensor:
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
-        wait_until(lambda: self._publisher.get_subscription_count() == 1, 10.0)
+        wait_until(lambda: self._publisher.get_subscription_count() == 1)
         # The guard has a sample as soon as the node's diagnostics could show one.
-        wait_until(lambda: bench.node._client.safety.tension_n is not None, 10.0)
+        wait_until(lambda: bench.node._client.safety.tension_n is not None)
 
     def _run(self):
         while not self._end.wait(0.01):
@@ -107,7 +107,7 @@ def test_pull_and_release_succeed_with_feedback_joint_states_and_diagnostics(ten
     assert joints[-1].name == ['tendon_joint']
     assert joints[-1].header.frame_id == 'tendon_link'
     assert len(joints[-1].effort) == 0
-    wait_until(lambda: diagnostics, 5.0)
+    wait_until(lambda: diagnostics)
     assert diagnostics[-1].status[0].hardware_id == 'Dynamixel XM430-W350 firmware 45'
     assert 'not guarded' in diagnostics[-1].status[0].message
     assert tendon.result(pull(tendon, 0.0))[0] == 'succeeded'
@@ -161,9 +161,9 @@ def test_a_refused_pull_does_not_raise_the_limit(tendon, servo, sensor):
 def test_a_sensor_that_dies_is_seen_in_the_diagnostics(tendon, servo, sensor):
     diagnostics = []
     tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
-    wait_until(lambda: diagnostics and 'ready' in diagnostics[-1].status[0].message, 20.0)
+    wait_until(lambda: diagnostics and 'ready' in diagnostics[-1].status[0].message)
     sensor.status = StrainBlock.STATUS_STUCK
-    wait_until(lambda: 'have ceased' in diagnostics[-1].status[0].message, 20.0)
+    wait_until(lambda: 'have ceased' in diagnostics[-1].status[0].message)
     assert diagnostics[-1].status[0].level == b'\x01'
 
 
@@ -264,7 +264,7 @@ def test_a_target_tension_is_reached_kept_and_left_by_the_next_goal(tendon, serv
     assert not result.stopped_by_tension
     # The finger yields by 2 mm: the tendon follows without a new goal.
     sensor.measure = lambda: (servo.position - 2048) / 65.19 - 2.0
-    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19, 10.0)
+    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19)
     assert tendon.result(pull(tendon, 0.001))[0] == 'succeeded'
     assert servo.goal == 2048 + 65
 
@@ -274,7 +274,7 @@ def test_a_kept_tension_outlives_a_trip_of_the_servos_watchdog(tendon, servo, se
     servo.put(98, 1, 255)
     wait_until(lambda: servo.table[98] == 50)
     sensor.measure = lambda: (servo.position - 2048) / 65.19 - 2.0  # the finger yields
-    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19, 10.0)
+    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19)
 
 
 @pytest.mark.parametrize('way', ['stop', 'silence', 'limit'])
@@ -402,5 +402,6 @@ def test_a_hot_servo_is_seen_in_the_diagnostics(tendon, servo, sensor):
     tendon.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
     servo.put(146, 1, 71)
     wait_until(
-        lambda: any('shuts down at 80 C' in d.status[0].message for d in list(diagnostics)), 20.0
+        lambda: any('shuts down at 80 C' in d.status[0].message for d in list(diagnostics)),
+        timeout_s=20.0,
     )

@@ -18,7 +18,6 @@ import subprocess
 import sys
 import threading
 
-from background import wait_until
 import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
@@ -31,6 +30,7 @@ from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import PullTendon
 from tactile_msgs.msg import Readiness, StrainBlock
 from tactile_ros.qos import LATEST, STREAM
+from waiting import wait_until
 
 SLACK = 2048
 """Counts of the shaft at which the peer begins."""
@@ -121,7 +121,7 @@ def test_above_the_limit_nothing_turns_letting_out_into_holding(bench, servo, pe
         peers.beats = False
     else:
         bench.ask(handle.cancel_goal_async)
-    wait_until(lambda: is_slack(servo), 5.0)
+    wait_until(lambda: is_slack(servo))
 
 
 def test_a_stop_above_the_limit_says_that_the_tendon_is_let_out(bench, servo, peers):
@@ -158,7 +158,7 @@ def test_taut_is_not_rest_after_a_loss(bench, servo, peers, lost):
         peers.beats = False
     else:
         peers.samples = False
-    wait_until(lambda: is_slack(servo), 5.0)
+    wait_until(lambda: is_slack(servo))
 
 
 def test_letting_out_ends_a_running_pull_instead_of_being_refused(bench, servo, peers):
@@ -177,7 +177,7 @@ def test_the_release_service_lets_out_whatever_runs(bench, servo, peers):
     wait_until(lambda: servo.position > SLACK + 200)
     assert bench.call_stop('/tendon_actuator/release').success
     assert bench.result(winding)[0] == 'aborted'
-    wait_until(lambda: is_slack(servo), 5.0)
+    wait_until(lambda: is_slack(servo))
 
 
 def test_the_release_service_goes_on_with_a_slow_letting_out(bench, servo, peers):
@@ -188,7 +188,7 @@ def test_the_release_service_goes_on_with_a_slow_letting_out(bench, servo, peers
     assert bench.call_stop('/tendon_actuator/release').success
     status, result = bench.result(slow)
     assert (status, 'released' in result.message) == ('aborted', True), result.message
-    wait_until(lambda: is_slack(servo), 5.0)
+    wait_until(lambda: is_slack(servo))
 
 
 def test_letting_out_is_accepted_without_contact_and_at_any_speed(bench, servo, peers):
@@ -212,7 +212,7 @@ def test_a_goal_that_is_sent_while_the_tendon_unwinds_is_judged_by_where_it_is(
     lowest = servo.position
     status, result = bench.result(pull(bench, 0.009))  # less than 10 mm, but more than now
     assert (status, 'strain sample' in result.message) == ('aborted', True), result.message
-    wait_until(lambda: is_slack(servo), 5.0)
+    wait_until(lambda: is_slack(servo))
     assert servo.position <= lowest
 
 
@@ -224,7 +224,7 @@ def test_a_paused_clock_does_not_stop_the_watch(bench, servo, peers):
     clock.publish(Clock())
     pull_taut(bench, peers)
     peers.beats = False
-    wait_until(lambda: is_slack(servo), 5.0)
+    wait_until(lambda: is_slack(servo))
 
 
 def test_a_goal_right_after_the_start_waits_for_peers(bench, servo):
@@ -285,7 +285,7 @@ def test_a_restarted_driver_keeps_the_zero_and_lets_the_tendon_out(left_taut):
     client = TendonActuatorClient(TendonActuatorConfig(port=left_taut.port, watchdog_s=1.0))
     client.connect()
     try:
-        wait_until(lambda: is_slack(left_taut), 5.0)
+        wait_until(lambda: is_slack(left_taut))
         wait_until(lambda: client.state.displacement_m == pytest.approx(0.0, abs=0.0006))
         client.safety.add_samples([0.0], False, 2**62)
         wait_until(lambda: client.safety.zero is Zero.KNOWN)

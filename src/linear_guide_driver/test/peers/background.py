@@ -15,14 +15,6 @@
 """Blocking calls beside a test, and waiting for what they lead to."""
 
 import threading
-import time
-
-
-def wait_until(condition, timeout_s=3.0):
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline_s, 'the condition was not met in time'
-        time.sleep(0.002)
 
 
 class Background:

@@ -51,6 +51,7 @@ class ScriptedServo:
         self.put(144, 2, 121)
         self.put(146, 1, 31)
         self.writes = []
+        self.packets = 0  # heard so far
         self.is_silent = False
         self.lasting_error = 0  # the hardware error that a restart does not end
         self._silent_until_s = 0.0
@@ -146,6 +147,7 @@ class ScriptedServo:
         if packet[7] in (2, 3) and self.lose(struct.unpack('<H', packet[8:10])[0]):
             return
         self._heard_s = time.monotonic()
+        self.packets += 1
         instruction, parameters = (
             packet[7],
             packet[8:-2].replace(b'\xff\xff\xfd\xfd', b'\xff\xff\xfd'),

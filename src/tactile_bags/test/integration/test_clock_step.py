@@ -15,8 +15,6 @@
 """The host's clock is set in a trial: from the bytes of the sensor to the windows of features."""
 
 import os
-import threading
-import time
 import tty
 
 import pytest
@@ -25,14 +23,14 @@ from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExt
 from tactile_features.conversions import strain_block_from_msg
 from tendon_sensor_driver import encode_reading, TendonSensorClient, TendonSensorConfig
 from tendon_sensor_driver.conversions import to_strain_msg
+from waiting import wait_until
 
 SECOND_NS = 1_000_000_000
-DEADLINE_S = 30.0
 CONFIG = FeatureConfig(texture_samples=30, texture_crop_start_s=0.1, texture_crop_end_s=0.0)
 
 
 class Lab:
-    """A board on a pty that sends 60 readings a second, its driver, and a clock that can be set.
+    """A board on a pty, its driver, and the host's clocks; 60 readings make a second pass.
 
     ``heard``: blocks and events in the order in which they came.
     """
@@ -42,44 +40,37 @@ class Lab:
         tty.setraw(self._slave)
         self.offset_ns = 10**9 * SECOND_NS
         self.heard = []
-        self.blocks = 0
+        self.blocks = self._readings = 0
         config = TendonSensorConfig(port=os.ttyname(self._slave), unit='N')
         self.client = TendonSensorClient(config, self._take, self.now_ns)
-        self._ending = threading.Event()
-        self._board = threading.Thread(target=self._send, daemon=True)
+
+    def monotonic_ns(self):
+        return self._readings * SECOND_NS // 60
 
     def now_ns(self):
-        return time.monotonic_ns() + self.offset_ns
+        return self.monotonic_ns() + self.offset_ns
 
     def __enter__(self):
         self.client.open()
-        self._board.start()
+        os.write(self._master, b'\n')
         return self
 
     def __exit__(self, *_):
-        self._ending.set()
-        self._board.join()
         self.client.close()
         os.close(self._master)
         os.close(self._slave)
-
-    def _send(self):
-        os.write(self._master, b'\n')
-        begun_s, number = time.monotonic(), 0
-        while not self._ending.wait(max(0.0, begun_s + number / 60 - time.monotonic())):
-            value = 3.0 + number * 1e-4
-            os.write(self._master, encode_reading(number * 1000 // 60, value, 'N'))
-            number += 1
 
     def _take(self, block):
         self.heard.append(strain_block_from_msg(to_strain_msg(block, 'link')))
         self.blocks += 1
 
-    def wait_for_blocks(self, count):
-        deadline, wanted = time.monotonic() + DEADLINE_S, self.blocks + count
-        while self.blocks < wanted:
-            assert time.monotonic() < deadline, 'no samples'
-            time.sleep(0.002)
+    def send(self, count):
+        for _ in range(count):
+            wanted = self.blocks + 1
+            self._readings += 1
+            value = 3.0 + self._readings * 1e-4
+            os.write(self._master, encode_reading(self._readings * 1000 // 60, value, 'N'))
+            wait_until(lambda wanted=wanted: self.blocks >= wanted, 'no samples')
 
     def tell(self, phase, trial_id):
         event = TrialEvent(self.now_ns(), trial_id, 's1', 'texture', 'flexion', 'R1', phase)
@@ -90,17 +81,18 @@ class Lab:
 
 
 @pytest.mark.parametrize('step_s', [5.0, -5.0, -0.5])
-def test_a_trial_across_a_step_is_refused_and_the_next_one_is_not(step_s):
+def test_a_trial_across_a_step_is_refused_and_the_next_one_is_not(monkeypatch, step_s):
     with Lab() as lab:
-        lab.wait_for_blocks(30)
+        monkeypatch.setattr('tendon_sensor_driver.stream.clock.time', lab)
+        lab.send(30)
         for trial_id in ('before', 'across', 'after'):
             lab.tell('glide', trial_id)
-            lab.wait_for_blocks(20)
+            lab.send(20)
             if trial_id == 'across':
                 lab.set_clock(step_s)
-            lab.wait_for_blocks(60)
+            lab.send(60)
             lab.tell('done', trial_id)
-            lab.wait_for_blocks(30)
+            lab.send(30)
         assert lab.client.health().restarts == 0
     extractor = TrialFeatureExtractor(CONFIG)
     windows = []

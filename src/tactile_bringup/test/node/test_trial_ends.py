@@ -21,12 +21,14 @@ import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from trial_bench import Bench, DEADLINE_S, wait_until
+from trial_bench import Bench, DEADLINE_S
 
 from tactile_bringup.nodes.trial_devices import TRACK_S
 from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
+from tactile_ros.qos import STREAM
 from tactile_ros.requests import send
+from waiting import wait_until
 
 LOSS_S = 1.0
 """A trial whose driver has died must end within this."""
@@ -152,6 +154,18 @@ def test_a_clock_that_is_set_back_in_the_hold_hides_nothing(bench, position_m, s
     assert bench.phases[-1] == 'aborted'
 
 
+def assert_is_tracked_no_more(bench, device):
+    """Joint states that come after the end of the tracking are not kept."""
+    states = []
+    topic = f'{device.name}/joint_states'
+    wait_until(lambda: time.monotonic() > device._track_end_s)
+    bench.client.create_subscription(JointState, topic, states.append, STREAM)
+    wait_until(lambda: states)
+    count, heard = len(device._track._moving), len(states)
+    wait_until(lambda: len(states) > heard + 30)
+    assert len(device._track._moving) == count
+
+
 def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench):
     bench.guide.pauses = {2: DEADLINE_S}
     handle = bench.start('texture')
@@ -159,12 +173,8 @@ def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench):
     wait_until(lambda: bench.guide.position_m > 0.015)
     send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
     bench.end(handle)
-    track = bench.runner._guide._track
-    assert track._moving
-    time.sleep(TRACK_S + 0.2)
-    count = len(track._moving)
-    time.sleep(0.3)  # 30 joint states
-    assert len(track._moving) == count
+    assert bench.runner._guide._track._moving
+    assert_is_tracked_no_more(bench, bench.runner._guide)
 
 
 def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
@@ -173,10 +183,7 @@ def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
     bench.tendon.position_m = 0.0045  # within its tolerance
     track = bench.runner._tendon._track
     track._is_over = False  # as when the servo ends its pull there
-    time.sleep(TRACK_S + 0.2)
-    count = len(track._moving)
-    time.sleep(0.3)
-    assert len(track._moving) == count
+    assert_is_tracked_no_more(bench, bench.runner._tendon)
     send(bench.client, handle.cancel_goal_async).result(DEADLINE_S)
     bench.end(handle)
 

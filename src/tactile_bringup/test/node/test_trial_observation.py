@@ -19,7 +19,9 @@ import re
 import time
 
 import pytest
-from trial_bench import Bench, stamp_ns, wait_until
+from trial_bench import Bench, stamp_ns
+
+from waiting import wait_until
 
 STAMP_BOUND_NS = 50_000_000
 

@@ -34,6 +34,7 @@ from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
 from tactile_ros.requests import send
+from waiting import wait_until
 
 DEADLINE_S = 10.0
 PERIOD_S = 0.01
@@ -200,10 +201,3 @@ class Bench:
 
 def stamp_ns(event):
     return Time.from_msg(event.header.stamp).nanoseconds
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline, 'condition not met in time'
-        time.sleep(0.005)

@@ -14,7 +14,7 @@
 
 """A feature node and a classifier whose parameters differ: the classifier notices it."""
 
-import time
+from functools import partial
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -31,10 +31,10 @@ from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import Classification, StrainBlock, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from waiting import wait_until
 
 PERIOD_NS = 16_666_667
 START_NS = 1_760_000_000_000_000_000
-DEADLINE_S = 30.0
 
 
 def header(time_s):
@@ -67,10 +67,7 @@ class Finger:
         self.diagnostics += [s for s in message.status if s.name == 'tactile_classifier']
 
     def spin_until(self, condition):
-        deadline = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < deadline, 'condition not met in time'
-            self.executor.spin_once(timeout_sec=0.05)
+        wait_until(condition, step=partial(self.executor.spin_once, timeout_sec=0.05))
 
     def bring_up(self):
         assert self.features.bring_up()

@@ -14,8 +14,8 @@
 
 """What the node says in messages that others know: diagnostics, vision_msgs."""
 
+from functools import partial
 import importlib.util
-import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
@@ -29,8 +29,8 @@ from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome
 from tactile_msgs.msg import TactileFeatures
 from tactile_ros.qos import RESULTS
+from waiting import wait_until
 
-DEADLINE_S = 30.0
 HAS_VISION = importlib.util.find_spec('vision_msgs') is not None
 
 
@@ -63,10 +63,7 @@ def spin_until(context):
         executor = SingleThreadedExecutor(context=context)
         for node in nodes:
             executor.add_node(node)
-        deadline_s = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < deadline_s
-            executor.spin_once(timeout_sec=0.05)
+        wait_until(condition, step=partial(executor.spin_once, timeout_sec=0.05))
         executor.shutdown()
 
     return spin

@@ -14,7 +14,7 @@
 
 """The node over real DDS: features in, classifications out."""
 
-import time
+from functools import partial
 
 import pytest
 from rclpy.executors import SingleThreadedExecutor
@@ -33,6 +33,7 @@ from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_ros.qos import RESULTS
+from waiting import wait_until
 
 DEADLINE_S = 10.0
 
@@ -58,10 +59,8 @@ class Graph:
             self.executor.add_node(node)
 
     def spin_until(self, condition, what):
-        deadline = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < deadline, f'{what} took too long'
-            self.executor.spin_once(timeout_sec=0.05)
+        step = partial(self.executor.spin_once, timeout_sec=0.05)
+        wait_until(condition, f'{what} took too long', step=step)
 
     def connect(self):
         self.spin_until(

@@ -14,7 +14,7 @@
 
 """What the node says of itself, and how its outputs are tuned."""
 
-import time
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
@@ -26,8 +26,7 @@ from rclpy.qos import ReliabilityPolicy
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
-
-DEADLINE_S = 30.0
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -58,10 +57,7 @@ def test_diagnostics_tell_whether_samples_come_in(node, context):
         executor.add_node(each)
 
     def spin_until(condition):
-        deadline_s = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < deadline_s
-            executor.spin_once(timeout_sec=0.05)
+        wait_until(condition, step=partial(executor.spin_once, timeout_sec=0.05))
 
     spin_until(lambda: heard and strain.get_subscription_count())
     assert heard[-1].level == DiagnosticStatus.WARN

@@ -14,7 +14,7 @@
 
 """The node over DDS: what it publishes is what the core computes."""
 
-import time
+from functools import partial
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -35,11 +35,11 @@ from tactile_features.conversions import (
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from waiting import wait_until
 
 PERIOD_NS = 16_666_667
 START_NS = 1_760_000_000_123_456_789
 TENSION_N = np.random.default_rng(0).normal(5.0, 1.0, 1000)
-DEADLINE_S = 20.0
 
 
 def header(stamp_ns):
@@ -92,10 +92,7 @@ class Bench:
         self.executor.add_node(self.node)
 
     def spin_until(self, condition):
-        deadline = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < deadline, 'condition not met in time'
-            self.executor.spin_once(timeout_sec=0.05)
+        wait_until(condition, step=partial(self.executor.spin_once, timeout_sec=0.05))
 
     def bring_up(self):
         assert self.node.bring_up()

@@ -16,16 +16,14 @@
 
 import hashlib
 import json
-import subprocess
-import sys
 
 import pytest
+
+from tactile_command import tactile
 
 distributed = pytest.importorskip(
     'distributed', reason='Dask is an extra: tendon-tactile[cluster]'
 )
-
-PROGRAM = 'import sys; from tactile_lab.cli.program import main; sys.exit(main())'
 
 
 @pytest.fixture(scope='module')
@@ -37,9 +35,8 @@ def address():
         yield cluster.scheduler_address
 
 
-def tactile(*arguments, code=0):
-    command = [sys.executable, '-c', PROGRAM, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+def run(*arguments, code=0):
+    done = tactile(*arguments)
     assert done.returncode == code, done.stderr
     return done.stdout if code == 0 else done.stderr
 
@@ -51,27 +48,27 @@ def digests(folder):
 
 def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
     plan = ['simulate', 'texture', '--contact', 'flexion', '--trials', 3, '--sessions', 2]
-    tactile(*plan, '-o', tmp_path / 'one', '--jobs', 1)
-    tactile(*plan, '-o', tmp_path / 'two', '--cluster', address)
+    run(*plan, '-o', tmp_path / 'one', '--jobs', 1)
+    run(*plan, '-o', tmp_path / 'two', '--cluster', address)
     found = digests(tmp_path / 'two')
     assert len(found) >= 2
     assert found == digests(tmp_path / 'one')
 
     bag = tmp_path / 'one' / 'texture_flexion'
     evaluation = ['evaluate', bag, '--repetitions', 1, '--json']
-    here = json.loads(tactile(*evaluation))
-    there = json.loads(tactile(*evaluation, '--cluster', address))
+    here = json.loads(run(*evaluation))
+    there = json.loads(run(*evaluation, '--cluster', address))
     assert here['sets'][0]['trials'] == 48
     assert there == here
 
     told = []
     for folder, where in (('here', ()), ('there', ('--cluster', address))):
         training = ['train', bag, '-o', tmp_path / folder, '--repetitions', 1, '--json']
-        (model,) = json.loads(tactile(*training, *where))['models']
+        (model,) = json.loads(run(*training, *where))['models']
         told.append(model['evaluation'])
     assert told[0] == told[1]
 
 
 def test_an_address_where_nobody_answers_is_one_sentence(tmp_path):
     wrong = ['simulate', 'texture', '-o', tmp_path / 'x', '--cluster', 'nonsense://1']
-    assert 'tactile: no Dask scheduler answers at nonsense://1' in tactile(*wrong, code=2)
+    assert 'tactile: no Dask scheduler answers at nonsense://1' in run(*wrong, code=2)

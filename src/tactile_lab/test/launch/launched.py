@@ -19,7 +19,6 @@ import contextlib
 import os
 from pathlib import Path
 import tempfile
-import time
 
 from ament_index_python.packages import get_package_share_directory
 from domain_coordinator import domain_id
@@ -40,6 +39,7 @@ from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import RESULTS
+from waiting import wait_until
 
 DEADLINE_S = 120.0
 """Far more than anything needs: the computer may be busy with other tests."""
@@ -111,22 +111,15 @@ class Ear:
         self._stack.close()
 
     def wait_for_publishers(self, *topics):
-        wait_for(
+        wait_until(
             lambda: all(self.node.count_publishers(self._full(topic)) for topic in topics),
             lambda: 'nobody publishes '
             + ', '.join(t for t in topics if not self.node.count_publishers(self._full(t))),
         )
 
     def wait_for_messages(self, topic, count=1):
-        wait_for(lambda: len(self.heard[topic]) >= count, lambda: f'nothing on {topic}')
+        wait_until(lambda: len(self.heard[topic]) >= count, lambda: f'nothing on {topic}')
         return self.heard[topic]
 
     def _full(self, topic):
         return self.node.resolve_topic_name(topic)
-
-
-def wait_for(condition, otherwise):
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline_s, otherwise()
-        time.sleep(0.05)

@@ -18,6 +18,8 @@ import unittest
 
 import pytest
 
+from waiting import wait_until
+
 pytest.importorskip(
     'launch_testing.actions', reason='launch_testing comes with an ordinary ROS 2, not from PyPI'
 )
@@ -27,7 +29,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import launch_testing
 import launch_testing.asserts
 import launch_testing.markers
-from launched import Ear, launched, new_folder, trained_model, wait_for
+from launched import Ear, launched, new_folder, trained_model
 from rclpy.time import Time
 
 from tactile_msgs.msg import Classification, StrainBlock, TrialEvent
@@ -76,10 +78,10 @@ class TestHold(unittest.TestCase):
         publisher = ear.node.create_publisher(
             TrialEvent, f'left/{finger}/trial_runner/events', EVENTS
         )
-        wait_for(lambda: strain, lambda: f'no samples of {finger}')
+        wait_until(lambda: strain, lambda: f'no samples of {finger}')
         # A window that begins before the feature node hears the sensor is refused.
         features = f'left/{finger}/tactile_features'
-        wait_for(
+        wait_until(
             lambda: any(
                 features in status.name and status.level == DiagnosticStatus.OK
                 for array in ear.heard['/diagnostics']

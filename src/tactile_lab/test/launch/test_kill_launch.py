@@ -30,6 +30,9 @@ import time
 from domain_coordinator import domain_id
 import pytest
 
+from simulated_rigs import advance_rig
+from waiting import wait_until
+
 pytest.importorskip('launch', reason='launch comes with an ordinary ROS 2, not from PyPI')
 
 from tactile_bringup.nodes.graph_runner import ros_context
@@ -51,14 +54,6 @@ SCENES = {
     'texture': ('R1', TrialEvent.PHASE_GLIDE),
     'stiffness': ('rubber_shell', TrialEvent.PHASE_HOLD),
 }
-
-
-def wait_for(condition, what):
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not (value := condition()):
-        assert time.monotonic() < deadline_s, what()
-        time.sleep(0.01)
-    return value
 
 
 def children_of(pid):
@@ -124,7 +119,7 @@ class LaunchedRig:
                 return False
             return True
 
-        wait_for(is_granted, lambda: problem)
+        wait_until(is_granted, lambda: problem)
 
     def close(self):
         self._group.close()
@@ -147,7 +142,7 @@ def watch(rig):
     rest = {'guide_rest_s': 0.0, 'tendon_in_s': 0.0, 'slack_s': None}
     while (passed_s := time.monotonic() - began_s) < WATCHED_S or rest['slack_s'] is None:
         assert passed_s < DEADLINE_S, f'the tendon is still taut: {before}'
-        now = rig.truth()
+        now = advance_rig(rig, 0.004)
         if abs(now['guide_position_m'] - before['guide_position_m']) > STEP_M:
             rest['guide_rest_s'] = passed_s
         if now['tendon_displacement_m'] - before['tendon_displacement_m'] > STEP_M:
@@ -155,7 +150,6 @@ def watch(rig):
         if rest['slack_s'] is None and now['tendon_displacement_m'] < SLACK_M:
             rest['slack_s'] = passed_s
         before = now
-        time.sleep(0.004)
     return rest
 
 
@@ -173,9 +167,8 @@ def test_a_killed_node_leaves_a_slack_tendon_and_the_next_trial_runs(tmp_path, p
             target=lambda: pytest.raises(TactileError, operator.run_trial, request), daemon=True
         )
         trial.start()
-        wait_for(lambda: phase in launched.phases, lambda: f'no {phase}')
-        time.sleep(0.5)
-        assert rig.truth()['tendon_displacement_m'] > 0.002
+        wait_until(lambda: phase in launched.phases, lambda: f'no {phase}')
+        assert advance_rig(rig, 0.5)['tendon_displacement_m'] > 0.002
         os.kill(find_process(launched.process.pid, victim), signal.SIGKILL)
         rest = watch(rig)
         launched.phases.clear()

@@ -17,7 +17,6 @@
 What moves it here is the rig's own motion, run by the test: to the launched nodes it is a hand.
 """
 
-import time
 import unittest
 
 import pytest
@@ -32,6 +31,7 @@ import launch_testing.asserts
 import launch_testing.markers
 from launched import Ear, launched, new_folder, trained_model, until_end
 
+from simulated_rigs import advance_rig
 from tactile_bringup.launch_config.graph import Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
@@ -79,7 +79,7 @@ class TestPress(unittest.TestCase):
             operator = OperatorNode((), ear.context, namespace='index')
             with running_graph(motion, ear.context, others=[operator]):
                 operator.home_guide()
-                time.sleep(REST_S)  # what a finger's tension is at rest is learnt at rest
+                advance_rig(rig, REST_S)  # a finger's tension at rest is learnt at rest
                 operator.run_trial(TrialRequest('stiffness', 'flexion', '', 'pressed'))
                 window = ear.wait_for_messages(FEATURES)[-1]
                 answer = ear.wait_for_messages(ANSWERS)[-1]

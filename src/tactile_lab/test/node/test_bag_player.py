@@ -16,7 +16,6 @@ import os
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 from rclpy.node import Node
@@ -30,15 +29,9 @@ from tactile_msgs.msg import StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, EVENTS, STREAM
+from waiting import wait_until
 
 DEADLINE_S = 60.0
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline, 'condition not met in time'
-        time.sleep(0.005)
 
 
 def player(bag, **parameters):

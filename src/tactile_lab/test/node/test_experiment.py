@@ -24,11 +24,12 @@ import pytest
 
 from tactile_bags import EVENT, TactileBag
 from tactile_bags.message_records import read_records
+from tactile_command import QUICK, tactile
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import read_journal
+from waiting import wait_until
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
-DEADLINE_S = 90.0
 
 
 def start(*arguments):
@@ -40,20 +41,14 @@ def start(*arguments):
     )
 
 
-def tactile(*arguments):
-    process = start(*arguments)
-    out, errors = process.communicate(timeout=180)
-    return process.returncode, out, errors
-
-
-def run_until_done(folder, count, signal_number):
+def run_until_done(folder, quick, count, signal_number):
     """Run until so many trials are done and another is in its hold, then send a signal.
 
     On a busy machine a trial may fail, and is then run again.
     """
-    process = start('experiment', folder.path, '--simulated', '--yes')
+    process = start('experiment', folder.path, '--simulated', '--yes', *quick)
     try:
-        wait_until(lambda: is_in_hold(folder, count), process)
+        wait_beside(process, lambda: is_in_hold(folder, count))
         process.send_signal(signal_number)
         out, errors = process.communicate(timeout=60)
     finally:
@@ -69,12 +64,12 @@ def is_in_hold(folder, count):
     return last['kind'] == 'began' and 'hold' in phases(folder, last['trial_id'])
 
 
-def wait_until(condition, process):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
+def wait_beside(process, condition):
+    def step():
         assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < deadline
         time.sleep(0.05)
+
+    wait_until(condition, timeout_s=90.0, step=step)
 
 
 def phases(folder, trial_id):
@@ -85,34 +80,36 @@ def phases(folder, trial_id):
 
 
 def test_an_experiment_survives_ctrl_c_and_kill_and_is_trained_on(tmp_path):
+    parameters = tmp_path / 'quick.yaml'
+    parameters.write_text(QUICK)
+    quick = ('--params', parameters)
     plan = tmp_path / 'soft.yaml'
     options = ['--protocol', 'stiffness', '--objects', 'pla,sponge', '--sessions', '2']
-    code, _, errors = tactile(
-        'experiment', 'new', plan, *options, '--mountings', '1', '--trials', '2'
-    )
-    assert code == 0, errors
+    done = tactile('experiment', 'new', plan, *options, '--mountings', '1', '--trials', '1')
+    assert done.returncode == 0, done.stderr
     folder = ExperimentFolder(tmp_path / 'soft')
-    code, _, errors = tactile('experiment', plan, '--yes')
-    assert (code, '--yes is for --simulated' in errors) == (2, True)
+    done = tactile('experiment', plan, '--yes')
+    assert (done.returncode, '--yes is for --simulated' in done.stderr) == (2, True)
     assert not folder.list_bags()
 
-    out, errors, code = run_until_done(folder, 1, signal.SIGINT)
+    out, errors, code = run_until_done(folder, quick, 1, signal.SIGINT)
     assert code == 130, errors
-    assert 'trial 1 of 8: ' in out
-    assert '1 of 8 trials recorded; ' in out
+    assert 'trial 1 of 4: ' in out
+    assert '1 of 4 trials recorded; ' in out
     assert '1 were interrupted' in out
-    out, _, code = run_until_done(folder, 2, signal.SIGKILL)
+    out, _, code = run_until_done(folder, quick, 2, signal.SIGKILL)
     assert code == -signal.SIGKILL
-    assert 'trial 2 of 8: ' in out
-    code, out, errors = tactile('experiment', folder.path, '--simulated', '--yes', '--json')
-    assert code == 0, errors
+    assert 'trial 2 of 4: ' in out
+    process = start('experiment', folder.path, '--simulated', '--yes', '--json', *quick)
+    out, errors = process.communicate(timeout=180)
+    assert process.returncode == 0, errors
     found = json.loads(out)
-    assert (found['done'], found['interrupted']) == (8, 2)
-    assert found['attempts'] == 10 + found['failed']
+    assert (found['done'], found['interrupted']) == (4, 2)
+    assert found['attempts'] == 6 + found['failed']
     assert found['sessions_left'] == []
     assert len(found['bags']) == 4
-    code, out, _ = tactile('experiment', folder.path, '--simulated', '--yes')
-    assert (code, 'complete; train on it' in out) == (0, True)
+    done = tactile('experiment', folder.path, '--simulated', '--yes')
+    assert (done.returncode, 'complete; train on it' in done.stdout) == (0, True)
 
     # What is in the bags: the order of the plan, each trial once, mountings never shared.
     events = []
@@ -120,19 +117,17 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_is_trained_on(tmp_path):
         with TactileBag(path) as bag:
             events += [event for _, event in read_records(bag.messages(EVENT))]
     kept = [trial['trial_id'] for trial in found['trials'] if trial['is_kept']]
-    done = [event for event in events if event.phase == 'done' and event.trial_id in kept]
-    assert [(e.session_id, e.object_label) for e in done] == [
+    ended = [event for event in events if event.phase == 'done' and event.trial_id in kept]
+    assert [(e.session_id, e.object_label) for e in ended] == [
         (trial.session_id, trial.object_label) for trial in folder.read_order()
     ]
     mounted = {(event.mounting_id, event.object_label) for event in events}
     assert len(mounted) == len({mounting for mounting, _ in mounted}) == 6
-    code, out, errors = tactile('replay', folder.list_bags()[0], '--no-nodes')
-    assert (code, errors) == (0, ''), out
+    done = tactile('replay', folder.list_bags()[0], '--no-nodes')
+    assert (done.returncode, done.stderr) == (0, ''), done.stdout
 
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    code, out, errors = tactile(
-        *('train', folder.path, '-o', tmp_path / 'models', '--folds', '2', '--json')
-    )
-    assert code == 0, errors
-    (model,) = json.loads(out)['models']
-    assert model['evaluation']['trials'] == 8
+    done = tactile('train', folder.path, '-o', tmp_path / 'models', '--folds', '2', '--json')
+    assert done.returncode == 0, done.stderr
+    (model,) = json.loads(done.stdout)['models']
+    assert model['evaluation']['trials'] == 4

@@ -17,11 +17,11 @@
 import concurrent.futures
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-import time
 
 from domain_coordinator import domain_id
 import pytest
 
+from simulated_rigs import home_fast
 from tactile_bags import EVENT, TactileBag
 from tactile_bringup.launch_config.graph import (
     feature_parameters_of,
@@ -38,15 +38,7 @@ from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
-
-DEADLINE_S = 60.0
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+from waiting import wait_until
 
 
 def record_until_interrupted(bag, phase):
@@ -58,7 +50,9 @@ def record_until_interrupted(bag, phase):
         ThreadPoolExecutor() as pool,
         ros_context(int(domain)) as context,
     ):
-        graph = rig_graph(Ports(*rig.ports), {}, {}, simulated=True)
+        home_fast(rig)
+        quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
+        graph = rig_graph(Ports(*rig.ports), {}, quick, simulated=True)
         graph.append(recorder_node(bag, None, (), feature_parameters_of(graph), simulated=True))
         operator = OperatorNode((), context)
         operator.create_subscription(

@@ -18,7 +18,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
@@ -45,15 +44,9 @@ from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
+from waiting import wait_until
 
 DEADLINE_S = 10.0
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline, 'condition not met in time'
-        time.sleep(0.005)
 
 
 def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):

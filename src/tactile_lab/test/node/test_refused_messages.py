@@ -15,7 +15,6 @@
 """Every node outlives messages that it must refuse; a replay passes over the same messages."""
 
 import dataclasses
-import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -35,16 +34,9 @@ from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, Trial
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from waiting import wait_until
 
-DEADLINE_S = 20.0
 CLASSIFIER = 'stiffness_flexion_classifier'
-
-
-def wait_until(condition):
-    end_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
 
 
 def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_path):

@@ -23,6 +23,7 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
+from simulated_rigs import home_fast
 from tactile_bags import TactileBag
 from tactile_bags.replaying.replay import recorded_config, recorded_results
 from tactile_bringup.launch_config.graph import Ports
@@ -40,6 +41,9 @@ from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
+
+QUICK = {'trial_runner': {'approach_speed_m_s': 0.1}}
+"""Shortens what no test here looks at."""
 
 
 @pytest.fixture(scope='module')
@@ -62,8 +66,14 @@ def model(table, tmp_path):
 def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
     bag = tmp_path / 'bag'
     with domain_id() as domain, SimulatedRig(seed=3) as rig:
+        home_fast(rig)
         setup = LiveSetup(
-            Ports(*rig.ports), bag, models=model, simulated=True, domain_id=int(domain)
+            Ports(*rig.ports),
+            bag,
+            models=model,
+            parameters=QUICK,
+            simulated=True,
+            domain_id=int(domain),
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
         (trial,) = run_live_trials(setup, [request], Output(as_json=True), simulated_rig=rig)
@@ -86,8 +96,14 @@ def test_a_model_for_any_contact_answers_a_live_trial(table, tmp_path):
     mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
     model = write_model(tmp_path / 'texture.onnx', train(mixed, 'knn'))
     with domain_id() as domain, SimulatedRig(seed=3) as rig:
+        home_fast(rig)
         setup = LiveSetup(
-            Ports(*rig.ports), tmp_path / 'bag', tmp_path, simulated=True, domain_id=int(domain)
+            Ports(*rig.ports),
+            tmp_path / 'bag',
+            models=tmp_path,
+            parameters=QUICK,
+            simulated=True,
+            domain_id=int(domain),
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
         (trial,) = run_live_trials(setup, [request], Output(as_json=True), simulated_rig=rig)

@@ -16,11 +16,11 @@
 
 from contextlib import ExitStack
 import threading
-import time
 
 from chromium import Chromium, find_chromium
 import pytest
 
+from simulated_rigs import home_fast, truth_at_rest
 from tactile_bringup.launch_config.graph import Ports, rig_graph
 from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
@@ -32,6 +32,7 @@ from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.watching import watching
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_sim.rig_process import SimulatedRig
+from waiting import wait_until
 
 needs_chromium = pytest.mark.skipif(
     find_chromium() is None, reason='no Chromium is installed; apt install chromium'
@@ -60,7 +61,9 @@ def rig(context, trained):
     with ExitStack() as stack:
         simulated = stack.enter_context(SimulatedRig(seed=3))
         models = find_models(trained)
-        graph = rig_graph(Ports(*simulated.ports), models, {}, simulated=True)
+        home_fast(simulated)
+        quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
+        graph = rig_graph(Ports(*simulated.ports), models, quick, simulated=True)
         watch = stack.enter_context(
             watching(
                 context,
@@ -202,15 +205,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
     assert len(stopped) == 1, 'the trial was cancelled, so it is not run again'
     assert 'cancelled' in stopped[0]
     assert watch.was_stopped
-    deadline = time.monotonic() + DEADLINE_S
-    while (before := simulated.truth()) and time.monotonic() < deadline:
-        time.sleep(0.1)
-        after = simulated.truth()
-        keys = ('guide_position_m', 'tendon_displacement_m')
-        if all(before[k] == after[k] for k in keys):
-            break
-    assert after['guide_position_m'] == before['guide_position_m']
-    assert abs(after['tendon_displacement_m']) < 1e-3, 'the tendon is let out'
+    assert abs(truth_at_rest(simulated)['tendon_displacement_m']) < 1e-3, 'the tendon is let out'
     assert browser.console == []
 
 
@@ -234,11 +229,8 @@ def test_a_silent_sensor_is_told_with_its_remedy(rig):
         devices = {d['name']: d for d in watch.state.describe_devices()}
         return devices.get('tendon_sensor', {}).get('level') in ('warning', 'error')
 
-    deadline = time.monotonic() + DEADLINE_S
-    while not watch.state.silences():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    wait_until(watch.state.silences)
     simulated.fault('sensor', 'unplug')
-    while not (is_told() and watch.state.silences()[''] > 1.0):
-        assert time.monotonic() < deadline, watch.state.describe_devices()
-        time.sleep(0.05)
+    wait_until(
+        lambda: is_told() and watch.state.silences()[''] > 1.0, watch.state.describe_devices
+    )

@@ -14,7 +14,6 @@
 
 from dataclasses import dataclass
 import threading
-import time
 
 from action_msgs.msg import GoalStatus
 import pytest
@@ -27,6 +26,7 @@ from tactile_ros.goals import GoalAborted, GoalRunner
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.requests import send
+from waiting import wait_until
 
 DEADLINE_S = 10.0
 
@@ -99,13 +99,6 @@ def rig(context):
     yield make
     for group in groups:
         group.close()
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline, 'condition not met in time'
-        time.sleep(0.005)
 
 
 def test_goal_succeeds_with_feedback(rig):

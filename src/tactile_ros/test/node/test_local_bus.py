@@ -16,7 +16,6 @@
 
 from dataclasses import dataclass
 import threading
-import time
 
 import pytest
 import rclpy
@@ -32,6 +31,7 @@ from tactile_ros.bus.local_bus import BUS, Inbox
 from tactile_ros.errors import MessageError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import STREAM
+from waiting import wait_until
 
 DEADLINE_S = 10.0
 OVERRIDE = 'qos_overrides./numbers.publisher.reliability'
@@ -116,13 +116,6 @@ def check(record):
     if record.value < 0:
         raise MessageError(f'value is {record.value}; it must not be negative')
     return record
-
-
-def wait_until(condition):
-    end_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < end_s, 'condition not met in time'
-        time.sleep(0.005)
 
 
 @pytest.fixture

@@ -15,7 +15,6 @@
 """Messages that a node cannot convert end with themselves, not with the node."""
 
 from dataclasses import dataclass
-import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
@@ -31,6 +30,7 @@ from tactile_ros.errors import MessageError
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM
+from waiting import wait_until
 
 DEADLINE_S = 10.0
 
@@ -53,13 +53,6 @@ class Listener(TactileNode):
         if message.data == 13:
             raise ValueError('a fault of the program')
         self.numbers.append(message.data)
-
-
-def wait_until(condition):
-    end_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 from dataclasses import dataclass
-import time
+from functools import partial
 
 import pytest
 import rclpy
@@ -25,6 +25,7 @@ from std_msgs.msg import Empty
 from tactile_ros.heartbeat import HeartbeatPublisher
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.qos import STREAM
+from waiting import wait_until
 
 
 @dataclass(frozen=True)
@@ -69,20 +70,21 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(make_node, 
         executor.add_node(each)
     beats = []
     listener.create_subscription(Empty, 'beating/heartbeat', beats.append, qos_profile_sensor_data)
-    well = [True]
-    heart = HeartbeatPublisher(node, lambda: well[0])
+    well, not_well = [True], []
 
-    def spin_until(done, timeout_s):
-        until = time.monotonic() + timeout_s
-        while not done() and time.monotonic() < until:
-            executor.spin_once(timeout_sec=0.02)
-        return done()
+    def is_well():
+        if not well[0]:
+            not_well.append(True)
+        return well[0]
 
-    assert spin_until(lambda: len(beats) >= 3, 20.0)
+    heart = HeartbeatPublisher(node, is_well)
+    spin = partial(executor.spin_once, timeout_sec=0.02)
+    wait_until(lambda: len(beats) >= 3, step=spin)
     well[0] = False
-    spin_until(lambda: False, 0.2)  # what was under way arrives
+    wait_until(lambda: len(not_well) >= 5, step=spin)  # what was under way arrives
     count = len(beats)
-    assert not spin_until(lambda: len(beats) > count, 0.3)
+    wait_until(lambda: len(not_well) >= 15, step=spin)
+    assert len(beats) == count
     heart.close()
     assert node.count_publishers('/beating/heartbeat') == 0
     executor.shutdown()

@@ -16,7 +16,6 @@
 
 from dataclasses import dataclass
 import threading
-import time
 
 import pytest
 import rclpy
@@ -31,6 +30,7 @@ from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
+from waiting import wait_until
 
 DEADLINE_S = 10.0
 
@@ -51,13 +51,6 @@ class Listener(DataNode):
     def take(self, message):
         self.threads.add(threading.current_thread().name)
         self.values.append(message.data)
-
-
-def wait_until(condition):
-    end_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < end_s, 'condition not met in time'
-        time.sleep(0.005)
 
 
 def receiver_threads():

@@ -22,6 +22,8 @@ import time
 
 import pytest
 
+from waiting import wait_until
+
 PROGRAM = """
 import ctypes
 import sys
@@ -39,7 +41,8 @@ class Node(TactileNode):
     def __init__(self):
         if 'slow' in sys.argv:
             print('constructing', flush=True)
-            time.sleep(0.5)
+            while not signals.held_signals().received:
+                time.sleep(0.001)
         super().__init__('probe', Config)
     def set_up(self, config):
         if config.device == 'waiting':
@@ -137,9 +140,12 @@ def test_callback_that_raises_ends_the_process_with_one_and_a_traceback():
 def test_a_second_signal_does_not_change_the_exit_code():
     process = start()
     assert process.stdout.readline().strip() == 'started'
-    while process.poll() is None:  # also while the interpreter ends
+
+    def send():  # also while the interpreter ends
         process.send_signal(signal.SIGINT)
         time.sleep(0.001)
+
+    wait_until(lambda: process.poll() is not None, step=send)
     _, errors = process.communicate(timeout=10)
     assert process.returncode == 0, errors
 

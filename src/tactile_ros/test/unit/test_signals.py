@@ -31,7 +31,7 @@ NUMBER = int(sys.argv[1])
 
 def take():
     # As when the system gives the signal to a thread that is not the main one.
-    time.sleep(0.2)
+    time.sleep(0.2)  # nobody else sees when the main thread has begun to wait
     signal.pthread_kill(threading.get_ident(), NUMBER)
     time.sleep(60)
 
@@ -78,7 +78,7 @@ try:
         threading.Event().wait()
 except KeyboardInterrupt:
     os.kill(os.getpid(), NUMBER)  # clearing up is not interrupted
-    time.sleep(0.2)
+    time.sleep(0.2)  # for an interrupt that must not come
     print('cleared up')
 """
     )

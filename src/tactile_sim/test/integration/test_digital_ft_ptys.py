@@ -27,6 +27,7 @@ import pytest
 from tactile_sim.devices.ati.digital_ft_device import DigitalFtDevice
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.ati.digital_ft import DigitalFtClient
+from waiting import wait_until
 
 
 class Port:
@@ -71,13 +72,6 @@ class Port:
                     os.write(self.master, output)
 
 
-def wait(condition, timeout_s=20.0):
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline_s, 'the condition did not come true in time'
-        time.sleep(0.002)
-
-
 @pytest.fixture
 def port(tmp_path):
     device = DigitalFtDevice(lambda time_s: 7.0 + time_s, np.random.default_rng(0))
@@ -97,7 +91,7 @@ def client(port, blocks):
         sensor='digital_ft', port=port.link, baud=1_250_000, rate_hz=60.0, scale=-1.0
     )
     with DigitalFtClient(config, blocks.append, time.time_ns) as client:
-        wait(lambda: len(blocks) > 5)
+        wait_until(lambda: len(blocks) > 5)
         yield client
 
 
@@ -110,7 +104,7 @@ def check_numbers(blocks):
 
 
 def test_the_calibration_of_the_device_makes_newtons_of_its_gauges(port, client, blocks):
-    wait(lambda: len(blocks) > 30)
+    wait_until(lambda: len(blocks) > 30)
     client.close()
     check_numbers(blocks)
     tension_n = np.concatenate([block.tension_n for block in blocks])
@@ -129,8 +123,8 @@ def test_a_stream_left_by_a_crashed_run_is_stopped_first(port, blocks):
     port.device.is_streaming = True
     config = TendonSensorConfig(sensor='digital_ft', port=port.link, baud=1_250_000)
     with DigitalFtClient(config, blocks.append, time.time_ns):
-        wait(lambda: len(blocks) > 3)
-    wait(lambda: not port.device.is_streaming)  # closing stops it
+        wait_until(lambda: len(blocks) > 3)
+    wait_until(lambda: not port.device.is_streaming)  # closing stops it
 
 
 def test_damage_is_dropped_counted_and_invents_nothing(port, client, blocks):
@@ -138,9 +132,9 @@ def test_damage_is_dropped_counted_and_invents_nothing(port, client, blocks):
     damage = iter([b'\0' * 40, generator.bytes(100), generator.bytes(5)])
     with port.lock:
         port.spoil = lambda data: next(damage, b'') + data[: len(data) // 13 * 13]
-    wait(lambda: client.health().lost_samples >= 1)
+    wait_until(lambda: client.health().lost_samples >= 1)
     count = len(blocks)
-    wait(lambda: len(blocks) > count + 10)
+    wait_until(lambda: len(blocks) > count + 10)
     client.close()
     check_numbers(blocks)
     tension_n = np.concatenate([block.tension_n for block in blocks])
@@ -152,24 +146,24 @@ def test_damage_is_dropped_counted_and_invents_nothing(port, client, blocks):
 def test_an_error_is_marked_and_told_in_words(port, client, blocks):
     with port.lock:
         port.device.status = 1 << 5
-    wait(lambda: client.health().device_status == 'supply too low')
+    wait_until(lambda: client.health().device_status == 'supply too low')
     count = len(blocks)
-    wait(lambda: len(blocks) > count + 3)
+    wait_until(lambda: len(blocks) > count + 3)
     assert StrainStatus.DEVICE_ERROR in blocks[-1].status
     with port.lock:
         port.device.status = 0
-    wait(lambda: client.health().device_status == '')
+    wait_until(lambda: client.health().device_status == '')
     assert StrainStatus.DEVICE_ERROR not in client.health().status
 
 
 def test_it_comes_back_after_unplugging(port, client, blocks):
     port.unplug()
-    wait(lambda: not client.health().is_connected)
+    wait_until(lambda: not client.health().is_connected)
     with port.lock:
         port.device.is_streaming = False
     count = len(blocks)
     port.plug_in()
-    wait(lambda: len(blocks) > count + 3)
+    wait_until(lambda: len(blocks) > count + 3)
     assert StrainStatus.RECONNECTED in blocks[count].status
     assert blocks[count].lost_before > 0
     client.close()
@@ -179,8 +173,8 @@ def test_it_comes_back_after_unplugging(port, client, blocks):
 def test_a_silent_device_is_noticed(port, client, blocks):
     with port.lock:
         port.device.is_streaming = False
-    wait(lambda: not client.health().is_connected)
-    wait(lambda: client.health().is_connected)  # and told to stream again
+    wait_until(lambda: not client.health().is_connected)
+    wait_until(lambda: client.health().is_connected)  # and told to stream again
     assert client.health().reconnects == 1
 
 

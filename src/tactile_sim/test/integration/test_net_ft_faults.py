@@ -25,6 +25,7 @@ from tactile_sim.devices.ati.net_ft_box import NetFtBox
 from tactile_sim.devices.ati.net_ft_device import NetFtDevice
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.ati.net_ft import NetFtClient
+from waiting import wait_until
 
 INTERNAL_HZ = 7000
 STEP_N = 1e-4  # of the force from one tick to the next
@@ -69,13 +70,6 @@ class Rig:
         return self.client.health()
 
 
-def wait(condition, timeout_s=20.0):
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline_s, 'the condition did not come true in time'
-        time.sleep(0.002)
-
-
 def configure(device, way, **changes):
     rate_hz, samples_per_block = way
     return TendonSensorConfig(
@@ -96,7 +90,7 @@ def rig(way):
     with NetFtDevice(NetFtBox(ramp, noise_counts=0.0)) as device:
         recorder = Recorder()
         with NetFtClient(configure(device, way), recorder, time.time_ns) as client:
-            wait(lambda: recorder.samples() > 10)
+            wait_until(lambda: recorder.samples() > 10)
             yield Rig(device, client, recorder)
         assert device.failure is None
 
@@ -124,7 +118,7 @@ def divisor(way):
 
 @BOTH
 def test_all_samples_arrive_in_order_with_the_true_period(rig, way):
-    wait(lambda: rig.recorder.samples() > 3 * way[0] ** 0.5 * 10)
+    wait_until(lambda: rig.recorder.samples() > 3 * way[0] ** 0.5 * 10)
     rig.client.close()
     check_samples(rig, divisor(way))
     assert rig.health.lost_samples == 0
@@ -138,7 +132,7 @@ def test_all_samples_arrive_in_order_with_the_true_period(rig, way):
 
 @pytest.mark.parametrize('way', [(60.0, 1)])
 def test_60_hz_are_reported_as_what_they_are(rig):
-    wait(lambda: rig.recorder.samples() > 12)
+    wait_until(lambda: rig.recorder.samples() > 12)
     assert rig.health.rate_hz == pytest.approx(60.345, abs=0.001)
     assert rig.recorder.take()[-1].period_ns == round(116e9 / 7000)
 
@@ -157,10 +151,10 @@ def test_what_the_network_does_is_counted_and_invents_nothing(rig, way, kind):
             'garbage': health.rejected_lines,
         }[kind]
 
-    wait(lambda: count() >= 5)
+    wait_until(lambda: count() >= 5)
     rig.device.heal()
     samples = rig.recorder.samples()
-    wait(lambda: rig.recorder.samples() > samples + 20)
+    wait_until(lambda: rig.recorder.samples() > samples + 20)
     rig.client.close()
     check_samples(rig, divisor(way))
     if kind == 'garbage':
@@ -171,7 +165,7 @@ def test_what_the_network_does_is_counted_and_invents_nothing(rig, way, kind):
 def test_a_burst_loses_nothing(rig, way):
     rig.device.fault('burst', 0.05)
     samples = rig.recorder.samples()
-    wait(lambda: rig.recorder.samples() > samples + 0.2 * way[0])
+    wait_until(lambda: rig.recorder.samples() > samples + 0.2 * way[0])
     rig.client.close()
     check_samples(rig, divisor(way))
     assert rig.health.lost_samples == 0
@@ -189,20 +183,20 @@ def test_a_burst_loses_nothing(rig, way):
 def test_what_the_box_reports_is_in_the_status_and_in_words(rig, way, kind, bit, words):
     since = len(rig.recorder.take())
     rig.device.fault(kind)
-    wait(lambda: bit in rig.recorder.status(since))
+    wait_until(lambda: bit in rig.recorder.status(since))
     assert rig.health.device_status == words
     assert bit in rig.health.status
     samples = rig.recorder.samples()
-    wait(lambda: rig.recorder.samples() > samples + 20)  # they still come
+    wait_until(lambda: rig.recorder.samples() > samples + 20)  # they still come
     rig.device.heal()
-    wait(lambda: bit not in rig.health.status)
+    wait_until(lambda: bit not in rig.health.status)
     assert rig.health.device_status == ''
 
 
 @BOTH
 def test_samples_with_an_error_are_the_true_ones(rig, way):
     rig.device.fault('status')
-    wait(lambda: rig.recorder.samples() > 40)
+    wait_until(lambda: rig.recorder.samples() > 40)
     rig.client.close()
     check_samples(rig, divisor(way))
 
@@ -211,7 +205,7 @@ def test_samples_with_an_error_are_the_true_ones(rig, way):
 def test_a_stale_counter_gives_silence_and_no_repeated_sample(rig, way):
     rig.device.fault('stale', 0.4)
     samples = rig.recorder.samples()
-    wait(lambda: rig.recorder.samples() > samples + 20)
+    wait_until(lambda: rig.recorder.samples() > samples + 20)
     rig.client.close()
     check_samples(rig, divisor(way))
     assert rig.health.lost_samples > 0
@@ -221,11 +215,11 @@ def test_a_stale_counter_gives_silence_and_no_repeated_sample(rig, way):
 @pytest.mark.parametrize('kind', ['mute', 'unplug'])
 def test_a_box_that_falls_silent_is_noticed_and_comes_back(rig, way, kind):
     rig.device.fault(kind)
-    wait(lambda: not rig.health.is_connected)
+    wait_until(lambda: not rig.health.is_connected)
     assert rig.health.last_error
     rig.device.heal()
     since = len(rig.recorder.take())
-    wait(lambda: len(rig.recorder.take()) > since + 5)
+    wait_until(lambda: len(rig.recorder.take()) > since + 5)
     rig.client.close()
     check_samples(rig, divisor(way))  # the counter went on: what is missing is counted
     assert StrainStatus.RECONNECTED in rig.recorder.take()[since].status
@@ -238,9 +232,9 @@ def test_a_box_that_falls_silent_is_noticed_and_comes_back(rig, way, kind):
 def test_a_restarted_box_gets_its_settings_again(rig, way, away_s):
     since = len(rig.recorder.take())
     rig.device.fault('restart', away_s)
-    wait(lambda: StrainStatus.RECONNECTED in rig.recorder.status(since))
+    wait_until(lambda: StrainStatus.RECONNECTED in rig.recorder.status(since))
     samples = rig.recorder.samples()
-    wait(lambda: rig.recorder.samples() > samples + 20)
+    wait_until(lambda: rig.recorder.samples() > samples + 20)
     assert rig.device.read_settings()['comrdtrate'] == way[0]
     assert rig.device.read_settings()['setuserfilter'] == 6
     assert rig.health.restarts == 1
@@ -264,7 +258,7 @@ def test_pounds_and_another_axis_become_newtons(way):
         recorder = Recorder()
         config = configure(device, way, axis='fx', scale=-1.0)
         with NetFtClient(config, recorder, time.time_ns):
-            wait(lambda: recorder.samples() > 50)
+            wait_until(lambda: recorder.samples() > 50)
     tension_n = np.concatenate([block.tension_n for block in recorder.take()])
     wrench = np.concatenate([block.wrench for block in recorder.take()])
     assert wrench.shape == (len(tension_n), 6)
@@ -297,7 +291,7 @@ def test_settings_that_are_right_are_not_written_again(way):
         for expected in (2, 2):  # two pages the first time, none the second
             recorder = Recorder()
             with NetFtClient(configure(device, way), recorder, time.time_ns):
-                wait(lambda recorder=recorder: recorder.samples() > 10)
+                wait_until(lambda recorder=recorder: recorder.samples() > 10)
             assert len(written) == expected
 
 

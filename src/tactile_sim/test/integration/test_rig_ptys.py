@@ -19,7 +19,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import dynamixel_sdk
 import pytest
@@ -28,6 +27,7 @@ import serial
 from tactile_sim import RigError, SimulatedRig
 from tendon_sensor_driver.lines.line_protocol import LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
+from waiting import wait_until
 
 DEADLINE_S = 20.0
 
@@ -38,14 +38,6 @@ def rig():
         yield rig
 
 
-def wait_for(condition, what):
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not (result := condition()):
-        assert time.monotonic() < deadline_s, what
-        time.sleep(0.01)
-    return result
-
-
 def read_until(port, ending):
     data = b''
 
@@ -54,7 +46,7 @@ def read_until(port, ending):
         data += port.read(port.in_waiting)
         return data.endswith(ending)
 
-    wait_for(complete, f'{ending!r} after {data[-200:]!r}')
+    wait_until(complete, f'{ending!r} after {data[-200:]!r}')
     return data
 
 
@@ -83,7 +75,7 @@ def test_servo_over_the_real_sdk(rig):
         assert packets.write4ByteTxRx(port, 1, 112, 30) == (0, 0)
         assert packets.write1ByteTxRx(port, 1, 64, 1) == (0, 0)
         assert packets.write4ByteTxRx(port, 1, 116, 2048 + 200) == (0, 0)
-        wait_for(lambda: packets.read4ByteTxRx(port, 1, 132)[0] == 2248, 'goal not reached')
+        wait_until(lambda: packets.read4ByteTxRx(port, 1, 132)[0] == 2248, 'goal not reached')
         assert packets.write1ByteTxRx(port, 1, 11, 4) == (0, 7)  # EEPROM is locked
         reader = dynamixel_sdk.GroupSyncRead(port, packets, 126, 10)
         assert reader.addParam(1)
@@ -92,10 +84,10 @@ def test_servo_over_the_real_sdk(rig):
         writer = dynamixel_sdk.GroupSyncWrite(port, packets, 116, 4)
         assert writer.addParam(1, [0x00, 0x08, 0x00, 0x00])
         assert writer.txPacket() == dynamixel_sdk.COMM_SUCCESS
-        wait_for(lambda: packets.read4ByteTxRx(port, 1, 132)[0] == 2048, 'not back')
+        wait_until(lambda: packets.read4ByteTxRx(port, 1, 132)[0] == 2048, 'not back')
         assert packets.write1ByteTxRx(port, 1, 64, 0) == (0, 0)
         assert packets.reboot(port, 1) == (0, 0)
-        wait_for(lambda: packets.ping(port, 1)[1] == 0, 'no life after the reboot')
+        wait_until(lambda: packets.ping(port, 1)[1] == 0, 'no life after the reboot')
     finally:
         port.closePort()
 
@@ -105,7 +97,7 @@ def test_load_cell_lines_come_at_60_hz(rig):
     with serial.Serial(rig.ports.sensor, 115200, timeout=1.0) as port:
         start_s = rig.truth()['time_s']
         readings = []
-        wait_for(
+        wait_until(
             lambda: readings.extend(decoder.feed(port.read(max(port.in_waiting, 1)), 0))
             or len(readings) >= 60,
             'too few lines',

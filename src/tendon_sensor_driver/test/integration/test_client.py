@@ -27,6 +27,7 @@ from tendon_sensor_driver import (
     TendonSensorConfig,
     TendonSensorError,
 )
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -49,13 +50,13 @@ def make_client(sensor, blocks):
         client.close()
 
 
-def test_readings_come_out_as_blocks(sensor, make_client, blocks, wait_for):
+def test_readings_come_out_as_blocks(sensor, make_client, blocks):
     before_ns = time.time_ns()
     client = make_client()
     sensor.write(b'34,kg,\r\n')
     for i in range(10):
         sensor.write_reading(1000 + i * 1000 // 60, i / 100)
-    wait_for(lambda: len(blocks) == 10)
+    wait_until(lambda: len(blocks) == 10)
     assert [block.sequence for block in blocks] == list(range(10))
     assert [block.tension_n.tolist() for block in blocks] == [
         [i / 100 * 9.80665] for i in range(10)
@@ -98,12 +99,10 @@ def test_a_client_is_opened_once(make_client):
         client.open()
 
 
-def test_close_lets_go_of_the_port_and_hands_out_what_arrived(
-    sensor, make_client, blocks, wait_for
-):
+def test_close_lets_go_of_the_port_and_hands_out_what_arrived(sensor, make_client, blocks):
     client = make_client(samples_per_block=100, silence_s=30.0)
     sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.6))
-    wait_for(lambda: client.health().readings == 2)
+    wait_until(lambda: client.health().readings == 2)
     assert blocks == []
     started = time.monotonic()
     client.close()
@@ -114,40 +113,40 @@ def test_close_lets_go_of_the_port_and_hands_out_what_arrived(
     make_client()
 
 
-def test_it_is_a_context_manager(sensor, blocks, wait_for):
+def test_it_is_a_context_manager(sensor, blocks):
     config = TendonSensorConfig(port=sensor.port)
     with TendonSensorClient(config, blocks.append, time.time_ns) as client:
         sensor.write(b'\n' + encode_reading(0, 0.5))
-        wait_for(lambda: blocks)
+        wait_until(lambda: blocks)
     assert not client.health().is_connected
 
 
-def test_an_unfinished_block_does_not_wait_out_a_silence(sensor, make_client, blocks, wait_for):
+def test_an_unfinished_block_does_not_wait_out_a_silence(sensor, make_client, blocks):
     client = make_client(samples_per_block=100, silence_s=0.05)
     sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.6))
-    wait_for(lambda: blocks)
+    wait_until(lambda: blocks)
     assert len(blocks[0].tension_n) == 2
     assert client.health().is_connected
 
 
-def test_garbage_is_counted_and_told_but_never_a_sample(sensor, make_client, blocks, wait_for):
+def test_garbage_is_counted_and_told_but_never_a_sample(sensor, make_client, blocks):
     client = make_client()
     sensor.write(b'\n\x00\xff\xfe7,7\r\n' + b'y' * 5000 + b'\r\n')
     sensor.write(encode_reading(0, 0.5) + b'1,nan,kg,\r\n' + encode_reading(17, 0.5))
-    wait_for(lambda: len(blocks) == 2)
+    wait_until(lambda: len(blocks) == 2)
     assert {block.status for block in blocks} == {StrainStatus.RESYNCHRONISED}
     assert client.health().rejected_lines == 3
     assert client.health().last_rejected == '1,nan,kg,'
 
 
-def test_a_lost_line_is_a_gap(sensor, make_client, blocks, wait_for):
+def test_a_lost_line_is_a_gap(sensor, make_client, blocks):
     make_client()
     sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(50, 0.5))
-    wait_for(lambda: len(blocks) == 2)
+    wait_until(lambda: len(blocks) == 2)
     assert (blocks[1].sequence, blocks[1].lost_before) == (3, 2)
 
 
-def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, blocks, wait_for):
+def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, blocks):
     started_ns = time.monotonic_ns()
 
     def device_ms():
@@ -155,16 +154,16 @@ def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, b
 
     client = make_client()
     sensor.write(b'\n' + encode_reading(device_ms(), 0.25) + b'10100,0.7')
-    wait_for(lambda: len(blocks) == 1)
+    wait_until(lambda: len(blocks) == 1)
     sensor.unplug()
-    wait_for(lambda: not client.health().is_connected)
+    wait_until(lambda: not client.health().is_connected)
     assert 'lost serial port' in client.health().last_error
-    wait_for(lambda: 'no such device' in client.health().last_error)
+    wait_until(lambda: 'no such device' in client.health().last_error)
 
     sensor.plug_in()
-    wait_for(lambda: client.health().reconnects == 1)
+    wait_until(lambda: client.health().reconnects == 1)
     sensor.write(b'5000,kg,\r\n' + encode_reading(device_ms(), 0.5))
-    wait_for(lambda: len(blocks) == 2)
+    wait_until(lambda: len(blocks) == 2)
     assert blocks[1].tension_n.tolist() == [0.5 * 9.80665]
     assert blocks[1].status == StrainStatus.RECONNECTED
     # The device's clock ran on, so what was lost meanwhile is known.
@@ -174,16 +173,16 @@ def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, b
     assert client.health().rejected_lines == 0
 
 
-def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, blocks, wait_for):
+def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, blocks):
     client = make_client()
     sensor.write(b'\n' + encode_reading(90_000, 0.5))
-    wait_for(lambda: len(blocks) == 1)
+    wait_until(lambda: len(blocks) == 1)
     sensor.unplug()
-    wait_for(lambda: not client.health().is_connected)
+    wait_until(lambda: not client.health().is_connected)
     sensor.plug_in()
-    wait_for(lambda: client.health().reconnects == 1)
+    wait_until(lambda: client.health().reconnects == 1)
     sensor.write(b'\nReadings:\r\n' + encode_reading(12, 0.5) + encode_reading(29, 0.5))
-    wait_for(lambda: len(blocks) == 3)
+    wait_until(lambda: len(blocks) == 3)
     assert blocks[1].status == (
         StrainStatus.RECONNECTED | StrainStatus.RESTARTED | StrainStatus.RESYNCHRONISED
     )
@@ -191,18 +190,18 @@ def test_a_board_that_restarts_with_the_cable_begins_anew(sensor, make_client, b
     assert blocks[0].stamp_ns < blocks[1].stamp_ns < blocks[2].stamp_ns
 
 
-def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, wait_for, monkeypatch):
+def test_close_does_not_wait_for_a_sensor_that_is_away(sensor, make_client, monkeypatch):
     monkeypatch.setattr('tendon_sensor_driver.client_base.FIRST_DELAY_S', 30.0)
     client = make_client()
     sensor.unplug()
-    wait_for(lambda: not client.health().is_connected)
+    wait_until(lambda: not client.health().is_connected)
     started = time.monotonic()
     client.close()
     assert time.monotonic() - started < 3.0
 
 
 def test_what_comes_while_a_consumer_takes_too_long_is_dropped_and_told(
-    sensor, make_client, blocks, wait_for, monkeypatch
+    sensor, make_client, blocks, monkeypatch
 ):
     """The kernel may have dropped parts of it, so that pieces of two lines are joined."""
     monkeypatch.setattr('tendon_sensor_driver.lines.line_client.LONGEST_DELIVERY_NS', 0)
@@ -214,20 +213,18 @@ def test_what_comes_while_a_consumer_takes_too_long_is_dropped_and_told(
 
     client = make_client(on_block)
     sensor.write(b'\n' + encode_reading(0, 0.5))
-    wait_for(lambda: blocks)
+    wait_until(lambda: blocks)
     sensor.write(encode_reading(17, 0.5) + encode_reading(33, 0.5) + b'50,0.')
     gate.set()
-    wait_for(lambda: client.health().overruns)
+    wait_until(lambda: client.health().overruns)
     sensor.write(b'90000,kg,\r\n' + encode_reading(67, 0.5))
-    wait_for(lambda: len(blocks) == 2)
+    wait_until(lambda: len(blocks) == 2)
     assert blocks[1].tension_n.tolist() == [0.5 * 9.80665]
     assert (blocks[1].sequence, blocks[1].lost_before) == (4, 3)
     assert blocks[1].status == StrainStatus.RESYNCHRONISED
 
 
-def test_a_consumer_that_is_quick_enough_loses_nothing(
-    sensor, make_client, blocks, wait_for, monkeypatch
-):
+def test_a_consumer_that_is_quick_enough_loses_nothing(sensor, make_client, blocks, monkeypatch):
     monkeypatch.setattr('tendon_sensor_driver.lines.line_client.LONGEST_DELIVERY_NS', 10**12)
     gate = threading.Event()
 
@@ -237,25 +234,25 @@ def test_a_consumer_that_is_quick_enough_loses_nothing(
 
     client = make_client(on_block)
     sensor.write(b'\n' + b''.join(encode_reading(17 * i, 0.5) for i in range(20)))
-    wait_for(lambda: blocks)
+    wait_until(lambda: blocks)
     sensor.write(b''.join(encode_reading(17 * i, 0.5) for i in range(20, 40)))
     gate.set()
-    wait_for(lambda: len(blocks) == 40)
+    wait_until(lambda: len(blocks) == 40)
     assert client.health().overruns == client.health().lost_samples == 0
 
 
-def test_a_consumer_that_fails_does_not_end_the_stream(sensor, make_client, blocks, wait_for):
+def test_a_consumer_that_fails_does_not_end_the_stream(sensor, make_client, blocks):
     def on_block(block):
         blocks.append(block)
         raise RuntimeError('disk full')
 
     client = make_client(on_block)
     sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.5))
-    wait_for(lambda: len(blocks) == 2)
-    wait_for(lambda: 'disk full' in client.health().last_error)
+    wait_until(lambda: len(blocks) == 2)
+    wait_until(lambda: 'disk full' in client.health().last_error)
 
 
-def test_the_consumer_may_close_the_client(sensor, make_client, wait_for):
+def test_the_consumer_may_close_the_client(sensor, make_client):
     done = threading.Event()
 
     def on_block(_):
@@ -264,33 +261,39 @@ def test_the_consumer_may_close_the_client(sensor, make_client, wait_for):
 
     client = make_client(on_block)
     sensor.write(b'\n' + encode_reading(0, 0.5))
-    wait_for(done.is_set)
-    wait_for(lambda: not client.health().is_connected)
+    wait_until(done.is_set)
+    wait_until(lambda: not client.health().is_connected)
 
 
-def test_bursts_duplicates_and_late_lines_are_counted(sensor, make_client, blocks, wait_for):
+def test_bursts_duplicates_and_late_lines_are_counted(sensor, make_client, blocks):
     client = make_client()
     sensor.write(b'\n' + b''.join(encode_reading(i * 17, i / 10) for i in range(5)))
-    wait_for(lambda: len(blocks) == 5)
+    wait_until(lambda: len(blocks) == 5)
     assert client.health().bursts == 1
     for ticks in (68, 51, 85):
         sensor.write_reading(ticks, 0.9)
-    wait_for(lambda: len(blocks) == 6)
+    wait_until(lambda: len(blocks) == 6)
     health = client.health()
     assert (health.duplicates, health.late_samples, health.lost_samples) == (1, 1, 0)
     assert [block.sequence for block in blocks] == list(range(6))
 
 
-def test_nothing_is_sent_to_a_board_that_has_spoken(sensor, make_client, blocks, wait_for):
-    make_client(silence_s=0.02)
+def wait_for_silences(client, count=5):
+    """Wait until a client has noticed so many times that its sensor says nothing."""
+    silences, leave_menu = [], client._leave_menu
+    client._leave_menu = lambda link: silences.append(leave_menu(link))
+    wait_until(lambda: len(silences) >= count)
+
+
+def test_nothing_is_sent_to_a_board_that_has_spoken(sensor, make_client, blocks):
+    client = make_client(silence_s=0.02)
     sensor.write(b'\n' + encode_reading(0, 0.5))
-    wait_for(lambda: blocks)
+    wait_until(lambda: blocks)
     sensor.read()  # while it had said nothing it may have been asked
-    time.sleep(0.2)
+    wait_for_silences(client)
     assert sensor.read() == b''
 
 
 def test_a_quiet_board_hears_nothing_when_told_so(sensor, make_client):
-    make_client(silence_s=0.02, leave_menu=False)
-    time.sleep(0.2)
+    wait_for_silences(make_client(silence_s=0.02, leave_menu=False))
     assert sensor.read() == b''

@@ -14,7 +14,7 @@
 
 """The node in process, over real DDS."""
 
-import time
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
 from domain_coordinator import domain_id
@@ -31,6 +31,7 @@ from std_srvs.srv import Trigger
 from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros.qos import STREAM
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -70,10 +71,8 @@ class Graph:
         self.executor.add_node(self.listener)
 
     def spin_until(self, condition, timeout_s=10.0):
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline, 'the condition did not come true in time'
-            self.executor.spin_once(timeout_sec=0.05)
+        step = partial(self.executor.spin_once, timeout_sec=0.05)
+        wait_until(condition, timeout_s=timeout_s, step=step)
 
     def is_matched(self):
         """Whether both ends know each other; the graph's counts come before that."""

@@ -15,10 +15,11 @@
 """A simulated rig that each test may break, and its open ports."""
 
 import dynamixel_sdk
-from faulty_rig import Ear, wait_for
+from faulty_rig import Ear
 import pytest
 
 from tactile_sim import SimulatedRig
+from waiting import wait_until
 
 
 @pytest.fixture(scope='module')
@@ -54,6 +55,6 @@ def servo(rig):
     port, packets = dynamixel_sdk.PortHandler(rig.ports.tendon), dynamixel_sdk.PacketHandler(2.0)
     assert port.openPort()
     rig.fault('tendon', 'restart')
-    wait_for(lambda: packets.ping(port, 1)[1] == 0, 'no answer to a ping')
+    wait_until(lambda: packets.ping(port, 1)[1] == 0, 'no answer to a ping')
     yield port, packets
     port.closePort()

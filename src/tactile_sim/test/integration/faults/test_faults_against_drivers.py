@@ -17,7 +17,6 @@
 import threading
 import time
 
-from faulty_rig import DEADLINE_S, wait_for
 import numpy as np
 import pytest
 
@@ -28,9 +27,11 @@ from linear_guide_driver import (
     TendonActuatorClient,
     TendonActuatorConfig,
 )
+from simulated_rigs import advance_rig, home_fast, truth_at_rest
 from tactile_sim.devices.faults import KINDS
 from tendon_sensor_driver import StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
+from waiting import wait_until
 
 # -- sensor --------------------------------------------------------------------------------
 
@@ -53,7 +54,7 @@ class Listener:
 
     def wait_for_blocks(self, count=20):
         start = len(self.blocks)
-        wait_for(lambda: len(self.blocks) >= start + count, lambda: str(self.health))
+        wait_until(lambda: len(self.blocks) >= start + count, lambda: str(self.health))
 
 
 @pytest.fixture
@@ -90,12 +91,12 @@ SENSOR_FAULTS = {
 def test_the_sensor_driver_notices_and_comes_back(rig, listener, kind):
     options, is_noticed = SENSOR_FAULTS[kind]
     rig.fault('sensor', kind, **options)
-    wait_for(lambda: is_noticed(listener), lambda: f'{kind} is not noticed: {listener.health}')
+    wait_until(lambda: is_noticed(listener), lambda: f'{kind} is not noticed: {listener.health}')
     rig.fault('sensor', 'none')
     listener.wait_for_blocks(30)
-    wait_for(lambda: listener.health.is_connected, 'not connected')
+    wait_until(lambda: listener.health.is_connected, 'not connected')
     bad = StrainStatus.SATURATED | StrainStatus.STUCK
-    wait_for(lambda: not listener.blocks[-1].status & bad, 'the status stays bad')
+    wait_until(lambda: not listener.blocks[-1].status & bad, 'the status stays bad')
     assert listener.silence_s() < 2.0
     # Nothing is repeated, nothing is invented: the unloaded sensor reads next to nothing.
     blocks = listener.blocks[:]
@@ -123,13 +124,14 @@ class Motion:
             self.error = error
 
     def join(self):
-        self._thread.join(DEADLINE_S)
+        self._thread.join(30.0)
         assert not self._thread.is_alive(), 'the motion does not end'
         return self.error
 
 
 @pytest.fixture
 def guide(rig):
+    home_fast(rig)
     client = LinearGuideClient(LinearGuideConfig(port=rig.ports.guide))
     client.connect()
     client.home()
@@ -155,7 +157,7 @@ def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, kind):
     options, reason = GUIDE_FAULTS[kind]
     start_m = rig.truth()['guide_position_m']
     motion = Motion(lambda: guide.move_to(0.08, 0.03))
-    wait_for(lambda: rig.truth()['guide_position_m'] > start_m + 0.005, 'it does not move')
+    wait_until(lambda: rig.truth()['guide_position_m'] > start_m + 0.005, 'it does not move')
     rig.fault('guide', kind, **options)
     error = motion.join()
     assert error is not None
@@ -165,15 +167,9 @@ def test_a_fault_ends_a_move_and_asks_for_homing(rig, guide, kind):
         guide.move_to(0.05, 0.03)
     rig.fault('guide', 'none')
     # It rests, and nothing moves it again until it is told to.
-    wait_for(lambda: is_at_rest(rig), 'it moves on')
-    wait_for(lambda: guide.home() is not None, 'homing')
+    truth_at_rest(rig)
+    wait_until(lambda: guide.home() is not None, 'homing')
     assert guide.trouble == ''
-
-
-def is_at_rest(rig):
-    before_m = rig.truth()['guide_position_m']
-    time.sleep(0.1)
-    return rig.truth()['guide_position_m'] == before_m
 
 
 def test_late_answers_do_not_end_a_move(rig, guide):
@@ -199,7 +195,7 @@ def tendon(rig):
             return False
         return True
 
-    wait_for(connect, 'no connection')
+    wait_until(connect, 'no connection')
     yield client
     client.close()
 
@@ -221,7 +217,7 @@ TENDON_FAULTS = {
 def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, kind):
     options, reason = TENDON_FAULTS[kind]
     motion = Motion(lambda: tendon.pull_to(0.008, 0.002))
-    wait_for(lambda: rig.truth()['tendon_displacement_m'] > 0.001, 'it does not wind')
+    wait_until(lambda: rig.truth()['tendon_displacement_m'] > 0.001, 'it does not wind')
     rig.fault('tendon', kind, **options)
     error = motion.join()
     assert error is not None
@@ -230,8 +226,7 @@ def test_a_fault_ends_a_pull_with_its_reason(rig, tendon, kind):
     rest_m = rig.truth()['tendon_displacement_m']
     assert rest_m < 0.007
     rig.fault('tendon', 'none')
-    time.sleep(0.2)
-    assert rig.truth()['tendon_displacement_m'] <= rest_m + 1e-3
+    assert advance_rig(rig, 0.2)['tendon_displacement_m'] <= rest_m + 1e-3
 
 
 @pytest.mark.parametrize(

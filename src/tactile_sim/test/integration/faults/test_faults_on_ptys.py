@@ -18,17 +18,13 @@ from itertools import pairwise
 import os
 import time
 
-from faulty_rig import (
-    advance_rig,
-    DEADLINE_S,
-    Ear,
-    LINE,
-    wait_for,
-)
+from faulty_rig import Ear, LINE
 import pytest
 import serial
 
+from simulated_rigs import advance_rig
 from tactile_sim import RigError
+from waiting import wait_until
 
 # -- refusals ------------------------------------------------------------------------------
 
@@ -65,12 +61,12 @@ def test_unplug_takes_the_port_away_and_brings_it_back_under_its_name(rig, senso
             return True
         return False
 
-    wait_for(is_lost, 'the open port is still readable')
+    wait_until(is_lost, 'the open port is still readable')
     assert not os.path.lexists(rig.ports.sensor)
     with pytest.raises(serial.SerialException):
         serial.Serial(rig.ports.sensor)
     rig.fault('sensor', 'none')
-    wait_for(lambda: os.path.exists(rig.ports.sensor), 'the port did not come back')
+    wait_until(lambda: os.path.exists(rig.ports.sensor), 'the port did not come back')
     assert os.path.realpath(rig.ports.sensor) != before  # our end of the old one is open yet
     with Ear(rig.ports.sensor) as again:
         said = again.wait_for(lambda data: len(LINE.findall(data)) > 2, 'no lines')
@@ -79,8 +75,8 @@ def test_unplug_takes_the_port_away_and_brings_it_back_under_its_name(rig, senso
 
 def test_unplug_ends_by_itself(rig, guide):
     rig.fault('guide', 'unplug', 0.2)
-    wait_for(lambda: not os.path.lexists(rig.ports.guide), 'the port is still there')
-    wait_for(lambda: os.path.exists(rig.ports.guide), 'the port did not come back')
+    wait_until(lambda: not os.path.lexists(rig.ports.guide), 'the port is still there')
+    wait_until(lambda: os.path.exists(rig.ports.guide), 'the port did not come back')
     with Ear(rig.ports.guide) as again:
         again.port.write(b'?')
         again.wait_for(lambda data: b'<Alarm|' in data, 'no status')
@@ -119,15 +115,16 @@ def test_burst_clumps_lines_and_loses_none(rig, sensor):
     times = [int(ms) for ms, _ in LINE.findall(said)]
     assert max(b - a for a, b in pairwise(times)) <= 17
     gaps_s, heard_s = [], time.monotonic()
-    deadline_s = heard_s + DEADLINE_S
-    while len(gaps_s) < 4:
-        assert time.monotonic() < deadline_s
-        if sensor.port.in_waiting:
-            sensor.port.read(sensor.port.in_waiting)
+
+    def listen():
+        nonlocal heard_s
+        if sensor.port.read(100_000):
             if time.monotonic() - heard_s > 0.05:
                 gaps_s.append(time.monotonic() - heard_s)
             heard_s = time.monotonic()
-        time.sleep(0.002)
+        return len(gaps_s) >= 4
+
+    wait_until(listen)
     assert sorted(gaps_s)[1] > 0.15
 
 

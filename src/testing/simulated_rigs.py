@@ -1,0 +1,51 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What tests ask of a simulated rig."""
+
+import serial
+
+from waiting import wait_until
+
+
+def home_fast(rig):
+    """Let the guide home at its top speed: settings 24 and 25 of Grbl, kept when it restarts."""
+    with serial.Serial(rig.ports.guide, 115200, timeout=5.0) as port:
+        port.write(b'$24=1000\n$25=6000\n')
+        said = port.read_until(b'ok\r\nok\r\n')
+        assert said.endswith(b'ok\r\nok\r\n'), said
+
+
+def advance_rig(rig, seconds):
+    """Let some of the rig's time pass; return its truth then."""
+    until_s = rig.truth()['time_s'] + seconds
+
+    def truth_then():
+        truth = rig.truth()
+        return truth if truth['time_s'] >= until_s else None
+
+    return wait_until(truth_then, 'the rig stands still')
+
+
+def truth_at_rest(rig):
+    """Wait until neither guide nor tendon moves for 0.1 s of the rig's time; return its truth."""
+    before = rig.truth()
+
+    def truth_if_at_rest():
+        nonlocal before
+        earlier, before = before, advance_rig(rig, 0.1)
+        keys = ('guide_position_m', 'tendon_displacement_m')
+        return before if all(earlier[key] == before[key] for key in keys) else None
+
+    return wait_until(truth_if_at_rest, 'the rig does not come to rest')

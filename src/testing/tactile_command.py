@@ -1,0 +1,30 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The `tactile` command in a test's own process: without the second that a new Python takes."""
+
+from types import SimpleNamespace
+
+from typer.testing import CliRunner
+
+QUICK = 'trial_runner:\n  ros__parameters:\n    approach_speed_m_s: 0.1\n'
+"""A file of parameters that shortens trials where the way to the object is not looked at."""
+
+
+def tactile(*arguments):
+    """Run the command; return returncode, stdout and stderr, as a process of its own would."""
+    from tactile_lab.cli.main import app
+
+    done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
+    return SimpleNamespace(returncode=done.exit_code, stdout=done.stdout, stderr=done.stderr)

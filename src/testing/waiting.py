@@ -1,0 +1,52 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Waiting in tests: always for a condition, never for time to pass."""
+
+import time
+
+DEADLINE_S = 20.0
+"""Far more than anything needs, and less than the 30 s after which a tendon is let out anyway."""
+
+
+def wait_until(
+    condition,
+    what='the condition was not met in time',
+    timeout_s=DEADLINE_S,
+    step=None,
+    poll_s=0.002,
+):
+    """Return a condition's first true value; fail when none comes in time.
+
+    Parameters
+    ----------
+    condition : callable
+        Asked again and again.
+    what : str or callable
+        What is said, or returns what is said, when the time is over.
+    timeout_s : float
+        Give it where the time is what is tested, or where whole programs have to start.
+    step : callable, optional
+        What is done between two looks, such as spinning an executor once.
+    poll_s : float
+        Pause between two looks.
+    """
+    deadline_s = time.monotonic() + timeout_s
+    while not (found := condition()):
+        assert time.monotonic() < deadline_s, what() if callable(what) else what
+        if step is not None:
+            step()
+        else:
+            time.sleep(poll_s)
+    return found
