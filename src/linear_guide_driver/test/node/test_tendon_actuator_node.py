@@ -256,29 +256,41 @@ def test_a_sensor_that_dies_stops_a_plain_pull_and_the_tendon_is_held(bench, ser
     assert bench.result(pull(bench, 0.0))[0] == 'succeeded'
 
 
+def press(servo, yielded_mm=0.0):
+    """Return the tension of a finger on a rigid stop, 5 N a millimetre: a free one takes 7 s."""
+    return lambda: 5.0 * ((servo.position - 2048) / 65.19 - yielded_mm)
+
+
+def wait_for_tension_of_5_n(servo, yielded_mm):
+    wait_until(lambda: abs(press(servo, yielded_mm)() - 5.0) < 0.3)
+
+
 def test_a_target_tension_is_reached_kept_and_left_by_the_next_goal(tendon, servo, sensor):
+    sensor.measure = press(servo)
     status, result = tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))
     assert status == 'succeeded', result.message
     assert result.message.endswith('N and is kept.')
     assert result.tension_n == pytest.approx(5.0, abs=0.31)
     assert not result.stopped_by_tension
-    # The finger yields by 2 mm: the tendon follows without a new goal.
-    sensor.measure = lambda: (servo.position - 2048) / 65.19 - 2.0
-    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19)
+    # What is pressed yields by half a millimetre: the tendon follows without a new goal.
+    sensor.measure = press(servo, 0.5)
+    wait_for_tension_of_5_n(servo, 0.5)
     assert tendon.result(pull(tendon, 0.001))[0] == 'succeeded'
     assert servo.goal == 2048 + 65
 
 
 def test_a_kept_tension_outlives_a_trip_of_the_servos_watchdog(tendon, servo, sensor):
+    sensor.measure = press(servo)
     assert tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))[0] == 'succeeded'
     servo.put(98, 1, 255)
     wait_until(lambda: servo.table[98] == 50)
-    sensor.measure = lambda: (servo.position - 2048) / 65.19 - 2.0  # the finger yields
-    wait_until(lambda: abs(servo.position - 2048 - 7.0 * 65.19) < 0.3 * 65.19)
+    sensor.measure = press(servo, 0.5)
+    wait_for_tension_of_5_n(servo, 0.5)
 
 
 @pytest.mark.parametrize('way', ['stop', 'silence', 'limit'])
 def test_what_ends_the_keeping_of_a_tension(tendon, servo, sensor, way):
+    sensor.measure = press(servo)
     assert tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))[0] == 'succeeded'
     if way == 'stop':
         assert tendon.call_stop('/tendon_actuator/stop').success

@@ -56,7 +56,7 @@ def probe(*ports, is_quiet=False):
 
 
 def check(option, port, *more):
-    code, document = tactile('check', option, port, '--seconds', 2, *more)
+    code, document = tactile('check', option, port, '--seconds', 1, *more)
     (report,) = document['devices']
     assert document['fit'] == (not report['problems']) == (code == 0)
     return report['facts'], ' '.join(p['what'] + p['remedy'] for p in report['problems'])
@@ -141,7 +141,9 @@ def test_a_net_ft_is_asked_at_its_address():
 
 def test_a_sound_rig_is_fit_and_moves_when_allowed(rig):
     code, document = tactile(
-        'check', *(f'--{name}={port}' for name, port in rig.ports._asdict().items()), '--move'
+        'check',
+        *(f'--{name}={port}' for name, port in rig.ports._asdict().items()),
+        *('--seconds', 2, '--move'),
     )
     assert [report['problems'] for report in document['devices']] == [[], [], []]
     assert code == 0
@@ -180,7 +182,7 @@ def test_faults_of_the_sensor_are_told_with_a_remedy(rig):
     rig.fault('sensor', 'none')
     rig.fault('sensor', 'mute')
     _, problems = check('--sensor', rig.ports.sensor)
-    assert 'no reading in 2 s' in problems
+    assert 'no reading in 1 s' in problems
 
 
 def test_a_wrong_rate_is_told_with_the_right_one(rig, tmp_path):

@@ -44,7 +44,6 @@ DEADLINE_S = 20.0
 STAMP_BOUND_S = 0.1
 """Reports may come late on a busy machine; on a quiet one the stamps are within 0.02 s."""
 
-
 QUICK = {'approach_speed_m_s': 0.1}
 """Parameters of the trial runner that shorten what no test here looks at."""
 
@@ -74,24 +73,36 @@ class Watcher(Node):
         return send(self, lambda: self.client.send_goal_async(goal)).result(DEADLINE_S)
 
 
-@contextmanager
-def running_rig(context, models=None, parameters=None, sensor_topic=''):
+@pytest.fixture(scope='module')
+def simulated():
     with SimulatedRig(seed=3) as rig:
         home_fast(rig)
-        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, sensor_topic)
-        operator = OperatorNode(tuple(models or ()), context)
-        watcher = Watcher(context)
-        parameters = {'trial_runner': {**QUICK, **(parameters or {})}}
-        graph = rig_graph(ports, models or {}, parameters, simulated=True)
-        if sensor_topic:  # the hand's own driver of the load cell
-            driver = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor')
-            graph.append(NodeDescription(*driver, {'port': rig.ports.sensor}, namespace='hand'))
-        with running_graph(graph, context, others=[operator, watcher]) as nodes:
-            yield rig, operator, watcher, nodes
+        yield rig
 
 
-def test_stiffness_trial_is_felt_and_named(context, trained):
-    with running_rig(context, find_models(trained)) as (rig, operator, watcher, nodes):
+@pytest.fixture
+def rig(simulated):
+    """Return the rig without the fault of the test before."""
+    yield simulated
+    simulated.fault('sensor', 'none')
+
+
+@contextmanager
+def running_rig(rig, context, models=None, parameters=None, sensor_topic=''):
+    ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, sensor_topic)
+    operator = OperatorNode(tuple(models or ()), context)
+    watcher = Watcher(context)
+    parameters = {'trial_runner': {**QUICK, **(parameters or {})}}
+    graph = rig_graph(ports, models or {}, parameters, simulated=True)
+    if sensor_topic:  # the hand's own driver of the load cell
+        driver = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor')
+        graph.append(NodeDescription(*driver, {'port': rig.ports.sensor}, namespace='hand'))
+    with running_graph(graph, context, others=[operator, watcher]) as nodes:
+        yield operator, watcher, nodes
+
+
+def test_stiffness_trial_is_felt_and_named(rig, context, trained):
+    with running_rig(rig, context, find_models(trained)) as (operator, watcher, nodes):
         assert nodes['tactile_features']._strain.is_local  # not one sample in a message
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
@@ -106,17 +117,17 @@ def test_stiffness_trial_is_felt_and_named(context, trained):
         assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_rig_feels_a_force_that_another_node_publishes(context, trained):
+def test_a_rig_feels_a_force_that_another_node_publishes(rig, context, trained):
     topic = '/hand/tendon_sensor/wrench:norm'
-    with running_rig(context, find_models(trained), sensor_topic=topic) as (rig, operator, *_):
+    with running_rig(rig, context, find_models(trained), sensor_topic=topic) as (operator, *_):
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
         operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'first'))
         assert operator.wait_for_answer('first').label == 'none'
 
 
-def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(context):
-    with running_rig(context, parameters={'server_timeout_s': 1.0}) as (rig, operator, watcher, _):
+def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(rig, context):
+    with running_rig(rig, context, parameters={'server_timeout_s': 1.0}) as (operator, watcher, _):
         rig.mount('texture', 'F', 'flexion')
         with pytest.raises(TactileError, match=r'(?i)home'):
             operator.run_trial(TrialRequest('texture', 'flexion'))
@@ -124,8 +135,8 @@ def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(context):
         assert watcher.phases() == ['approach', 'aborted']
 
 
-def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(context):
-    with running_rig(context) as (rig, operator, watcher, _):
+def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(rig, context):
+    with running_rig(rig, context) as (operator, watcher, _):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')
         handle = watcher.start_trial('texture')
@@ -141,7 +152,7 @@ def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(context):
 
 
 def test_rig_that_dies_in_a_trial_aborts_it(context):
-    with running_rig(context) as (rig, operator, watcher, _):
+    with SimulatedRig(seed=3) as rig, running_rig(rig, context) as (operator, watcher, _):
         operator.home_guide()
         rig.mount('stiffness', 'pla', 'flexion')
         handle = watcher.start_trial('stiffness')
@@ -152,20 +163,15 @@ def test_rig_that_dies_in_a_trial_aborts_it(context):
         watcher.wait_for_phase('aborted')
 
 
-def test_closing_the_graph_in_a_glide_brings_the_rig_to_rest(context):
-    with SimulatedRig(seed=3) as rig:
-        home_fast(rig)
-        ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
-        operator, watcher = OperatorNode((), context), Watcher(context)
-        graph = rig_graph(ports, {}, {'trial_runner': QUICK}, simulated=True)
-        with running_graph(graph, context, others=[operator, watcher]):
-            operator.home_guide()
-            rig.mount('texture', 'R1', 'flexion')
-            watcher.start_trial('texture')
-            watcher.wait_for_phase('glide')
-        truth = truth_at_rest(rig)
-        assert truth['guide_position_m'] < 0.120
-        assert truth['tension_n'] < 1.0
+def test_closing_the_graph_in_a_glide_brings_the_rig_to_rest(rig, context):
+    with running_rig(rig, context) as (operator, watcher, _):
+        operator.home_guide()
+        rig.mount('texture', 'R1', 'flexion')
+        watcher.start_trial('texture')
+        watcher.wait_for_phase('glide')
+    truth = truth_at_rest(rig)
+    assert truth['guide_position_m'] < 0.120
+    assert truth['tension_n'] < 1.0
 
 
 class Truth:
@@ -198,10 +204,10 @@ def stamp_ns(watcher, phase):
     return Time.from_msg(event.header.stamp).nanoseconds
 
 
-def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(context):
+def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(rig, context):
     # A driver that is busy accepting does not beat either.
     parameters = {'heartbeat_timeout_s': 10.0}
-    with running_rig(context, parameters=parameters) as (rig, operator, watcher, nodes):
+    with running_rig(rig, context, parameters=parameters) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')
         timers = []
@@ -231,8 +237,8 @@ def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(con
         assert stamp_ns(watcher, 'glide') - stamp_ns(watcher, 'contact') > LATE_S * 1e9
 
 
-def test_a_sensor_that_dies_in_the_hold_fails_the_trial(context):
-    with running_rig(context) as (rig, operator, watcher, _):
+def test_a_sensor_that_dies_in_the_hold_fails_the_trial(rig, context):
+    with running_rig(rig, context) as (operator, watcher, _):
         operator.home_guide()
         rig.mount('stiffness', 'pla', 'flexion')
         handle = watcher.start_trial('stiffness')
@@ -245,7 +251,7 @@ def test_a_sensor_that_dies_in_the_hold_fails_the_trial(context):
         assert truth_at_rest(rig)['tendon_displacement_m'] == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(context, monkeypatch):
+def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(rig, context, monkeypatch):
     encode_pieces = guide_client.encode_pieces
 
     def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
@@ -255,7 +261,7 @@ def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(context, monk
             yield line
 
     monkeypatch.setattr(guide_client, 'encode_pieces', encode_and_pause)
-    with running_rig(context) as (rig, operator, watcher, nodes):
+    with running_rig(rig, context) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')
         handle = watcher.start_trial('texture')

@@ -15,16 +15,17 @@
 """A signal ends the programs of nodes and the `tactile` command from their first moment on."""
 
 from importlib.metadata import entry_points
+import itertools
 from pathlib import Path
 import signal
 import subprocess
 import sys
-import time
 
 from ament_index_python.packages import get_package_prefix
 import pytest
 
 from tactile_ros.programs.node_program import find_node_class, GROUP
+from waiting import wait_until
 
 DEADLINE_S = 60.0
 EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
@@ -44,17 +45,19 @@ def start(*arguments):
 
 def wait_until_held(process):
     """Wait until the process catches SIGTERM itself: long before its node is made."""
-    end_s = time.monotonic() + DEADLINE_S
-    caught = 0
-    while not caught >> (signal.SIGTERM - 1) & 1:
-        assert time.monotonic() < end_s
+
+    def is_held():
         assert process.poll() is None, process.stderr.read()
         status = Path(f'/proc/{process.pid}/status').read_text()
         caught = int(dict(row.split(':', 1) for row in status.splitlines())['SigCgt'], 16)
+        return caught >> (signal.SIGTERM - 1) & 1
+
+    wait_until(is_held, timeout_s=DEADLINE_S, poll_s=0.0)
 
 
-@pytest.mark.parametrize('number', NUMBERS)
-@pytest.mark.parametrize('executable', EXECUTABLES)
+@pytest.mark.parametrize(
+    ('executable', 'number'), zip(EXECUTABLES, itertools.cycle(NUMBERS), strict=False)
+)
 def test_a_signal_before_the_node_is_made_ends_the_program_with_zero(executable, number):
     package = find_node_class(executable).__module__.partition('.')[0]
     process = start(program(package, executable))
@@ -64,9 +67,14 @@ def test_a_signal_before_the_node_is_made_ends_the_program_with_zero(executable,
     assert (process.returncode, errors) == (0, '')
 
 
-@pytest.mark.parametrize('number', NUMBERS)
 @pytest.mark.parametrize(
-    'arguments', [['rig'], ['sense'], ['hand', '--fingers', 'index']], ids=lambda a: a[0]
+    ('arguments', 'number'),
+    [
+        (['rig'], signal.SIGINT),
+        (['sense'], signal.SIGTERM),
+        (['hand', '--fingers', 'index'], signal.SIGINT),
+    ],
+    ids=['rig', 'sense', 'hand'],
 )
 def test_a_signal_before_the_nodes_are_made_ends_a_command_with_zero(arguments, number):
     process = start(TACTILE, *arguments, '--simulated')

@@ -71,7 +71,7 @@ def tactile(*arguments):
     return done.exit_code, json.loads(out[out.index('{\n') : out.rindex('}') + 1])
 
 
-def check(*arguments, seconds=4):
+def check(*arguments, seconds=3):
     code, document = tactile('check', '--seconds', seconds, *arguments)
     (report,) = document['devices']
     return code, report['facts'], ' '.join(p['what'] + p['remedy'] for p in report['problems'])
@@ -79,7 +79,7 @@ def check(*arguments, seconds=4):
 
 def test_a_sound_topic_is_fit_and_its_rate_is_measured(context):
     with publishing(context, ('/ft/wrench', WrenchStamped)):
-        _, facts, problems = check('--sensor-topic', '/ft/wrench:fx', seconds=10)
+        _, facts, problems = check('--sensor-topic', '/ft/wrench:fx', seconds=6)
     assert 'rate [Hz]' in facts, problems
     assert facts['rate [Hz]'] == pytest.approx(100.0, rel=0.02)
     assert facts['samples'] > 50

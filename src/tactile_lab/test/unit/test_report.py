@@ -73,7 +73,7 @@ def make_textures():
 
 
 def run(*sets):
-    return analyse(sets, folds=6, repetitions=2, random_state=0, jobs=1)
+    return analyse(sets, folds=6, repetitions=1, random_state=0, jobs=1)
 
 
 @pytest.fixture(scope='module')

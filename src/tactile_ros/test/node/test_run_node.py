@@ -29,7 +29,7 @@ import ctypes
 import sys
 import time
 from dataclasses import dataclass, field
-from tactile_ros.programs import signals
+from tactile_ros.programs import node_group, signals
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.programs.node_group import run_node
 
@@ -63,6 +63,8 @@ class Node(TactileNode):
     def tear_down(self):
         print('torn down', flush=True)
 
+if 'hanging' in sys.argv:
+    node_group.PARTICIPANT_ENDS_S = 1.0
 code = run_node(Node)
 if 'hanging' in sys.argv:
     ctypes.PyDLL(None).sleep(60)  # with the interpreter's lock held, as Fast DDS does
@@ -90,8 +92,9 @@ def test_signal_ends_the_process_cleanly(number):
     assert output.strip() == 'torn down'
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('device', ['waiting', 'stuck'])
+@pytest.mark.parametrize(
+    ('device', 'number'), [('waiting', signal.SIGINT), ('stuck', signal.SIGTERM)]
+)
 def test_signal_ends_a_configuration_that_is_under_way(device, number):
     process = start('--ros-args', '-p', f'device:={device}')
     assert process.stdout.readline().strip() == 'configuring'
