@@ -141,7 +141,8 @@ def check_package(folder: Path) -> list[str]:
     optional = OPTIONAL.get(name, set())
     files = list((folder / 'test').rglob('*.py'))
     code = imports_of([*(folder / name).rglob('*.py'), *folder.glob('launch/*.py')], {name})
-    tests = imports_of(files, {name} | {path.stem for path in files})
+    helpers = [*files, *(folder.parent / 'testing').glob('*.py')]
+    tests = imports_of(files, {name} | {path.stem for path in helpers})
     keys = _keys(code - optional)
     stated = keys_of(folder / 'package.xml', 'depend', 'exec_depend')
     for_tests = keys_of(folder / 'package.xml', 'test_depend')

@@ -30,12 +30,6 @@ from tendon_sensor_driver.records import TendonSensorConfig
 GRAVITY = 9.81
 
 
-@pytest.fixture(autouse=True)
-def _short_means(monkeypatch):
-    """Let a mean be over 24 samples: a reading takes a second instead of three."""
-    monkeypatch.setattr('tactile_lab.commands.calibrate.SETTLED_S', 0.4)
-
-
 def request(**changes):
     values = {
         'weights_kg': (0.0, 0.5, 1.0),
@@ -55,7 +49,7 @@ def test_the_truth_of_a_simulated_load_cell_is_found_and_written(tmp_path, capsy
     run_calibrate(request(params=path), as_json=True)
     found = json.loads(capsys.readouterr().out)
     assert found['simulated'] is True
-    # Noise of a mean is 1 mN; the line is uncertain by some mN in 10 N.
+    # Noise of a mean is 0.5 mN; the line is uncertain by some mN in 10 N.
     assert found['scale'] == pytest.approx(1.03, abs=5e-3)
     assert found['offset_n'] == pytest.approx(-0.2, abs=0.02)
     assert found['largest_residual_n'] < 0.02
