@@ -111,3 +111,7 @@ def test_an_experiment_is_evaluated_with_a_session_and_a_mounting_held_out(
         'one session held out',
         'one mounting held out',
     ]
+    pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+    done = run('train', folder.path, '-o', tmp_path / 'models', *OPTIONS, '--json')
+    (model,) = json.loads(done.stdout)['models']
+    assert model['evaluation']['trials'] == found['trials']
