@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+import time
 from typing import Any
 
 from tactile_features.config import FeatureConfig
@@ -41,6 +42,9 @@ from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 
 WATCH_PERIOD_S = 0.25
+
+HISTORY_S = 5.0
+"""Latched events come within this time, or are taken for new ones."""
 
 
 class TactileFeaturesNode(DataNode):
@@ -73,9 +77,11 @@ class TactileFeaturesNode(DataNode):
         self._diagnostics: Diagnostics | None = None
         self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
+        self._configured_ns, self._configured_s = 0, 0.0
 
     def set_up(self, config: FeatureConfig) -> None:
         extractor = self.extractor = TrialFeatureExtractor(config)
+        self._configured_ns, self._configured_s = time.time_ns(), time.monotonic()
         self._publisher = self.publish_records(
             TactileFeatures, '~/features', feature_window_to_msg, RESULTS
         )
@@ -96,7 +102,7 @@ class TactileFeaturesNode(DataNode):
         self._events = self.create_subscription(
             TrialEvent,
             'trial_runner/events',
-            lambda msg: self._publish(extractor.add_event(event_from_msg(msg))),
+            lambda msg, info: self._on_event(extractor, msg, info['source_timestamp']),
             EVENTS,
         )
         timeout = SampleTimeout(extractor)
@@ -130,6 +136,12 @@ class TactileFeaturesNode(DataNode):
         if self._event_publisher is not None:
             self.destroy_lifecycle_publisher(self._event_publisher)
         self._publisher = self._running_publisher = self._event_publisher = None
+
+    def _on_event(self, extractor: TrialFeatureExtractor, msg: Any, published_ns: int) -> None:
+        """Take in an event. After a start the latched ones of earlier trials come first."""
+        is_first = time.monotonic() - self._configured_s < HISTORY_S
+        is_past = is_first and published_ns < self._configured_ns
+        self._publish(extractor.add_event(event_from_msg(msg), is_past=is_past))
 
     def _on_block(self, extractor: TrialFeatureExtractor, block: StrainRecord) -> None:
         windows = extractor.add_block(block)

@@ -137,29 +137,36 @@ class TrialFeatureExtractor:
         self._buffer.evict()
         return windows
 
-    def add_event(self, event: TrialEvent) -> list[FeatureWindow]:
+    def add_event(self, event: TrialEvent, *, is_past: bool = False) -> list[FeatureWindow]:
         """Take in the start of a phase; return the windows that are now complete.
 
         Events are passed over where ``phases`` says that they are found in the signal.
+
+        Parameters
+        ----------
+        event : TrialEvent
+        is_past : bool
+            It was published before anybody listened to the samples. The phase that it ends is
+            not refused when they do not come.
         """
         self.event_count += 1
-        return [] if self._signal else self._take_event(event)
+        return [] if self._signal else self._take_event(event, is_past=is_past)
 
     def take_detected_events(self) -> list[TrialEvent]:
         """Return the phases found in the signal since the last call."""
         detected, self._detected = self._detected, []
         return detected
 
-    def _take_event(self, event: TrialEvent) -> list[FeatureWindow]:
+    def _take_event(self, event: TrialEvent, *, is_past: bool = False) -> list[FeatureWindow]:
         begun, self._event = self._event, event
         before, self._before = self._before, begun
         if begun is not None and begun != event:
             if begun.trial_id == event.trial_id and not _begins_again(begun, event):
                 if begun.phase in (PHASE_GLIDE, PHASE_HOLD):
                     same = before is not None and before.trial_id == begun.trial_id
-                    self._waiting.append(
-                        PhaseWindow(begun, event, self.config, before if same else None)
-                    )
+                    before = before if same else None
+                    window = PhaseWindow(begun, event, self.config, before, is_past=is_past)
+                    self._waiting.append(window)
             elif begun.phase not in (PHASE_DONE, PHASE_ABORTED):
                 self.dropped_trial_count += 1
         if begun != event and event.phase == PHASE_GLIDE:
@@ -175,7 +182,7 @@ class TrialFeatureExtractor:
 
     def time_out(self) -> list[FeatureWindow]:
         """Refuse the oldest window that waits: its samples have not come in time."""
-        return self._count(self._waiting.popleft().time_out()) if self._waiting else []
+        return self._end_oldest(self._waiting[0].time_out()) if self._waiting else []
 
     def pass_time(self, now_ns: int) -> list[FeatureWindow]:
         """Refuse the windows whose samples have not come in time, when the last data came.
@@ -215,9 +222,12 @@ class TrialFeatureExtractor:
                 window = self._waiting[0].time_out()
             if window is None:
                 break
-            self._waiting.popleft()
-            windows += self._count(window)
+            windows += self._end_oldest(window)
         return windows
+
+    def _end_oldest(self, window: FeatureWindow) -> list[FeatureWindow]:
+        is_past = self._waiting.popleft().is_past
+        return [] if is_past and window.outcome != Outcome.OK else self._count(window)
 
     def _count(self, window: FeatureWindow) -> list[FeatureWindow]:
         self.window_counts[window.outcome] += 1
@@ -244,7 +254,7 @@ class TrialFeatureExtractor:
         self._filling.clear()
         windows: list[FeatureWindow] = []
         while self._waiting:
-            windows += self._count(self._waiting.popleft().refuse(outcome, reason))
+            windows += self._end_oldest(self._waiting[0].refuse(outcome, reason))
         return windows
 
 

@@ -306,6 +306,20 @@ def test_starts_afresh_after_cleanup(make_bench):
     bench.send_blocks(10, 10)
 
 
+def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):
+    """Their events are latched. Their windows may have been answered before a restart."""
+    bench = make_bench()
+    for msg in TRIAL:
+        bench.events.publish(msg)
+    bench.events.publish(event(15.0, 'glide', 't2'))
+    bench.bring_up()
+    bench.spin_until(lambda: bench.node.extractor.event_count == 5)
+    bench.send_blocks(900, 100)
+    bench.events.publish(event(16.2, 'done', 't2'))
+    bench.spin_until(lambda: bench.windows)
+    assert [w.trial_id for w in bench.windows] == ['t2']
+
+
 def test_parameters_reach_the_core(make_bench):
     bench = make_bench(frame_id='left_cell_link', texture_samples=60, max_gap_samples=1)
     bench.bring_up()
