@@ -34,7 +34,7 @@ from linear_guide_driver.errors import (
     MotionRefusedError,
 )
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
-from linear_guide_driver.safety.pull import check_pull, Pull
+from linear_guide_driver.safety.pull import check_pull, check_reach, Pull
 from linear_guide_driver.safety.states import Ending, Zero
 from linear_guide_driver.safety.tendon_safety import TendonSafety
 from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
@@ -172,7 +172,7 @@ class TendonActuatorClient:
         if displacement_m == 0.0:  # letting out is always accepted
             with self._one_pull():
                 return self._release(speed_m_s, on_state, should_stop)
-        self._check_reach(displacement_m)
+        check_reach(displacement_m, self._config.max_displacement_m)
         speed_m_s = self._check_speed(speed_m_s)
         with self._one_pull():
             pull = Pull(displacement_m, contact, stop_tension_n)
@@ -208,7 +208,7 @@ class TendonActuatorClient:
         ------
         MotionRefusedError, MotionFailedError, MotionStoppedError
         """
-        self._check_reach(max_displacement_m)
+        check_reach(max_displacement_m, self._config.max_displacement_m)
         speed_m_s = self._check_speed(speed_m_s)
         with self._one_pull():
             goals, target = self._goals, f'{tension_n:.2f} N'
@@ -335,13 +335,6 @@ class TendonActuatorClient:
 
     def _read_tension(self) -> float | None:
         return self.safety.live_tension_n(time.monotonic_ns())
-
-    def _check_reach(self, displacement_m: float) -> None:
-        if not 0.0 <= displacement_m <= self._config.max_displacement_m:
-            raise MotionRefusedError(
-                f'Displacement {displacement_m} m must be between 0 and max_displacement_m, '
-                f'{self._config.max_displacement_m} m.'
-            )
 
     def _check_speed(self, speed_m_s: float) -> float:
         speed_m_s = speed_m_s or self._config.speed_m_s

@@ -68,3 +68,17 @@ def check_pull(pull: Pull, limits_n: Mapping[str, float]) -> float:
             'A pull takes stop_tension_n or target_tension_n; set one of them to 0.'
         )
     return limit_n
+
+
+def check_reach(displacement_m: float, max_displacement_m: float) -> None:
+    """Refuse a displacement that the actuator must not wind to.
+
+    Raises
+    ------
+    MotionRefusedError
+    """
+    if not 0.0 <= displacement_m <= max_displacement_m:
+        raise MotionRefusedError(
+            f'Displacement {displacement_m} m must be between 0 and max_displacement_m, '
+            f'{max_displacement_m} m.'
+        )
