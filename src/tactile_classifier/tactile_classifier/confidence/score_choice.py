@@ -15,7 +15,7 @@
 """Whether calibrated probabilities or raw scores go into a model file.
 
 A calibration map that was fitted to one of two unlike sessions can be worse in the other than
-no map. docs/answers.md has the measurements behind the rule.
+no map. docs/results.md has the measurements behind the rule.
 """
 
 from __future__ import annotations
