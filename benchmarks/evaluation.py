@@ -19,7 +19,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from inference import _stiffness_table, _texture_table
+from inference import _stiffness_table, _texture_tables
 from measuring import measure_ratio, Report, Row
 import numpy as np
 from sklearn.neighbors import KNeighborsClassifier
@@ -34,7 +34,7 @@ from tactile_classifier.estimators.neighbours import NEIGHBOURS, predict_neighbo
 def run_neighbours(quick: bool) -> Report:
     """Answer all folds of repeated cross-validation."""
     rows = []
-    for task, table in (('texture', _texture_table()), ('stiffness', _stiffness_table())):
+    for task, table in (('texture', _texture_tables()[0]), ('stiffness', _stiffness_table())):
         split = stratified_split(table, 6, 2 if quick else 10)
         folds = [fold for repeat in split.repeats for fold in repeat]
         # Errors that split the votes; without any there would be nothing to get wrong.
