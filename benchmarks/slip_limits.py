@@ -40,7 +40,7 @@ from scipy.stats import norm
 
 from tactile_features.slip import SlipConfig, SlipDetector
 
-THRESHOLDS = (5.0, 6.0)
+THRESHOLDS = (5.0, 6.5)
 MOVED_M = 5e-5
 """The fingertip has slid so far over the object: it is slipping [m]."""
 EARLY_S, LATE_S = 0.02, 0.3

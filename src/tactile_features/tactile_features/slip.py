@@ -36,7 +36,9 @@ LARGEST_RATE_HZ = 250.0
 _MOVE_S = 0.1  # over which the finger's own motion shows
 _MEMORY_S = 20.0  # of the estimate of the noise
 _PRIOR = 60.0  # values that the white noise counts for in the estimate from the past
-_TRIMMED = 9.0  # in variances: what one value may add to that estimate
+_TRIMMED = 9.0  # in variances: what one value may add to the estimate of white noise
+_PAST_TRIMMED = 2.0  # the same for that from the past, which holds slips that were missed
+_PAST_SCALE = 1.3474  # mean square of normal values, over that of values trimmed so
 
 
 @dataclass(frozen=True)
@@ -257,8 +259,10 @@ class SlipDetector:
         self._past_count = min(self._past_count + 1.0, self._memory)
         for i, fall in enumerate(falls.tolist()):
             known = float(self._past[i])
-            news = _trim(fall * fall, known, self._past_count) if fall > 0.0 else known
-            self._past[i] += (news - known) / self._past_count
+            if fall > 0.0:
+                most = _PAST_TRIMMED * known if known > 0.0 else math.inf
+                news = _PAST_SCALE * min(fall * fall, most)
+                self._past[i] += (news - known) / self._past_count
 
     def _forget(self) -> None:
         self._filled = 0

@@ -90,6 +90,14 @@ def test_noise_that_is_not_white_raises_no_alarm():
     assert detect(block(grip(seconds=300.0) + wander)) == []
 
 
+def test_falls_that_were_missed_are_not_learned_as_noise():
+    tension_n = slipping(at=1140, fall_n=0.035)
+    for at in range(100, 1100, 15):
+        tension_n[at:] -= 0.015
+    (slip,) = detect(block(tension_n), config=SlipConfig(threshold=6.0))
+    assert slip.onset_ns / PERIOD_NS - START == pytest.approx(1139, abs=2)
+
+
 def test_nothing_is_held_below_the_least_tension():
     config = dataclasses.replace(CONFIG, min_tension_n=9.0)
     assert detect(block(slipping()), config=config) == []
