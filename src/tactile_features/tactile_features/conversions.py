@@ -79,6 +79,8 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
 def strain_block_from_record(block: StrainBlock) -> StrainBlock:
     """Return a driver's block as its message would come: checked, read-only, without wrench."""
     _check_stamp(block.stamp_ns)
+    if block.wrench is None and not block.tension_n.flags.writeable:
+        return block
     tension_n = block.tension_n.view()
     tension_n.flags.writeable = False  # others look at it, too
     return dataclasses.replace(block, tension_n=tension_n, wrench=None)

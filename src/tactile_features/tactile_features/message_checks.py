@@ -48,7 +48,8 @@ def find_block_fault(block: StrainBlock) -> str:
         return f'period_ns is {block.period_ns}; the last sample lies beyond the end of ROS time'
     if block.sequence + count > 2**64:
         return f'sequence is {block.sequence}; its {count} samples do not fit into 64 bits'
-    if not np.abs(block.tension_n).max() <= LARGEST_TENSION_N:  # or one is not a number
+    largest_n = abs(block.tension_n[0]) if count == 1 else np.abs(block.tension_n).max()
+    if not largest_n <= LARGEST_TENSION_N:  # or one is not a number
         finite = block.tension_n[np.isfinite(block.tension_n)]
         beyond = finite[np.abs(finite) > LARGEST_TENSION_N]
         if len(beyond):
@@ -88,7 +89,7 @@ def _find_name_fault(field: str, value: str, known: tuple[str, ...]) -> str:
 
 
 def _find_status_fault(status: int) -> str:
-    unknown = status & ~_STATUS
+    unknown = int(status) & ~_STATUS
     return f'status is {status}; its bits {unknown} are not known here' if unknown else ''
 
 

@@ -110,13 +110,18 @@ class SampleBuffer:
         return self._data[self._end - self.new_count : self._end]
 
     @property
+    def new_step_ns(self) -> int:
+        """By how much the host's clock was stepped before what the last `add` appended [ns]."""
+        return int(self._columns['step_ns'][self._end - self.new_count]) if self.new_count else 0
+
+    @property
     def _latest_ns(self) -> NDArray[np.int64]:
         return self._columns['latest_ns'][self._start : self._end]
 
     @property
     def watermark_ns(self) -> int | None:
         """Latest stamp seen [ns]; None before the first sample."""
-        return int(self._data['latest_ns'][self._end - 1]) if self._end else None
+        return int(self._columns['latest_ns'][self._end - 1]) if self._end else None
 
     def first_at(self, stamp_ns: int) -> int:
         """Return the index of the first sample with this stamp or a later one."""
@@ -173,6 +178,21 @@ class SampleBuffer:
         """Append a block that continues: as `_unpack` and `_append`, but straight into place."""
         count = len(block.tension_n)
         self._make_room(count)
+        self.new_count += count
+        if count == 1:  # one store instead of nine
+            self._data[self._end] = (
+                block.stamp_ns,
+                block.stamp_ns,
+                block.sequence,
+                block.tension_n[0],
+                int(block.status),
+                _known_error(block),
+                0,
+                False,
+                False,
+            )
+            self._end += 1
+            return
         to = slice(self._end, self._end + count)
         step = np.arange(count)
         columns = self._columns
@@ -185,7 +205,6 @@ class SampleBuffer:
         columns['step_ns'][to] = 0
         columns['hole'][to] = columns['interpolated'][to] = False
         self._end += count
-        self.new_count += count
 
     def _join(self, last: Any, new: Samples, lost_before: int) -> None:
         """Fill or mark what is missing between the last sample and the next ones."""
@@ -203,7 +222,9 @@ class SampleBuffer:
         watermark_ns = self.watermark_ns
         if watermark_ns is None:
             return
-        start = self._start + self.first_at(watermark_ns - self._buffer_ns)
+        start = self._start
+        if self._columns['latest_ns'][start] < watermark_ns - self._buffer_ns:
+            start += self.first_at(watermark_ns - self._buffer_ns)
         start = max(start, self._end - self._capacity)
         if start > self._start:
             self._start = start

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+import time
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
@@ -123,13 +124,16 @@ class TendonSensorNode(DataNode):
         return entity
 
     def _now_ns(self) -> int:
-        return int(self.get_clock().now().nanoseconds)
+        clock = self.get_clock()
+        if clock.ros_time_is_active:
+            return int(clock.now().nanoseconds)
+        return time.time_ns()  # the same, without objects of rclpy
 
     # -- on the client's thread --------------------------------------------------------
 
     def _publish(self, block: StrainRecord) -> None:
         """Send one block, unless deactivated."""
-        if block.status & StrainStatus.RESTARTED:
+        if block.status and block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._zero.apply(block)
         self._strain.publish(block)

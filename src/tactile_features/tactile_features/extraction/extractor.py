@@ -118,8 +118,7 @@ class TrialFeatureExtractor:
         self.block_count += 1
         self.sample_count += len(block.tension_n)
         is_set_back = self._buffer.add(block)
-        new = self._buffer.new_samples
-        step_ns = int(new['step_ns'][0]) if len(new) else 0
+        step_ns = self._buffer.new_step_ns
         windows = []
         if self._signal and (is_set_back or step_ns):
             message = describe_clock_step(step_ns, 'trial') if step_ns else _SET_BACK

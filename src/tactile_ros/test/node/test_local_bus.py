@@ -154,9 +154,12 @@ def test_the_graph_is_the_same(context, run):
     source, sink, peer = Source(context=context), Sink(context=context), Node('p', context=context)
     run(source, sink, peer)
     wait_until(lambda: sink.numbers.is_local)
+    # What a node knows of the graph comes later than the match of two ends.
     wait_until(lambda: peer.count_subscribers('/numbers') == 1)
-    assert peer.count_publishers('/numbers') == 1
-    assert '/numbers' in dict(sink.get_subscriber_names_and_types_by_node('sink', '/'))
+    wait_until(lambda: peer.count_publishers('/numbers') == 1)
+    wait_until(
+        lambda: '/numbers' in dict(peer.get_subscriber_names_and_types_by_node('sink', '/'))
+    )
 
 
 def test_a_listener_outside_gets_messages_as_long_as_it_listens(context, run):

@@ -109,11 +109,13 @@ class Sequencer:
         """Return the unfinished block, if there is one, as it is."""
         if not self._tensions_n:
             return []
+        tension_n = np.array(self._tensions_n, dtype=np.float64)
+        tension_n.flags.writeable = False  # neighbours in the process look at it, too
         block = StrainBlock(
             stamp_ns=self._first.stamp_ns,
             sequence=self._first_sequence,
             period_ns=self._period_ns,
-            tension_n=np.array(self._tensions_n, dtype=np.float64),
+            tension_n=tension_n,
             lost_before=self._lost_before,
             stamp_error_s=self._error_s,
             status=self._status,
@@ -130,7 +132,7 @@ class Sequencer:
         self._first_sequence = self._sequence
         self._lost_before = lost
         self._error_s = instant.stamp_error_s
-        self._status = status | event
+        self._status = status | event if event else status
         self._status_of_samples = status
 
     def _widen_error(self, error_s: float, misfit_ns: int) -> None:

@@ -111,7 +111,7 @@ class SampleStream:
             if self._clock.outliers > outliers:  # a sample was dropped after all
                 self._event |= StrainStatus.RESYNCHRONISED
             return []
-        status |= self._always
+        status = status | self._always if status else self._always
         if abs(tension_n) >= self._saturation_n:
             status |= StrainStatus.SATURATED
         self._equal = self._equal + 1 if tension_n == self._last_n else 1

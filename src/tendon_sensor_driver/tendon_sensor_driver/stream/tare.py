@@ -98,7 +98,9 @@ class Tare:
         wrench = block.wrench
         if wrench is not None and wrench_bias is not None:
             wrench = wrench - wrench_bias
-        return replace(block, tension_n=block.tension_n - bias.bias_n, wrench=wrench)
+        tension_n = block.tension_n - bias.bias_n
+        tension_n.flags.writeable = False
+        return replace(block, tension_n=tension_n, wrench=wrench)
 
     def measure(self, now_ns: int) -> Bias:
         """Take the mean of the last samples as the new bias.
