@@ -343,3 +343,89 @@ def test_a_tendon_that_was_left_taut_is_let_out_before_anything_winds_in():
     safety.add_samples([0.0], False, 0)
     assert safety.decide(0.0, 0) is Order.FOLLOW
     assert safety.zero is Zero.KNOWN
+
+
+def test_a_zero_is_judged_at_the_zero_alone():
+    safety = TendonSafety(CONFIG)
+    assert (safety.zero, safety.reason) == (Zero.UNKNOWN, '')
+    safety.add_samples([0.0], False, 0)
+    safety.decide(0.0, 0)
+    with pytest.raises(MotionRefusedError, match='the driver is not connected; home the tendon'):
+        safety.admit(Pull(TAUT_M), 0.0, 0)  # a slack reading does not make an unknown zero known
+    safety.set_zero(Zero.UNCONFIRMED)
+    safety.add_samples([0.0], False, 0)
+    safety.decide(TAUT_M, 0)
+    assert safety.zero is Zero.UNCONFIRMED
+    for displacement_m, now_ms in ((0.0, 0), (TAUT_M, 400), (0.0, 500)):
+        safety.add_samples([2.0], False, now_ms * MS)
+        safety.decide(displacement_m, now_ms * MS)
+    assert safety.zero is Zero.UNCONFIRMED  # 0.5 s at the zero without a break would refute it
+
+
+# -- what others ask of it ------------------------------------------------------------------------
+
+
+def test_it_says_whether_a_needed_topic_was_never_heard():
+    peer = TopicWatchdog('trial_runner/heartbeat', 0.2)
+    safety, unguarded = TendonSafety(CONFIG, [peer]), make(unguarded=True)
+    assert safety.awaits_first
+    safety.add_samples([0.0], False, 0)
+    assert safety.awaits_first
+    peer.beat(0)
+    assert not safety.awaits_first
+    assert not unguarded.awaits_first
+    assert TendonSafety(CONFIG).awaits_first
+
+
+def test_an_alarm_is_what_nobody_has_commanded(safety):
+    hold_taut(safety)
+    safety.admit(Pull(0.006), TAUT_M, 0)
+    assert safety.is_pulling
+    safety.stop()
+    assert not safety.is_alarm
+    safety.finish()
+    assert not safety.is_pulling
+    safety.lose('The servo is silent.', 0)
+    assert safety.is_alarm
+
+
+def test_letting_out_keeps_its_first_reason_and_the_goal_that_lets_out(safety):
+    hold_taut(safety)
+    safety.admit(Pull(0.0), TAUT_M, 0)
+    safety.add_samples([20.0], False, 0)
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    assert safety.ending is None
+    safety.add_samples([21.0], False, 0)
+    safety.decide(TAUT_M, 0)
+    assert '20.00 N' in safety.reason
+
+
+@pytest.mark.parametrize(('displacement_m', 'state'), [(0.0005, 'FREE'), (0.00051, 'RELEASING')])
+def test_letting_out_ends_within_half_a_millimetre(safety, displacement_m, state):
+    hold_taut(safety)
+    safety.release('The tendon was released.')
+    safety.decide(displacement_m, 0)
+    assert safety.state.name == state
+
+
+def test_a_servo_that_stops_while_it_lets_out_goes_on_letting_out(safety):
+    hold_taut(safety)
+    safety.admit(Pull(0.0), TAUT_M, 0)
+    safety.lose('The servo was silent.', 0)
+    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+
+
+def test_a_new_zero_is_judged_anew():
+    safety = TendonSafety(CONFIG)
+    safety.set_zero(Zero.UNCONFIRMED)
+    safety.add_samples([2.0], False, 0)
+    with pytest.raises(MotionRefusedError, match='wait until it is slack'):
+        safety.admit(Pull(TAUT_M), 0.0, 0)  # though nobody has polled meanwhile
+    safety.set_zero(Zero.UNCONFIRMED)
+    assert safety.live_tension_n(0) is None
+    safety.add_samples([2.0], False, 500 * MS)
+    safety.decide(0.0, 500 * MS)
+    assert safety.zero is Zero.UNCONFIRMED
+    safety.set_zero(Zero.KNOWN)
+    assert safety.live_tension_n(500 * MS) == 2.0
+    assert safety.strictest_contact == 'abduction'

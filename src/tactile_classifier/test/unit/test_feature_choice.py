@@ -39,8 +39,8 @@ def make_table(name, separation, seed, trials=48):
 
 def test_the_better_set_is_chosen_and_the_runner_up_is_of_another():
     tables = {
-        'texture_spectrum': make_table('texture_spectrum', 0.05, 1),
-        'glide_waveform': make_table('glide_waveform', 3.0, 2),
+        'texture_spectrum': make_table('texture_spectrum', 0.05, 1, trials=24),
+        'glide_waveform': make_table('glide_waveform', 3.0, 2, trials=24),
     }
     split = stratified_split(tables['glide_waveform'], 3, 1)
     choice = choose_candidate(tables, split)

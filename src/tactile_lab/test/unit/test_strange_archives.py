@@ -27,6 +27,7 @@ from tactile_lab.datasets.selection import select_trials
 from tactile_ros.errors import TactileError
 
 RATE_HZ = 100.0
+CHEAP = ('--repetitions', '1', '--folds', '3')
 
 
 @pytest.fixture
@@ -51,7 +52,17 @@ def save(tmp_path):
 def evaluate(path, *arguments):
     done = CliRunner().invoke(
         app,
-        ['evaluate', str(path), '--task', 'stiffness', '--repetitions', '1', *arguments],
+        [
+            'evaluate',
+            str(path),
+            '--task',
+            'stiffness',
+            '--repetitions',
+            '1',
+            '--folds',
+            '3',
+            *arguments,
+        ],
         catch_exceptions=False,
     )
     return done.exit_code, done.output
