@@ -58,10 +58,10 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
     parser.add_argument(
         '--workers',
         type=int,
-        default=2 * (os.cpu_count() or 1),
+        default=(3 * (os.cpu_count() or 1) + 1) // 2,
         metavar='N',
-        help='processes for tests that wait for devices and nodes (default: two a core); '
-        'unit tests have one a core, and yield to them',
+        help='processes for tests that wait for devices and nodes (default: three for two '
+        'cores); unit tests have one a core, and yield to them',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
