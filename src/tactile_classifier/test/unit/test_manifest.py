@@ -94,7 +94,7 @@ def test_tampered_manifest_is_refused(changes, message):
         Manifest.from_json(changed(**changes))
 
 
-@pytest.mark.parametrize('field', [f.name for f in dataclasses.fields(Manifest)])
+@pytest.mark.parametrize('field', sorted({*json.loads(GOOD.to_json())} - {'format_version'}))
 def test_missing_entry_is_named(field):
     content = json.loads(GOOD.to_json())
     del content[field]
