@@ -43,7 +43,12 @@ from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.simulation.simulated_trials import plan_trial
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
+from tactile_sim.physics.fast_trials import (
+    simulate_motion,
+    SimulatedMotion,
+    STEPS_PER_SAMPLE,
+    TRUSTED_NM,
+)
 from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.finger import numpy_solver
 from tactile_sim.physics.finger.bent_line import compute_line
@@ -269,7 +274,11 @@ def _run_slack(plain: Case) -> Row:
 
 
 def _advance(
-    case: Case, step_s: float, dtype: Any = np.float64, tolerance_nm: float = TOLERANCE_NM
+    case: Case,
+    step_s: float,
+    dtype: Any = np.float64,
+    tolerance_nm: float = TOLERANCE_NM,
+    trusted_nm: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Even steps by the NumPy solver: times, tension, normal force, and when trials failed."""
     scene = case.scene
@@ -293,6 +302,7 @@ def _advance(
         failed,
         BDF2,
         tolerance_nm=tolerance_nm,
+        trusted_nm=trusted_nm,
     )
     failed_at_s = np.append(times_s, np.nan)[failed]
     tension_n, force_n = np.moveaxis(out[0, 1:].astype(np.float64), 0, -1)
@@ -306,7 +316,7 @@ def _run_long_steps(case: Case, factor: int) -> Row:
     period_s = case.scene.rig.load_cell.period_s
     with count_halvings() as halvings:
         times_s, tension_n, force_n, failed_at_s = _advance(
-            case, factor * period_s / STEPS_PER_SAMPLE
+            case, factor * period_s / STEPS_PER_SAMPLE, trusted_nm=TRUSTED_NM
         )
     still = dataclasses.replace(case.variation, phase=np.zeros_like(case.variation.phase))
     fine = dataclasses.replace(case, variation=still).simulate(REFERENCE_STEPS, 'compiled')

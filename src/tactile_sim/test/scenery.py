@@ -92,6 +92,7 @@ def run(
     solver='compiled',
     scheme=BDF2,
     tolerance_nm=TOLERANCE_NM,
+    trusted_nm=0.0,
     dtype=np.float64,
 ):
     """Advance from rest; inputs are given before the first step and at the end of each."""
@@ -114,6 +115,7 @@ def run(
         failed,
         scheme,
         tolerance_nm=tolerance_nm,
+        trusted_nm=trusted_nm,
     )
     # From (blocks, steps + 1, rows, width) to trials side by side.
     rows = np.moveaxis(out, 0, 2).reshape(out.shape[1], out.shape[2], -1)

@@ -38,6 +38,9 @@ FloatArray = NDArray[np.float64]
 STEPS_PER_SAMPLE = 16
 """Of the sensor, while anything moves. docs/benchmarks.md has the error of other choices."""
 
+TRUSTED_NM = 1e-2
+"""With inertia, a change of Newton's method from a residual within this ends a step [N m]."""
+
 _RESTING_STEPS_PER_SAMPLE = 2
 _SETTLING_S = 0.1  # the finger's own transients last some 20 ms
 _BATCH = {'compiled': 64, 'numpy': 2048}
@@ -254,6 +257,7 @@ def _run_batch(
         rows,
         failed,
         scheme,
+        trusted_nm=TRUSTED_NM if scene.inertia else 0.0,
     )
     low, share = schedule.locate_samples(variation.phase)
     trial = np.arange(count)[:, np.newaxis]

@@ -27,6 +27,7 @@ from tactile_sim.physics.fast_trials import (
     simulate_motion,
     simulate_trials,
     STEPS_PER_SAMPLE,
+    TRUSTED_NM,
 )
 from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.finger.solver import advance_trials
@@ -118,6 +119,7 @@ def test_samples_are_the_ends_of_steps(steps_per_sample, phase):
         schedule.coefficients,
         (at.TENSION,),
         np.full(1, -1, dtype=np.int64),
+        trusted_nm=TRUSTED_NM,
     )[0, :, 0, 0]
     ends_s = np.concatenate([[0.0], schedule.times_s])
     motion = simulate_motion(scene, SHORT, variation, steps_per_sample=steps_per_sample)

@@ -93,31 +93,44 @@ class Reference:
             force = force if force.real > 0 else 0.0
         return force, case['incline'] + case['bend'] * beside
 
+    def loads(self, modes):
+        """Tension, normal force and slope, friction at the tip, share of the tendon's friction."""
+        case, c = self.case, CONSTANTS
+        drop, reach = self.place(modes)
+        force, incline = self.press(drop, reach)
+        stretch = case['tendon'] - c.arm * modes[0]
+        tension = c.tendon_stiffness * stretch if stretch.real > 0 else 0.0
+        ahead = (modes[0] - case['sliders'][1]) / c.presliding_rad
+        if abs(ahead.real) >= 1:
+            ahead = np.sign(ahead.real)
+        shear = c.shear_stiffness * (case['place'] + reach - self.middle - case['sliders'][0])
+        limit = case['friction'] * force
+        if abs(shear.real) > limit.real:
+            shear = limit * np.sign(shear.real)
+        return tension, force, incline, shear, ahead
+
+    def end(self, modes):
+        """Tension, normal force, and where tip and tendon stick afterwards."""
+        tension, force, _, shear, ahead = self.loads(modes)
+        place = self.case['place'] + self.place(modes)[1] - self.middle
+        tip = place - shear / CONSTANTS.shear_stiffness
+        return tension, force, tip, modes[0] - ahead * CONSTANTS.presliding_rad
+
     def moments(self, modes):
         """Sum of all moments without those of `creep`, shape (3,); to be zero."""
         case, c = self.case, CONSTANTS
         share = np.array([1, 1 / 3, 1 / 5])
         xi, weight = np.float64(FINE_XI), np.float64(FINE_WEIGHT)
-        drop, reach = self.place(modes)
-        force, incline = self.press(drop, reach)
+        tension, force, incline, shear, ahead = self.loads(modes)
         nodes = shapes(GRID_LINE)
         angle = modes @ nodes
         drop_i = c.length * (nodes * np.cos(angle)) @ np.array(NODE_WEIGHT)
         reach_i = -c.length * (nodes * np.sin(angle)) @ np.array(NODE_WEIGHT)
         beyond = (1 - GRID_LINE) * c.mass + c.tip_mass
         hang = GRAVITY_M_S2 * c.length * (nodes * np.cos(angle) * beyond) @ np.array(NODE_WEIGHT)
-        stretch = case['tendon'] - c.arm * modes[0]
-        tension = c.tendon_stiffness * stretch if stretch.real > 0 else 0.0
-        ahead = (modes[0] - case['sliders'][1]) / c.presliding_rad
-        if abs(ahead.real) >= 1:
-            ahead = np.sign(ahead.real)
         legendre = np.stack([np.ones(64), 2 * xi - 1, 6 * xi**2 - 6 * xi + 1])
         loss = np.exp(-c.tendon_friction * modes[0] * ahead * xi)
         pull = c.arm * tension * (legendre * loss) @ weight
-        shear = c.shear_stiffness * (case['place'] + reach - self.middle - case['sliders'][0])
-        limit = case['friction'] * force
-        if abs(shear.real) > limit.real:
-            shear = limit * np.sign(shear.real)
         excess = modes[0] - c.stop_rad
         stop = np.array([c.stop_stiffness * excess if excess.real > 0 else 0.0, 0.0, 0.0])
         own = c.damping * RATE * (modes - case['bases'])
@@ -222,10 +235,17 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
         assert balance(np.zeros(3))[0] < 2e-9
         # Away from the balance, the change solves the linear equations, mode by mode.
         for missing in 1e-4 * np.eye(3):
-            residual, *changes = balance(missing)[:4]
+            residual, changes, *_ = balance(missing)
             assert residual == pytest.approx(1e-4, rel=1e-4)
             np.testing.assert_allclose(jacobian @ changes, missing, rtol=0, atol=3e-8)
-        assert max(abs(np.array(balance(np.full(3, 1e6))[1:4]))) <= MAX_CHANGE_RAD
+        # A small change comes with what it leads to, but for its square.
+        for missing in 1e-6 * np.eye(3):
+            _, changes, _, after, surprise = balance(missing)
+            expected = reference.end(case['modes'] - np.array(changes))
+            np.testing.assert_allclose(after[:2], expected[:2], rtol=0, atol=1e-7)
+            np.testing.assert_allclose(after[2:], expected[2:], rtol=0, atol=1e-10)
+            assert surprise < 1e-12
+        assert max(abs(np.array(balance(np.full(3, 1e6))[1]))) <= MAX_CHANGE_RAD
 
 
 def test_mass_matrix_is_that_of_a_chain_of_points():
@@ -265,18 +285,18 @@ def test_letting_go_leaves_no_friction():
         case['tendon'],
         RATE,
     )
-    *_, rub, tip, tendon = compute_balance(*arguments, 0.0, CONSTANTS)
+    _, rub, tip, tendon = compute_balance(*arguments, 0.0, CONSTANTS)[2]
     assert rub == 0.0
     assert tip == case['place']
     assert tendon == case['modes'][0]
-    assert abs(compute_balance(*arguments, 1.0, CONSTANTS)[5]) > 0.1
+    assert abs(compute_balance(*arguments, 1.0, CONSTANTS)[2][1]) > 0.1
 
 
 def test_sliders_stay_behind_by_what_the_springs_bear():
     case = random_case(np.random.default_rng(2), 'sliding')
     case['sliders'][0] = case['place'] - 5e-3
     force = compute_rigid_contact(case['indentation'], case['tip'], case['held'])
-    *_, rub, tip, tendon = compute_balance(
+    _, rub, tip, tendon = compute_balance(
         compute_line(*case['modes'], MASS, TIP_MASS),
         force,
         (0.0, 0.0),
@@ -291,7 +311,7 @@ def test_sliders_stay_behind_by_what_the_springs_bear():
         RATE,
         1.0,
         CONSTANTS,
-    )
+    )[2]
     assert rub == pytest.approx(0.4 * force[0], rel=1e-14)
     assert case['place'] - tip == pytest.approx(rub / CONSTANTS.shear_stiffness, rel=1e-10)
     assert case['modes'][0] - tendon == pytest.approx(CONSTANTS.presliding_rad, rel=1e-10)

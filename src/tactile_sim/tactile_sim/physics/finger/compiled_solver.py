@@ -120,8 +120,9 @@ def make_advance(width: int) -> Callable[..., None]:
     @register_jitable(forceinline=True, **_OPTIONS)
     def solve(z: Any, row: Any, inputs: Any, scene: Any, control: Any) -> None:
         constants, springs, table, grid, yields = scene
-        second, grip, tolerance, iterations = control
+        second, grip, tolerance, trusted, iterations = control
         guide_m, material_m = inputs[at.GUIDE_INPUT], inputs[at.MATERIAL_INPUT]
+        tendon_m = inputs[at.TENDON_INPUT]
         present = inputs[at.PRESENT_INPUT] > 0.0
         for t in range(width):
             begin_step(z, t, row, second)
@@ -152,7 +153,7 @@ def make_advance(width: int) -> Callable[..., None]:
                     for t in range(width):
                         press_rigid(z, t, constants)
             for t in range(width):
-                improve(z, t, row, inputs[at.TENDON_INPUT], material_m, grip, tolerance, constants)
+                improve(z, t, row, tendon_m, material_m, grip, tolerance, trusted, constants)
             going = 0.0
             for t in range(width):
                 going += z[at.OPEN, t]

@@ -62,7 +62,7 @@ BEND = 52
 NEW_FORCE = 53
 FORCE_SLOPE = 54
 NEW_PRESSED = 55
-OPEN = 56  # 1 while the trial's step has not converged
+OPEN = 56  # 1 while the trial's step is not solved
 NEW_TENSION = 57
 NEW_TIP = 58
 NEW_TENDON = 59
@@ -70,7 +70,8 @@ SQUEEZED_BASE = 60  # what the tip's rate of change is counted from [m]
 ACTIVE = 61  # 1 while the trial takes part in the step
 SOLVED = 62  # 1 once it has solved it
 SWING_BASES = 63  # what accelerations are counted from [rad/s^2]
-LINE = 66
+END_FORCE = 66  # normal force at the end of the step [N]
+LINE = 67
 ROWS = LINE + 19
 
 # Columns of the coefficients of a step: 1 / its length, then three numbers

@@ -165,8 +165,17 @@ def compute_balance(
 
     Returns
     -------
-    tuple of 8
-        Largest residual [N m], the three changes, tension [N], friction [N], new sliders.
+    residual
+        The largest [N m].
+    changes
+        Of the three modes; to be subtracted.
+    now
+        Tension [N], friction [N], new sliders.
+    after
+        To first order after the changes: tension [N], normal force [N], new sliders.
+    surprise
+        Moment of friction that the changes do not foresee, because it sticks, slides or turns
+        round [N m].
     """
     c = constants
     (force, force_slope), (incline, bend) = contact, surface
@@ -262,8 +271,29 @@ def compute_balance(
     s1 = (c01 * e0 + c11 * e1 + c21 * e2) * over
     s2 = (c02 * e0 + c12 * e1 + c22 * e2) * over
     residual = larger(abs(e0), larger(abs(e1), abs(e2)))
-    changes = (shorten(s0), shorten(s1), shorten(s2))
-    return (residual, *changes, tension, rub, tip_slider, tendon_slider)
+    s0, s1, s2 = shorten(s0), shorten(s1), shorten(s2)
+    now = (tension, rub, tip_slider, tendon_slider)
+
+    # What the changes lead to, for a step that ends with them.
+    stretch = stretch + c.arm * s0
+    tension = select(stretch <= 0.0, 0.0, c.tendon_stiffness * stretch)
+    force = force - (f0 * s0 + f1 * s1 + f2 * s2)
+    force = select(force <= 0.0, 0.0, force)
+    place = place - (x0 * s0 + x1 * s1 + x2 * s2)
+    spring = c.shear_stiffness * (place - sliders[0])
+    limit = grip * friction * force
+    slides = select(spring > 0.0, limit, -limit)
+    end_rub = select(abs(spring) > limit, slides, spring)
+    q0 = q0 - s0
+    ahead = (q0 - sliders[1]) * c.per_presliding
+    end_drag = grip * select(abs(ahead) < 1.0, ahead, select(ahead > 0.0, 1.0, -1.0))
+    tip_slider = place - end_rub * c.per_shear_stiffness
+    after = (tension, force, tip_slider, q0 - end_drag * c.presliding_rad)
+    foreseen = rub - (r0 * s0 + r1 * s1 + r2 * s2)
+    surprise = abs(end_rub - foreseen) * c.length
+    foreseen = drag - drag_0 * s0
+    surprise = surprise + abs(end_drag - foreseen) * abs(c.tendon_friction * q0 * pull)
+    return residual, (s0, s1, s2), now, after, surprise
 
 
 def shorten(change: Any) -> Any:

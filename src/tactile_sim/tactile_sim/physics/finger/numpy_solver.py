@@ -111,7 +111,7 @@ def _solve_in_parts(
 
 def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, springs, _, _, yields = scene
-    second, grip, _, iterations = control
+    second, grip, _, _, iterations = control
     begin_step(z, _ALL, row, second)
     begin_creep(z, _ALL, row, constants)
     if yields:
@@ -143,7 +143,7 @@ def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: A
 
 def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, _, table, grid, yields = scene
-    _, grip, tolerance, _ = control
+    _, grip, tolerance, trusted, _ = control
     locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
     if len(table) > 1:
         find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)
@@ -160,4 +160,4 @@ def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control:
         else:
             press_rigid(z, _ALL, constants)
     tendon_m, material_m = inputs[at.TENDON_INPUT], inputs[at.MATERIAL_INPUT]
-    improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, constants)
+    improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, trusted, constants)

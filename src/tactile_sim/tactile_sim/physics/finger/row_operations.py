@@ -36,6 +36,9 @@ MAX_TURN_RAD = 0.35
 
 _MIDDLE_RAD, _RANGE_RAD = 0.9, 1.8
 
+_SURPRISE = 0.01
+"""How much of an unchecked change's bound friction may do unforeseen [1]."""
+
 
 def begin_step(z: Any, t: Any, coefficients: Any, second: float) -> None:
     """Start from where the trial is, and guess that it goes on as in the step before.
@@ -44,6 +47,7 @@ def begin_step(z: Any, t: Any, coefficients: Any, second: float) -> None:
     else, for ``second`` 1, that of the second backward difference. The acceleration is the
     same difference of these rates: ``q * RATE^2 - swing base``.
     """
+    z[at.OPEN, t] = z[at.ACTIVE, t]
     known = 1.0 - z[at.FRESH, t]
     share = (second / 3.0) * known
     q0, q1, q2 = z[at.MODES, t], z[at.MODES + 1, t], z[at.MODES + 2, t]
@@ -148,9 +152,14 @@ def improve(
     material_m: float,
     grip: float,
     tolerance: float,
+    trusted: float,
     constants: Any,
 ) -> None:
-    """One iteration of Newton's method; a trial that has converged stays where it is."""
+    """One iteration of Newton's method; a trial that is solved stays where it is.
+
+    It is solved when its residual is within the tolerance, or when the one before the change
+    was within ``trusted`` and friction does as foreseen.
+    """
     i = at.LINE
     line = (
         z[i, t],
@@ -175,7 +184,7 @@ def improve(
     )
     factor, late = z[at.FINGER_FACTOR, t], coefficients[at.CREEP_COLUMN + 2]
     friction = z[at.FRICTION, t] * (1.0 - constants.friction_loss * z[at.WEAKENED, t])
-    residual, s0, s1, s2, tension, _, tip, tendon = compute_balance(
+    residual, (s0, s1, s2), (tension, _, tip, tendon), after, surprise = compute_balance(
         line,
         (z[at.NEW_FORCE, t], z[at.FORCE_SLOPE, t]),
         (z[at.INCLINE, t], z[at.BEND, t]),
@@ -196,10 +205,17 @@ def improve(
         grip,
         constants,
     )
-    z[at.NEW_TENSION, t], z[at.NEW_TIP, t], z[at.NEW_TENDON, t] = tension, tip, tendon
+    was_open = z[at.OPEN, t] > 0.0
     # Comparisons with NaN are false: a trial that has lost its numbers stays open.
-    go = select(residual <= tolerance, 0.0, z[at.ACTIVE, t])
-    z[at.OPEN, t] = go
+    go = select(residual <= tolerance, 0.0, z[at.OPEN, t])
+    ends = select(residual <= trusted, 0.0, go)
+    z[at.OPEN, t] = select(surprise <= _SURPRISE * trusted, ends, go)
+    goes = go > 0.0
+    kept, force = z[at.NEW_TENSION, t], z[at.NEW_FORCE, t]
+    z[at.NEW_TENSION, t] = select(goes, after[0], select(was_open, tension, kept))
+    z[at.END_FORCE, t] = select(goes, after[1], select(was_open, force, z[at.END_FORCE, t]))
+    z[at.NEW_TIP, t] = select(goes, after[2], select(was_open, tip, z[at.NEW_TIP, t]))
+    z[at.NEW_TENDON, t] = select(goes, after[3], select(was_open, tendon, z[at.NEW_TENDON, t]))
     z[at.NEW_MODES, t] = z[at.NEW_MODES, t] - go * s0
     z[at.NEW_MODES + 1, t] = z[at.NEW_MODES + 1, t] - go * s1
     z[at.NEW_MODES + 2, t] = z[at.NEW_MODES + 2, t] - go * s2
@@ -230,7 +246,7 @@ def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> 
         z[at.MODES + i, t] = select(done, new, old)
     z[at.FRESH, t] = select(done, 0.0, z[at.FRESH, t])
     damper = constants.tip_damping * z[at.RATE, t]
-    squeezed = z[at.NEW_FORCE, t] + damper * z[at.SQUEEZED_BASE, t]
+    squeezed = z[at.END_FORCE, t] + damper * z[at.SQUEEZED_BASE, t]
     squeezed = squeezed / (constants.tip_stiffness + damper)
     change = squeezed - z[at.SQUEEZED, t]
     z[at.SQUEEZED_DIFFERENCE, t] = select(done, change, z[at.SQUEEZED_DIFFERENCE, t])
@@ -242,8 +258,8 @@ def end_step(z: Any, t: Any, coefficients: Any, grip: float, constants: Any) -> 
     z[at.TIP_SLIDER, t] = select(done, z[at.NEW_TIP, t], z[at.TIP_SLIDER, t])
     z[at.TENDON_SLIDER, t] = select(done, z[at.NEW_TENDON, t], z[at.TENDON_SLIDER, t])
     z[at.TENSION, t] = select(done, z[at.NEW_TENSION, t], z[at.TENSION, t])
-    z[at.FORCE, t] = select(done, z[at.NEW_FORCE, t], z[at.FORCE, t])
-    felt = z[at.NEW_TENSION, t] + constants.crosstalk * z[at.NEW_FORCE, t]
+    z[at.FORCE, t] = select(done, z[at.END_FORCE, t], z[at.FORCE, t])
+    felt = z[at.NEW_TENSION, t] + constants.crosstalk * z[at.END_FORCE, t]
     sensed = (
         coefficients[at.SENSOR_COLUMN] * z[at.SENSED, t]
         + coefficients[at.SENSOR_COLUMN + 1] * z[at.SENSOR_INPUT, t]

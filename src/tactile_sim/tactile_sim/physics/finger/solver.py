@@ -69,6 +69,7 @@ def advance_trials(
     scheme: Scheme = BDF2,
     grip: float = 1.0,
     tolerance_nm: float = TOLERANCE_NM,
+    trusted_nm: float = 0.0,
 ) -> Any:
     """Advance every trial through the same steps.
 
@@ -94,6 +95,11 @@ def advance_trials(
         -1 for a trial that goes on; afterwards the step at which it found no balance.
     grip
         1, or 0 to let go of all friction.
+    tolerance_nm
+        A step is solved when no moment is left unbalanced by more [N m].
+    trusted_nm
+        A change of Newton's method from a residual within this ends the step, unchecked, where
+        friction does as foreseen; for surfaces that do not yield [N m].
 
     Returns
     -------
@@ -101,7 +107,7 @@ def advance_trials(
         Before the first step and after each; of a failed trial, as it was last. Trial i
         stands in block i // width at place i % width.
     """
-    control = (scheme.second, grip, tolerance_nm, _ITERATIONS)
+    control = (scheme.second, grip, tolerance_nm, trusted_nm, _ITERATIONS)
     trials = state.shape[1]
     wanted = np.array(rows, dtype=np.int64)
     width = trials if solver == 'numpy' else _BLOCK
