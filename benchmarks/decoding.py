@@ -21,7 +21,7 @@ import re
 from measuring import measure_ratio, Report, Row
 import numpy as np
 
-from linear_guide_driver.grbl.protocol import encode_event, GrblDecoder, StatusReport
+from linear_guide_driver.grbl.protocol import GrblDecoder
 from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 
@@ -69,15 +69,12 @@ def run_lines(quick: bool) -> Report:
 def run_status(quick: bool) -> Report:
     """Decode Grbl's status reports, against one regular expression."""
     positions = np.random.default_rng(5).uniform(-199.0, 0.0, COUNT).round(3)
-    plain = [StatusReport('Run', mpos_mm=(x, 0.0, 0.0), feed_mm_min=900.0) for x in positions]
-    offset = [
-        StatusReport('Idle', mpos_mm=(x, 0.0, 0.0), feed_mm_min=0.0, wco_mm=(0.0, 0.0, 0.0))
-        for x in positions
-    ]
+    plain = '<Run|MPos:{:.3f},0.000,0.000|FS:900,0>\r\n'
+    offset = '<Idle|MPos:{:.3f},0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>\r\n'
     match = re.compile(rb'<([A-Za-z]+)[^|]*\|MPos:(-?[\d.]+),(-?[\d.]+),(-?[\d.]+)').match
     rows = []
-    for name, reports in (('state, position, speed', plain), ('and work offset', offset)):
-        lines = [encode_event(report) for report in reports]
+    for name, report in (('state, position, speed', plain), ('and work offset', offset)):
+        lines = [report.format(x).encode() for x in positions]
 
         def match_each(lines: list[bytes] = lines) -> list[float]:
             return [float(found[2]) for line in lines if (found := match(line))]

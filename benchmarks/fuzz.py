@@ -157,7 +157,7 @@ def fuzz_grbl(source: random.Random, inputs: int) -> int:
     found = 0
 
     def make_line(source: random.Random) -> bytes:
-        position = (round(source.uniform(-200.0, 0.0), 3), 0.0, 0.0)
+        position_mm = source.uniform(-200.0, 0.0)
         return source.choice(
             (
                 b'ok\r\n',
@@ -166,10 +166,8 @@ def fuzz_grbl(source: random.Random, inputs: int) -> int:
                 b'$%d=%d\r\n' % (source.randrange(133), source.randrange(1000)),
                 b"\r\nGrbl 1.1h ['$' for help]\r\n",
                 b'[MSG:Check Limits]\r\n',
-                grbl.encode_event(grbl.StatusReport('Run', mpos_mm=position, feed_mm_min=900.0)),
-                grbl.encode_event(
-                    grbl.StatusReport('Hold', 0, mpos_mm=position, wco_mm=(1.0, 0.0, 0.0))
-                ),
+                b'<Run|MPos:%.3f,0.000,0.000|FS:900,0>\r\n' % position_mm,
+                b'<Hold:0|MPos:%.3f,0.000,0.000|WCO:1.000,0.000,0.000>\r\n' % position_mm,
             )
         )
 

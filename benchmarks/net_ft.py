@@ -18,17 +18,21 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 import multiprocessing
+from pathlib import Path
+import sys
 import time
 from typing import Any
 
 from measuring import Report, Row
 import numpy as np
 
-from tactile_sim.devices.ati.net_ft_box import NetFtBox
-from tactile_sim.devices.ati.net_ft_device import HOST, NetFtDevice
 from tendon_sensor_driver.ati import net_ft_links
 from tendon_sensor_driver.ati.net_ft import NetFtClient
 from tendon_sensor_driver.records import TendonSensorConfig
+
+sys.path.append(str(Path(__file__).parents[1] / 'src/testing'))
+from net_ft_box import NetFtBox
+from net_ft_device import HOST, NetFtDevice
 
 STARTUP_S = 20.0
 SETTLE_S = 0.5

@@ -20,7 +20,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, ExitStack
 import multiprocessing
 import os
+from pathlib import Path
 import select
+import sys
 import threading
 import time
 import tty
@@ -38,14 +40,16 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
-from tactile_sim.devices.ati.net_ft_box import NetFtBox
-from tactile_sim.devices.ati.net_ft_device import HOST, NetFtDevice
 from tendon_sensor_driver.ati.digital_ft_protocol import encode_record, RECORD_BYTES, StreamDecoder
 from tendon_sensor_driver.ati.net_ft_protocol import decode_records, encode_records, RECORD
 from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.stream.strain_stream import StrainStream
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
+
+sys.path.append(str(Path(__file__).parents[1] / 'src/testing'))
+from net_ft_box import NetFtBox
+from net_ft_device import HOST, NetFtDevice
 
 COUNT = 2000
 STARTUP_S = 20.0

@@ -30,7 +30,6 @@ PERIOD_S = 1.0
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
-STALE = DiagnosticStatus.STALE
 
 
 class Health(NamedTuple):

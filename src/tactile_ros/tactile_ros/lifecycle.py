@@ -23,12 +23,11 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_ros.message_guard import MessageGuard
 from tactile_ros.parameters import declare_config, read_config
-from tactile_ros.qos import RESULTS, STREAM
+from tactile_ros.qos import STREAM
 from tactile_ros.rclpy_internals import change_state_service, RCLError
 
 
@@ -109,19 +108,10 @@ class TactileNode(LifecycleNode):
 
         By parameters, as ``qos_overrides./tendon_sensor/strain.publisher.reliability``.
         """
-        return self._create_overridable_publisher(message_type, topic, STREAM)
-
-    def create_result_publisher(self, message_type: type, topic: str) -> Any:
-        """Make the same for features, answers and what else comes a few times a trial."""
-        return self._create_overridable_publisher(message_type, topic, RESULTS)
-
-    def _create_overridable_publisher(
-        self, message_type: type, topic: str, profile: QoSProfile
-    ) -> Any:
         return self.create_lifecycle_publisher(
             message_type,
             topic,
-            copy.copy(profile),  # rclpy writes the overrides into it
+            copy.copy(STREAM),  # rclpy writes the overrides into it
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 

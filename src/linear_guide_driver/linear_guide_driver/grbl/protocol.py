@@ -145,50 +145,12 @@ def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
     return f'G53 G1 X{mpos_mm:.3f} F{feed_mm_min:.3f}\n'.encode()
 
 
-def encode_dwell(seconds: float = 0.01) -> bytes:
+def encode_dwell() -> bytes:
     """Return a pause; its ``ok`` comes only when all motion before it has ended."""
-    return f'G4 P{seconds:.3f}\n'.encode()
+    return b'G4 P0.010\n'
 
 
 # -- replies --------------------------------------------------------------------------
-
-
-def encode_event(event: Event) -> bytes:
-    """Return the line, CRLF included, with which a controller says ``event``."""
-    if isinstance(event, Ok):
-        text = 'ok'
-    elif isinstance(event, Error):
-        text = f'error:{event.code}'
-    elif isinstance(event, Alarm):
-        text = f'ALARM:{event.code}'
-    elif isinstance(event, Setting):
-        text = f'${event.number}={event.value}'
-    elif isinstance(event, Banner):
-        name, question = ('GrblHAL', "'$' or '$HELP'") if event.is_hal else ('Grbl', "'$'")
-        text = f'{name} {event.version} [{question} for help]'
-    elif isinstance(event, Message):
-        text = event.text if event.text.startswith('>') else f'[{event.text}]'
-    else:
-        text = _format_status(event)
-    return text.encode() + b'\r\n'
-
-
-def _format_status(report: StatusReport) -> str:
-    def axes(values: tuple[float, ...]) -> str:
-        return ','.join(f'{value:.3f}' for value in values)
-
-    fields = [report.state if report.substate is None else f'{report.state}:{report.substate}']
-    if report.mpos_mm is not None:
-        fields.append(f'MPos:{axes(report.mpos_mm)}')
-    elif report.wpos_mm is not None:
-        fields.append(f'WPos:{axes(report.wpos_mm)}')
-    if report.feed_mm_min is not None:
-        fields.append(f'FS:{report.feed_mm_min:.0f},0')
-    if report.pins:
-        fields.append(f'Pn:{report.pins}')
-    if report.wco_mm is not None:
-        fields.append(f'WCO:{axes(report.wco_mm)}')
-    return f'<{"|".join(fields)}>'
 
 
 _NUMBER = r'-?\d{1,9}(?:\.\d{1,6})?'

@@ -23,7 +23,6 @@ from linear_guide_driver.grbl.codes import describe_alarm, describe_error, STATE
 from linear_guide_driver.grbl.protocol import (
     Alarm,
     Banner,
-    encode_event,
     Error,
     GrblDecoder,
     MAX_LINE_BYTES,
@@ -63,6 +62,29 @@ garbage = st.sampled_from(
         b'ok\x00', b'x' * (MAX_LINE_BYTES + 5),
     ]
 )  # fmt: skip
+
+
+def encode_event(event):
+    """Return the line with which a controller says it."""
+    if isinstance(event, Ok):
+        text = 'ok'
+    elif isinstance(event, Error):
+        text = f'error:{event.code}'
+    elif isinstance(event, Alarm):
+        text = f'ALARM:{event.code}'
+    elif isinstance(event, Setting):
+        text = f'${event.number}={event.value}'
+    elif isinstance(event, Banner):
+        name, question = ('GrblHAL', "'$' or '$HELP'") if event.is_hal else ('Grbl', "'$'")
+        text = f'{name} {event.version} [{question} for help]'
+    elif isinstance(event, Message):
+        text = event.text if event.text.startswith('>') else f'[{event.text}]'
+    else:
+        state = event.state if event.substate is None else f'{event.state}:{event.substate}'
+        text = f'<{state}|MPos:' + ','.join(f'{value:.3f}' for value in event.mpos_mm)
+        text += '' if event.feed_mm_min is None else f'|FS:{event.feed_mm_min:.0f},0'
+        text += f'|Pn:{event.pins}>' if event.pins else '>'
+    return text.encode() + b'\r\n'
 
 
 def decode_in_chunks(data, cuts):

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import dataclasses
 
 import numpy as np
@@ -96,23 +95,17 @@ def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
     return codes if codes.max() > 0 else None
 
 
-def find_tied_labels(table: FeatureTable, columns: Sequence[str] = ()) -> list[str]:
+def find_tied_labels(table: FeatureTable) -> list[str]:
     """Return a warning for each grouping column in which labels and groups coincide.
 
     A label is tied when all its trials are of one group that has no other label. What is
     learnt then may be the group: random folds flatter, and with that group held out nobody
     knows the label. A label of one session or mounting that other labels share, while there
     are several, has the second fault alone, and is told, too.
-
-    Parameters
-    ----------
-    table : FeatureTable
-    columns : sequence of str
-        Grouping columns besides `GROUPS`; those that the table does not have do not count.
     """
     labels, label = np.unique(table.labels, return_inverse=True)
     warnings = []
-    for name in dict.fromkeys((*GROUPS, *columns)):
+    for name in GROUPS:
         if name not in table.columns:
             continue
         group = np.unique(table.columns[name], return_inverse=True)[1]

@@ -85,12 +85,6 @@ class FeatureChoice:
         """What is chosen."""
         return self.ranking[0]
 
-    @property
-    def runner_up(self) -> CandidateScore | None:
-        """The best candidate with another set of features, if there is one."""
-        others = (s for s in self.ranking if s.candidate[0] != self.best.candidate[0])
-        return next(others, None)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the choice as what JSON can hold."""
         return {

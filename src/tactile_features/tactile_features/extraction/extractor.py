@@ -33,10 +33,8 @@ from tactile_features.phases.signal_phases import SignalPhases
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
-    PHASE_ABORTED,
     PHASE_APPROACH,
     PHASE_CONTACT,
-    PHASE_DONE,
     PHASE_GLIDE,
     PHASE_HOLD,
     PHASES_STATED,
@@ -81,8 +79,6 @@ class TrialFeatureExtractor:
         What has come in.
     window_counts : dict of Outcome to int
         What has come out, without the partial windows.
-    dropped_trial_count : int
-        Trials that another trial replaced before they had ended.
     """
 
     def __init__(self, config: FeatureConfig) -> None:
@@ -90,7 +86,6 @@ class TrialFeatureExtractor:
         self.block_count = 0
         self.sample_count = 0
         self.event_count = 0
-        self.dropped_trial_count = 0
         self.window_counts = dict.fromkeys(Outcome, 0)
         self._buffer_ns = round(config.buffer_s * 1e9)
         # Twice the nominal rate: a stream that is too fast is told so, not cut off.
@@ -160,14 +155,12 @@ class TrialFeatureExtractor:
         begun, self._event = self._event, event
         before, self._before = self._before, begun
         if begun is not None and begun != event:
-            if begun.trial_id == event.trial_id and not _begins_again(begun, event):
-                if begun.phase in (PHASE_GLIDE, PHASE_HOLD):
-                    same = before is not None and before.trial_id == begun.trial_id
-                    before = before if same else None
-                    window = PhaseWindow(begun, event, self.config, before, is_past=is_past)
-                    self._waiting.append(window)
-            elif begun.phase not in (PHASE_DONE, PHASE_ABORTED):
-                self.dropped_trial_count += 1
+            same_trial = begun.trial_id == event.trial_id and not _begins_again(begun, event)
+            if same_trial and begun.phase in (PHASE_GLIDE, PHASE_HOLD):
+                same = before is not None and before.trial_id == begun.trial_id
+                before = before if same else None
+                window = PhaseWindow(begun, event, self.config, before, is_past=is_past)
+                self._waiting.append(window)
         if begun != event and event.phase == PHASE_GLIDE:
             self._filling.extend(
                 PartialWindow(event, count, self.config) for count in self.config.running_samples

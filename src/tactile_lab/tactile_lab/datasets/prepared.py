@@ -117,7 +117,6 @@ def prepare_trials(
     options: TrialOptions,
     *,
     folds: int,
-    questions: Questions | None = None,
 ) -> PreparedTrials:
     """Read trials and compute their features.
 
@@ -129,8 +128,6 @@ def prepare_trials(
         With a task.
     folds : int
         Fewer trials than this are refused.
-    questions : Questions, optional
-        Left out: nobody is asked.
 
     Raises
     ------
@@ -145,7 +142,7 @@ def prepare_trials(
     trials = load_trials(
         leaves,
         options.sources,
-        questions or Questions(),
+        Questions(),
         folds=folds,
         skip_bad=options.skip_bad,
     )

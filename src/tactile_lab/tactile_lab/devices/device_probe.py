@@ -187,10 +187,10 @@ def find_names(port: str, folders: Sequence[str] = NAME_FOLDERS) -> tuple[str, .
     return tuple(str(link) for link in links if os.path.realpath(link) == target)
 
 
-def find_holders(port: str, processes: str = '/proc') -> list[str]:
+def find_holders(port: str) -> list[str]:
     """Return the programs of ours that have a port open, as ``name (number)``."""
     target = os.path.realpath(port)
-    handles = Path(processes).glob('[0-9]*/fd/*')
+    handles = Path('/proc').glob('[0-9]*/fd/*')
     return sorted({_name_process(h.parent.parent) for h in handles if _leads_to(h, target)})
 
 

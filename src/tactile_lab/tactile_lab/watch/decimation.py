@@ -40,15 +40,9 @@ class Decimator:
     Up to two samples in a bucket of time are passed on as they are. Of more samples, the smallest
     and the largest are passed on, each at its own time. Where a bucket begins does not depend on
     how samples are grouped in blocks.
-
-    Parameters
-    ----------
-    bucket_ns : int
-        Width of a bucket [ns].
     """
 
-    def __init__(self, bucket_ns: int = BUCKET_NS) -> None:
-        self._bucket_ns = bucket_ns
+    def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
@@ -70,13 +64,13 @@ class Decimator:
             points += self._close()
             points.append(Point(block.stamp_ns - 1, None))
         stamps_ns = block.stamp_ns + np.arange(count, dtype=np.int64) * block.period_ns
-        buckets = stamps_ns // self._bucket_ns
+        buckets = stamps_ns // BUCKET_NS
         starts = np.flatnonzero(np.diff(buckets, prepend=buckets[0] - 1))
         for start, end in zip(starts, [*starts[1:], count], strict=True):
-            if self._open and self._open[0][0] // self._bucket_ns != buckets[start]:
+            if self._open and self._open[0][0] // BUCKET_NS != buckets[start]:
                 points += self._close()
             self._take(stamps_ns[start:end], block.tension_n[start:end])
-        if block.period_ns * 2 > self._bucket_ns:  # slow: each sample is a point, at once
+        if block.period_ns * 2 > BUCKET_NS:  # slow: each sample is a point, at once
             points += self._close()
         self._next_sequence = block.sequence + count
         self.last_ns = int(stamps_ns[-1])

@@ -36,11 +36,9 @@ SHOWN_SENTENCES = 8
 LEVEL_STYLES = {'ok': 'green', 'warning': 'yellow', 'error': 'red', 'stale': 'red'}
 
 
-def show_until(
-    state: WatchState, wait: Callable[[float], bool], console: Console | None = None
-) -> None:
+def show_until(state: WatchState, wait: Callable[[float], bool]) -> None:
     """Draw the state again and again until ``wait(seconds)`` returns True."""
-    console = console or Console()
+    console = Console()
     # Rich redraws only when told: a thread of its own would draw what is not new.
     with Live(console=console, auto_refresh=False, screen=console.is_terminal) as live:
         while not wait(1.0 / FRAMES_HZ):

@@ -99,11 +99,6 @@ class Inbox:
         When it is full, the oldest record is dropped: a gap, as when a queue of DDS is full.
     notify : callable
         Called for each record that is there to be taken.
-
-    Attributes
-    ----------
-    dropped_count : int
-        Records that were dropped.
     """
 
     def __init__(self, depth: int, notify: Callable[[], None]) -> None:
@@ -111,14 +106,12 @@ class Inbox:
         self._depth = depth
         self._notify = notify
         self._lock = threading.Lock()
-        self.dropped_count = 0
 
     def put(self, record: Any) -> None:
         """Add a record; returns at once."""
         with self._lock:
             is_full = len(self._records) == self._depth
             self._records.append(record)
-            self.dropped_count += is_full
         if not is_full:
             self._notify()
 

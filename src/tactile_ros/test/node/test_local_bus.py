@@ -319,7 +319,6 @@ def test_a_slow_sink_does_not_hold_its_source_and_loses_the_oldest(context, run)
     source.send(0)
     wait_until(lambda: not sink.numbers._inbox._records)
     source.send(*range(1, STREAM.depth + 4))
-    assert sink.numbers._inbox.dropped_count == 3
     sink.hold.set()
     wait_until(lambda: len(sink.values) == STREAM.depth + 1)
     assert sink.values == [0, *range(4, STREAM.depth + 4)]
@@ -349,7 +348,6 @@ def test_an_inbox_gives_records_in_order_and_drops_the_oldest():
         inbox.put(record)
     assert len(notified) == 3  # one for each record that is there
     assert [inbox.take() for _ in notified] == [2, 3, 4]
-    assert inbox.dropped_count == 2
 
 
 def test_a_latched_topic_is_none_for_records(context):

@@ -34,7 +34,6 @@ from tendon_sensor_driver.ati.units import (
 from tendon_sensor_driver.errors import LinkError
 
 ADDRESS = 10
-BAUDS = (1_250_000, 115_200, 19_200)
 START_STREAM = 0x46
 START_DATA = b'\x55'
 LOCK_STORAGE = 0x6A

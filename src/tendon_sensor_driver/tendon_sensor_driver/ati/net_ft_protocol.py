@@ -25,8 +25,6 @@ from numpy.typing import NDArray
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.errors import TendonSensorError
 
-RDT_PORT = 49152
-HTTP_PORT = 80
 RECORD_BYTES = 36
 MOST_RECORDS = 40
 """The most records in one datagram, in buffered mode."""
@@ -99,8 +97,6 @@ class Command(IntEnum):
     STOP = 0x0000
     START_REALTIME = 0x0002
     START_BUFFERED = 0x0003
-    RESET_LATCH = 0x0041
-    BIAS = 0x0042
 
 
 def encode_request(command: Command, samples: int = 0) -> bytes:

@@ -18,17 +18,15 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 
+from net_ft_box import NetFtBox
+from net_ft_device import HOST, NetFtDevice
 from tactile_ros.strain import StrainStatus
-
-box_module = pytest.importorskip('tactile_sim.devices.ati.net_ft_box')
-device_module = pytest.importorskip('tactile_sim.devices.ati.net_ft_device')
 
 
 @pytest.fixture
 def box():
-    with device_module.NetFtDevice(
-        box_module.NetFtBox(np.full(7000, -1.25), serial='FT12345', noise_counts=500.0)
-    ) as device:
+    box = NetFtBox(np.full(7000, -1.25), serial='FT12345', noise_counts=500.0)
+    with NetFtDevice(box) as device:
         yield device
 
 
@@ -37,7 +35,7 @@ def graph(make_graph, box):
     graph = make_graph(
         '',
         sensor='net_ft',
-        host=device_module.HOST,
+        host=HOST,
         rdt_port=box.rdt_port,
         http_port=box.http_port,
         rate_hz=500.0,

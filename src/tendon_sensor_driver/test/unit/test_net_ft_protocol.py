@@ -41,7 +41,6 @@ COUNTS = st.lists(st.integers(-(2**31), 2**31 - 1), min_size=6, max_size=6)
 def test_the_requests_are_the_known_good_bytes():
     assert encode_request(Command.START_REALTIME).hex() == '1234000200000000'
     assert encode_request(Command.STOP).hex() == '1234000000000000'
-    assert encode_request(Command.BIAS).hex() == '1234004200000000'
 
 
 @given(st.binary(max_size=16))

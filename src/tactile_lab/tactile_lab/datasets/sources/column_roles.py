@@ -237,13 +237,6 @@ def _find_values(
     return names
 
 
-def _is_signal(bare: str) -> bool:
-    return (
-        re.match(r'(force|tension|strain|value|signal|load|f[xyz]?$|ch(annel)?_?\d)', bare)
-        is not None
-    )
-
-
 def _is_constant(column: NDArray[Any]) -> bool:
     return bool((column == column[0]).all())
 

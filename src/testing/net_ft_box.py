@@ -22,7 +22,6 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_sim.errors import RigError
 from tendon_sensor_driver.ati.net_ft_protocol import (
     Command,
     encode_records,
@@ -138,11 +137,11 @@ class NetFtBox:
 
         Raises
         ------
-        RigError
+        ValueError
             When there is no such fault.
         """
         if kind not in FAULTS:
-            raise RigError(f'a Net F/T has no fault "{kind}"; it has {", ".join(FAULTS)}')
+            raise ValueError(f'a Net F/T has no fault "{kind}"; it has {", ".join(FAULTS)}')
         if kind == 'restart':
             duration_s = 0.5 if duration_s is None else duration_s
             self._begun_s = now_s + duration_s

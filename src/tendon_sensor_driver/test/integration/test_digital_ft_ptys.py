@@ -24,7 +24,7 @@ import tty
 import numpy as np
 import pytest
 
-from tactile_sim.devices.ati.digital_ft_device import DigitalFtDevice
+from digital_ft_device import DigitalFtDevice
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.ati.digital_ft import DigitalFtClient
 from waiting import wait_until

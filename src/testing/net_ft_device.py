@@ -23,7 +23,7 @@ import socket
 import threading
 import time
 
-from tactile_sim.devices.ati.net_ft_box import NetFtBox
+from net_ft_box import NetFtBox
 from tendon_sensor_driver.ati.net_ft_protocol import decode_request
 
 HOST = '127.0.0.1'

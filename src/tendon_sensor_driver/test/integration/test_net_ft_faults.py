@@ -21,8 +21,8 @@ import time
 import numpy as np
 import pytest
 
-from tactile_sim.devices.ati.net_ft_box import NetFtBox
-from tactile_sim.devices.ati.net_ft_device import NetFtDevice
+from net_ft_box import NetFtBox
+from net_ft_device import NetFtDevice
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.ati.net_ft import NetFtClient
 from waiting import wait_until
