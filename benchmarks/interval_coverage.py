@@ -17,12 +17,13 @@
 Usage: ./tactile run python benchmarks/interval_coverage.py [--quick]
 
 The accuracies of sessions are normal on the logit scale, and trials are binomial. Beside the
-intervals of `tactile evaluate` stands the bootstrap of session means.
+intervals of `tactile evaluate` stands, in brackets, the bootstrap of session means.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--quick', action='store_true', help='200 repetitions instead of 4000')
     repetitions = 200 if parser.parse_args().quick else 4000
+    counts = ' | '.join(f'{count} sessions' for count in GROUPS)
+    sys.stdout.write(f'| accuracies, mean (SD) [%] | {counts} |\n{"|---" * (1 + len(GROUPS))}|\n')
     for centre, spread in POPULATIONS:
         generator = np.random.default_rng(1)
         population = expit(centre + spread * generator.standard_normal(1_000_000))
@@ -50,7 +53,8 @@ def main() -> None:
             means = generator.binomial(TRIALS, expit(logits)) / TRIALS
             ours, theirs = (_cover(kind, means, population.mean()) for kind in (_ours, _bootstrap))
             cells.append(f'{ours:.0f} ({theirs:.0f})')
-        f'{100 * population.mean():.0f} % ({100 * population.std():.0f})'
+        mean, sd = 100 * population.mean(), 100 * population.std()
+        sys.stdout.write(f'| {mean:.0f} ({sd:.0f}) | {" | ".join(cells)} |\n')
 
 
 def _cover(kind: object, means: NDArray[np.float64], true: float) -> float:
