@@ -23,7 +23,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.cli.options import check_paths, JsonOption, refusals, WatchOption
+from tactile_lab.options import check_paths, JsonOption, refusals, WatchOption
 
 
 def replay(

@@ -23,7 +23,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.cli.options import (
+from tactile_lab.options import (
     JsonOption,
     refusals,
     SeedOption,

@@ -18,7 +18,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from tactile_lab.cli.options import (
+from tactile_lab.options import (
     check_paths,
     GuideOption,
     JsonOption,

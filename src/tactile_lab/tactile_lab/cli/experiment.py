@@ -24,7 +24,7 @@ from typing import Annotated, Any, Optional
 import typer
 from typer.core import TyperGroup
 
-from tactile_lab.cli.options import (
+from tactile_lab.options import (
     GuideOption,
     JsonOption,
     ModelsOption,

@@ -22,7 +22,7 @@ from typing import Annotated
 
 import typer
 
-from tactile_lab.cli.options import refusals
+from tactile_lab.options import refusals
 
 
 def watch(

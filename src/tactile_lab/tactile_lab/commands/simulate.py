@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 import time
 
@@ -26,6 +25,7 @@ from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.records import PROTOCOL_TEXTURE
 from tactile_lab.commands.output import make_output_folder, Output
+from tactile_lab.commands.simulate_request import SimulateRequest
 from tactile_lab.simulation.simulated_bags import (
     count_trials,
     SimulatedBag,
@@ -37,23 +37,6 @@ from tactile_sim.descriptions.catalogue import Catalogue
 
 CROSSED = 'crossed'
 AS_PUBLISHED = 'as-published'
-
-
-@dataclass(frozen=True)
-class SimulateRequest:
-    """The arguments of `tactile simulate`; see its ``--help``."""
-
-    protocol: str
-    contacts: tuple[str, ...]
-    trials_per_label: int
-    sessions: int
-    seed: int
-    folder: Path
-    description: Path | None
-    jobs: int
-    plot: Path | None
-    speeds_m_s: tuple[float, ...] = ()
-    design: str = CROSSED
 
 
 def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:

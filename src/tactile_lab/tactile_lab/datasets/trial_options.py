@@ -17,10 +17,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from tactile_lab.datasets.selection import TrainTest
 from tactile_lab.datasets.sources.options import SourceOptions
 from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_lab.datasets.selection import TrainTest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +47,10 @@ class TrialOptions:
     @property
     def train_test(self) -> TrainTest:
         """The stated split into trials to train on and to test on."""
+        from tactile_lab.datasets.selection import (
+            TrainTest,  # NumPy, which ``--help`` does not need
+        )
+
         return TrainTest(self.train_where, self.test_where)
 
     def check_for_bags(self) -> None:

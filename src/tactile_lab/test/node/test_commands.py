@@ -23,6 +23,8 @@ import shutil
 import signal
 import subprocess
 import sys
+from types import UnionType
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -30,10 +32,11 @@ import pytest
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_command import QUICK, tactile
+from tactile_lab import options
 from tactile_lab.cli import data as cli_data
 from tactile_lab.cli import devices as cli_devices
 from tactile_lab.cli import experiment as cli_experiment
-from tactile_lab.cli import options as cli_options
+from tactile_lab.cli import recordings as cli_recordings
 from tactile_lab.cli import rig as cli_rig
 from tactile_lab.cli import sensing as cli_sensing
 from waiting import wait_until
@@ -102,7 +105,16 @@ def test_help_reads_like_a_manual(command):
 
 
 @pytest.mark.parametrize(
-    'module', [cli_options, cli_data, cli_rig, cli_sensing, cli_devices, cli_experiment]
+    'module',
+    [
+        options,
+        cli_data,
+        cli_recordings,
+        cli_rig,
+        cli_sensing,
+        cli_devices,
+        cli_experiment,
+    ],
 )
 def test_options_are_declared_as_typer_0_9_reads_them(module):
     """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
@@ -115,7 +127,9 @@ def test_options_are_declared_as_typer_0_9_reads_them(module):
     functions = [f for f in functions if inspect.isfunction(f)]
     assert functions
     for function in functions:
-        assert not any(isinstance(t, str) for t in function.__annotations__.values())
+        for parameter in inspect.signature(function).parameters.values():
+            stated, *_ = get_args(parameter.annotation) or (parameter.annotation,)
+            assert not isinstance(stated, str | UnionType), parameter
 
 
 def test_evaluate_states_split_and_scaling_and_speaks_json(archive):

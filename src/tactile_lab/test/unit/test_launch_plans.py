@@ -28,7 +28,7 @@ from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
 from tactile_bringup.launch_config.launch_plans import plan_launch
 from tactile_bringup.launch_config.parameter_tables import argument_tables
 from tactile_classifier.errors import ModelFileError
-from tactile_lab.cli.options import Phases
+from tactile_lab.options import Phases
 from tactile_ros.errors import TactileError
 
 LAUNCH_FOLDER = Path(__file__).resolve().parents[3] / 'tactile_bringup' / 'launch'

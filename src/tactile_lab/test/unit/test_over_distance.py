@@ -29,7 +29,8 @@ from tactile_classifier.model_file.inference import TactileModel
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.cli.main import app
-from tactile_lab.commands.analysis.evaluate import _read_sets, EvaluateRequest, run_evaluate
+from tactile_lab.commands.analysis.evaluate import _read_sets, run_evaluate
+from tactile_lab.commands.analysis.requests import EvaluateRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import parse_over

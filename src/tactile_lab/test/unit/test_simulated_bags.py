@@ -31,7 +31,8 @@ from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_lab.cli.main import app
 from tactile_lab.commands import simulate
 from tactile_lab.commands.replay import run_replay
-from tactile_lab.commands.simulate import run_simulate, SimulateRequest
+from tactile_lab.commands.simulate import run_simulate
+from tactile_lab.commands.simulate_request import SimulateRequest
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import paper_plans, write_simulated_bag
@@ -243,7 +244,6 @@ def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_pa
     simulator.failures = {('sponge', 1): 2.0}
     request = SimulateRequest(
         protocol='stiffness',
-        contacts=('flexion', 'abduction'),
         trials_per_label=2,
         sessions=1,
         seed=7,
@@ -266,7 +266,14 @@ def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
     def simulate_design(design, sessions=1):
         folder = tmp_path / design
         request = SimulateRequest(
-            'stiffness', ('flexion',), 3, sessions, 7, folder, None, 1, None, (), design
+            protocol='stiffness',
+            contact=['flexion'],
+            trials_per_label=3,
+            sessions=sessions,
+            seed=7,
+            folder=folder,
+            jobs=1,
+            design=design,
         )
         run_simulate(request, as_json=True)
         (table,) = read_tables([folder / 'stiffness_flexion']).tables.values()
@@ -301,7 +308,9 @@ def test_exit_code_tells_scripts_about_aborted_trials(monkeypatch, tmp_path, com
 def test_the_command_refuses_with_a_sentence(simulator, tmp_path, changes, sentence):
     (tmp_path / 'taken' / 'slip_flexion').mkdir(parents=True)
     folder = tmp_path / changes.pop('folder', 'free')
-    request = SimulateRequest('slip', ('flexion',), 1, 1, 7, folder, None, 1, None)
+    request = SimulateRequest(
+        protocol='slip', contact=['flexion'], trials_per_label=1, seed=7, folder=folder, jobs=1
+    )
     with pytest.raises(TactileError, match=sentence):
         run_simulate(dataclasses.replace(request, **changes), as_json=False)
     assert simulator.finished == 0

@@ -30,12 +30,12 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import array_spec, spec_for
+from tactile_lab.commands.analysis.requests import TrainRequest
 from tactile_lab.commands.analysis.train import (
     describe_answers,
     run_recalibrate,
     run_train,
     train_models,
-    TrainRequest,
 )
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
@@ -82,8 +82,9 @@ def test_seconds_that_do_not_fit_are_refused(table, seconds):
 def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
     found = read_tables([bag])
     request = TrainRequest(
-        tmp_path / 'models',
-        cross_validation={'folds': 3, 'repetitions': 1},
+        folder=tmp_path / 'models',
+        folds=3,
+        repetitions=1,
         false_alarm_rate=0.1,
         running='0.5,1.5',
         stop_error_rate=0.2,
@@ -105,9 +106,7 @@ def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
 def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, detrend):
-    request = TrainRequest(
-        tmp_path, cross_validation={'folds': 3, 'repetitions': 1}, running='1', detrend=detrend
-    )
+    request = TrainRequest(folder=tmp_path, folds=3, repetitions=1, running='1', detrend=detrend)
     run_train([bag], request, as_json=False)
     assert f'spectrum_detrend {detrend}' in ' '.join(capsys.readouterr().out.split())
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
@@ -133,12 +132,12 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
 
 def test_detrending_is_for_the_spectrum_over_time(tmp_path):
     with pytest.raises(TactileError, match='--detrend is for the spectrum over time'):
-        run_train([], TrainRequest(tmp_path, over='45:0.5', detrend='linear'), as_json=True)
+        run_train([], TrainRequest(folder=tmp_path, over='45:0.5', detrend='linear'), as_json=True)
 
 
 def test_text_that_is_no_seconds_is_refused(tmp_path):
     with pytest.raises(TactileError, match='--running is "1;2"'):
-        TrainRequest(tmp_path, running='1;2').running_seconds()
+        TrainRequest(folder=tmp_path, running='1;2').running_seconds()
 
 
 def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(bag, tmp_path):
@@ -147,8 +146,9 @@ def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(ba
     folder.mkdir()
     path = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
     request = TrainRequest(
-        tmp_path / 'models',
-        cross_validation={'folds': 3, 'repetitions': 1},
+        folder=tmp_path / 'models',
+        folds=3,
+        repetitions=1,
         false_alarm_rate=0.1,
         running='1',
     )
@@ -175,9 +175,7 @@ def test_raw_scores_that_are_kept_are_printed_and_in_json(tmp_path, capsys):
         array_spec('stiffness', 50, 60.0),
         {'session_id': session.astype(str)},
     )
-    request = TrainRequest(
-        tmp_path, classifier='svm_linear', cross_validation={'folds': 3, 'repetitions': 1}
-    )
+    request = TrainRequest(folder=tmp_path, classifier='svm_linear', folds=3, repetitions=1)
     found = BagTables({('stiffness', ''): table}, ())
     (trained,) = train_models(found, request, Output(as_json=False))
     printed = ' '.join(capsys.readouterr().out.split())

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 import time
 from typing import Any
 
@@ -39,6 +38,7 @@ from tactile_lab.commands.analysis.model_pairs import (
     question_of,
     SIDES,
 )
+from tactile_lab.commands.analysis.requests import CompareRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.paired_tables import (
     bag_reader,
@@ -48,7 +48,6 @@ from tactile_lab.datasets.paired_tables import (
     trial_reader,
 )
 from tactile_lab.datasets.sources.load import split_sources
-from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
 
@@ -57,16 +56,6 @@ TIMED = 200
 
 CONFUSIONS = 5
 """Confusions in the terminal; JSON has all."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompareRequest(TrialOptions):
-    """The arguments of `tactile compare`; see its ``--help``."""
-
-    models: tuple[Path, Path]
-    recordings: tuple[Path, ...]
-    group: str | None = None
-    unseen: bool = False
 
 
 @dataclass(frozen=True)
@@ -170,13 +159,13 @@ def run_compare(request: CompareRequest, *, as_json: bool) -> None:
         When models and recordings do not go together.
     """
     output = Output(as_json)
-    pairs, alone = pair_models(*(load_models(path) for path in request.models))
+    pairs, alone = pair_models(*map(load_models, (request.model_a, request.model_b)))
     own, leaves = split_sources(list_recordings(request.recordings), request.sources)
     if leaves:
         tasks = Counter(a.model.task for a, _ in pairs)
         if max(tasks.values()) > 1:
             raise TactileError(
-                f'{request.models[0]} and {request.models[1]} have several models for one task, '
+                f'{request.model_a} and {request.model_b} have several models for one task, '
                 'and these recordings do not state the contact: name two model files'
             )
         read = trial_reader(leaves, request)

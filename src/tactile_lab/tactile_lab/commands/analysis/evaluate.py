@@ -17,9 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -32,13 +31,13 @@ from tactile_features.feature_sets.stiffness_regression import StiffnessRegressi
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.requests import EvaluateRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials, PreparedTrials
 from tactile_lab.datasets.sources.load import split_sources
 from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
-from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_lab.report.analysis import analyse, SetResult
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
@@ -51,32 +50,10 @@ PAPER: Mapping[str, Any] = MappingProxyType(
 """The paper's features of its own windows, by the fields of `FeatureConfig`."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EvaluateRequest(TrialOptions):
-    """The arguments of `tactile evaluate`; see its ``--help``."""
-
-    recordings: tuple[Path, ...]
-    groups: tuple[str, ...]
-    folds: int
-    repetitions: int | None
-    seed: int
-    report: Path | None = None
-    answers: bool = False
-    is_experiment: bool = False
-
-    @property
-    def hold_out(self) -> tuple[tuple[str, ...], ...]:
-        """The columns of each grouped split."""
-        return tuple(
-            tuple(part.strip() for part in group.split(',') if part.strip())
-            for group in self.groups
-        )
-
-
 def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
     """Evaluate each set of the recordings, print what came out, write the report."""
     if (recordings := list_recordings(request.recordings)) != list(request.recordings):
-        request = replace(request, recordings=tuple(recordings), is_experiment=True)
+        request = replace(request, recordings=recordings, is_experiment=True)
     output = Output(as_json)
     file = None
     if request.report is not None:

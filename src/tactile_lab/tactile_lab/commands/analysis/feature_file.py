@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import json
 from pathlib import Path
 from typing import Any
@@ -25,13 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_lab.commands.analysis.requests import FeaturesRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.sources.load import split_sources
 from tactile_lab.datasets.sources.table_files import load_pyarrow
-from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
 
@@ -39,16 +38,6 @@ KEY = b'tactile'
 """Of the schema's metadata that holds the specification of the features, as JSON."""
 
 _SESSIONS = ('session_id', 'session')
-
-
-@dataclass(frozen=True, kw_only=True)
-class FeaturesRequest(TrialOptions):
-    """The arguments of `tactile features`; see its ``--help``."""
-
-    recordings: tuple[Path, ...]
-    file: Path
-    group: str | None = None
-    force: bool = False
 
 
 def run_features(request: FeaturesRequest, *, as_json: bool) -> None:

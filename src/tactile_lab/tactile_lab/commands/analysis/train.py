@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -26,8 +26,8 @@ import numpy as np
 
 from tactile_bringup.launch_config.model_folder import model_path
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.datasets.splits import choose_repetitions, FOLDS
-from tactile_classifier.estimators.classifiers import default_scaling, RANDOM_STATE
+from tactile_classifier.datasets.splits import choose_repetitions
+from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.model_file.card import tell_scores
 from tactile_classifier.model_file.live_recalibration import RECALIBRATED, STATISTICS
@@ -41,6 +41,7 @@ from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 from tactile_lab.commands.analysis.evaluate import evaluate_with_progress
 from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.requests import TrainRequest
 from tactile_lab.commands.output import make_output_folder, Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, list_sets
@@ -49,7 +50,6 @@ from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.sources.load import split_sources
 from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings
-from tactile_lab.datasets.trial_options import TrialOptions
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
 
@@ -78,48 +78,6 @@ class TrainedModel:
             'false_alarm_rate': self.manifest.false_alarm_rate,
             'stop_error_rate': self.manifest.stop_error_rate,
         }
-
-
-@dataclass(frozen=True)
-class TrainRequest(TrialOptions):
-    """What is wanted of `tactile train`.
-
-    Attributes
-    ----------
-    folder : Path
-        Where the model files go.
-    scaling : str or None
-        None: the default of the task.
-    running : str or None
-        Seconds of the window after which a texture model answers too, with commas.
-    force : bool
-        Whether files of an earlier training may be replaced.
-    """
-
-    folder: Path
-    classifier: str = 'knn'
-    scaling: str | None = None
-    cross_validation: Mapping[str, Any] = field(default_factory=dict)
-    false_alarm_rate: float = 0.05
-    running: str | None = None
-    stop_error_rate: float = 0.05
-    force: bool = False
-
-    def running_seconds(self) -> list[float]:
-        """Return ``running`` as numbers.
-
-        Raises
-        ------
-        TactileError
-            When it is none.
-        """
-        try:
-            return [float(part) for part in (self.running or '').split(',') if part.strip()]
-        except ValueError:
-            raise TactileError(
-                f'--running is "{self.running}"; it must be seconds with commas between them, '
-                'such as 0.5,1,1.5'
-            ) from None
 
 
 def run_train(recordings: Sequence[Path], request: TrainRequest, *, as_json: bool) -> None:
@@ -165,10 +123,9 @@ def _train_on_trials(
     leaves: Sequence[Leaf], request: TrainRequest, automatic: bool, output: Output
 ) -> list[TrainedModel]:
     """Train on recordings that are not bags of ours."""
-    folds = request.cross_validation.get('folds', FOLDS)
     with output.progress() as progress:
         progress.add_task('extracting features', total=None)
-        prepared = prepare_trials(leaves, request, folds=folds)
+        prepared = prepare_trials(leaves, request, folds=request.folds)
     for line in (prepared.title, *prepared.trials.steps):
         output.say(line, plain=True)
     for each in prepared.trials.skipped:
@@ -184,8 +141,7 @@ def _train_on_trials(
 def _train_automatically(
     read: Reader, request: TrainRequest, chosen: Mapping[str, Any], output: Output
 ) -> list[TrainedModel]:
-    folds = request.cross_validation.get('folds', FOLDS)
-    seed = request.cross_validation.get('random_state', RANDOM_STATE)
+    folds, seed = request.folds, request.seed
     models = []
     for key, (table, candidate) in choose_automatically(read, chosen, folds, seed, output).items():
         wanted = replace(request, classifier=candidate.classifier, scaling=candidate.scaling)
@@ -237,11 +193,12 @@ def train_models(
     make_output_folder(request.folder)
     models = []
     for (task, contact), table in found.tables.items():
-        asked = request.cross_validation
-        repetitions, saving = choose_repetitions(table, asked.get('repetitions'))
+        repetitions, saving = choose_repetitions(table, request.repetitions)
         if saving:
             output.say(saving)
-        evaluation = evaluate_with_progress(table, output, **{**asked, 'repetitions': repetitions})
+        evaluation = evaluate_with_progress(
+            table, output, folds=request.folds, repetitions=repetitions, random_state=request.seed
+        )
         name = f'{task}, {contact}' if contact else task
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
         output.say(accuracy_table(evaluation, f'{name}{simulated}'))

@@ -36,11 +36,11 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.records import CONTACTS
+from tactile_lab.commands.analysis.requests import TrainRequest
 from tactile_lab.commands.analysis.train import (
     read_with_progress,
     train_models,
     TrainedModel,
-    TrainRequest,
 )
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_report, replay_and_compare, ReplayReport
@@ -93,7 +93,7 @@ def run_demo(
 
         output.say('[bold]2  Training and cross-validation[/bold]')
         found = read_with_progress(bags, output, {'stiffness_features': STIFFNESS_FEATURES})
-        trained = train_models(found, TrainRequest(folder / 'models'), output)
+        trained = train_models(found, TrainRequest(folder=folder / 'models'), output)
 
         output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
         output.say('   in another session: the rig has been set up anew since the training')

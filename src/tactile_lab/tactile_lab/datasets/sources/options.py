@@ -14,50 +14,86 @@
 
 """What the command line states about recordings that do not say it themselves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 import re
+from typing import Annotated, Optional
+
+import typer
 
 from tactile_lab.datasets.sources.questions import SourceError
 
 ROLES = ('time', 'trial', 'label', 'value')
 """What a column of a table can be."""
 
+_OTHERS = 'Recordings of others'
+
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """Statements about recordings; each is empty or None where nothing is stated.
+    """Statements about recordings; each is empty or None where nothing is stated."""
 
-    Attributes
-    ----------
-    columns : tuple of str
-        ``ROLE=NAME[,NAME...]``, with a role of `ROLES`; ``time=NAME:UNIT``.
-    rate_hz : float or None
-        Sample rate [Hz].
-    label : str
-        The label of all trials.
-    label_from : str
-        ``folder``, ``file``, or a regular expression for the path of a file.
-    labels : Path or None
-        File with one label a trial, for arrays.
-    topic, field : str
-        Of a bag: which messages, and what of them; several fields with commas.
-    """
-
-    columns: tuple[str, ...] = ()
-    rate_hz: float | None = None
-    label: str = ''
-    label_from: str = ''
-    labels: Path | None = None
-    topic: str = ''
-    field: str = ''
+    columns: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            '--column',
+            metavar='ROLE=NAME',
+            rich_help_panel=_OTHERS,
+            help='What a column of a table is: time, trial, label or value, as in --column '
+            'value=force_n or --column time=t:ms. May be given several times; several names with '
+            'commas.',
+        ),
+    ] = None
+    rate_hz: Annotated[
+        Optional[float],
+        typer.Option(
+            min=0.001,
+            max=1e7,
+            rich_help_panel=_OTHERS,
+            help='Sample rate in Hz of recordings without times. With times it must fit them.',
+        ),
+    ] = None
+    label: Annotated[
+        str, typer.Option(rich_help_panel=_OTHERS, help='The label of all these trials.')
+    ] = ''
+    label_from: Annotated[
+        str,
+        typer.Option(
+            rich_help_panel=_OTHERS,
+            help='Where the label of a file or bag is: "folder", the one that it lies in; "file", '
+            'its name without the number at the end; or a regular expression for its path with '
+            'the label in brackets. Named groups become columns.',
+        ),
+    ] = ''
+    labels: Annotated[
+        Optional[Path],
+        typer.Option(
+            rich_help_panel=_OTHERS,
+            help='File with one label a trial, for a .npy file: .npy, .txt or .csv. Default: '
+            'NAME_labels or labels beside it.',
+        ),
+    ] = None
+    topic: Annotated[
+        str,
+        typer.Option(
+            rich_help_panel=_OTHERS,
+            help='Topic of a bag with the force: WrenchStamped, Float64, Float32, JointState, or '
+            'our strain. A bag is a trial.',
+        ),
+    ] = ''
+    field: Annotated[
+        str,
+        typer.Option(
+            rich_help_panel=_OTHERS,
+            help='Field of its messages, as in --field force.z, force.norm or effort.JOINT; '
+            'several with commas are several channels.',
+        ),
+    ] = ''
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing is stated."""
-        return self == SourceOptions()
+        return not any(vars(self).values())
 
     @property
     def roles(self) -> dict[str, tuple[str, ...]]:
@@ -69,7 +105,7 @@ class SourceOptions:
             When a text is not ``ROLE=NAME``.
         """
         roles: dict[str, tuple[str, ...]] = {}
-        for text in self.columns:
+        for text in self.columns or ():
             role, _, names = text.partition('=')
             if role not in ROLES or not names:
                 raise SourceError(

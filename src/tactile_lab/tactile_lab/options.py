@@ -89,44 +89,11 @@ ParamsOption = Annotated[
 ]
 
 
-class Detrend(str, Enum):
-    """What is subtracted before the Fourier transform."""
-
-    none = 'none'
-    mean = 'mean'
-    linear = 'linear'
-
-
-DetrendOption = Annotated[
-    Optional[Detrend],
-    typer.Option(
-        help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
-        'the paper, or the least-squares line. Default: as recorded; for an archive as the '
-        'features node does.'
-    ),
-]
-
-
 class Protocol(str, Enum):
     """The two kinds of trial."""
 
     texture = 'texture'
     stiffness = 'stiffness'
-
-
-class SimulatedProtocol(str, Enum):
-    """What the simulator can do."""
-
-    texture = 'texture'
-    stiffness = 'stiffness'
-    slip = 'slip'
-
-
-class Design(str, Enum):
-    """How mountings and sessions are laid over the trials."""
-
-    crossed = 'crossed'
-    as_published = 'as-published'
 
 
 class Contact(str, Enum):
@@ -189,23 +156,6 @@ SlipOption = Annotated[
         '--slip', help='Also run the slip detector: it says when a held object begins to slide.'
     ),
 ]
-
-
-class Classifier(str, Enum):
-    """The paper's four, and random convolutions of a waveform."""
-
-    knn = 'knn'
-    svm_linear = 'svm_linear'
-    svm_rbf = 'svm_rbf'
-    tree = 'tree'
-    rocket = 'rocket'
-
-
-class Scaling(str, Enum):
-    """What is done to the features before the classifier sees them."""
-
-    standard = 'standard'
-    none = 'none'
 
 
 REFUSALS = {

@@ -1,0 +1,79 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The options of a command, made of the dataclass that they fill."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, MISSING
+import functools
+import inspect
+from typing import Annotated, Any, get_origin, get_type_hints
+
+from tactile_lab.options import refusals
+
+
+def spread(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options that its parameters of a dataclass' type state.
+
+    An option is a field that the class itself declares as ``Annotated``, in that order. A field
+    that is a dataclass stands for the options of its own. Other fields keep their defaults.
+    """
+    signature = inspect.signature(command)
+    stated = signature.parameters.values()
+    requests = {p.name: p.annotation for p in stated if is_dataclass(p.annotation)}
+
+    @functools.wraps(command)
+    def run(**options: Any) -> None:
+        with refusals():
+            made = {name: _fill(request, options) for name, request in requests.items()}
+        command(**made, **options)
+
+    parameters: list[inspect.Parameter] = []
+    for parameter in stated:
+        if parameter.name in requests:
+            parameters += _list_options(parameter.annotation)
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    # Typer reads both.
+    vars(run)['__signature__'] = signature.replace(parameters=parameters)
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
+
+
+def _list_options(request: Any) -> Iterator[inspect.Parameter]:
+    defaults = {f.name: f.default for f in fields(request) if f.default is not MISSING}
+    for name, kind in _own_types(request):
+        if is_dataclass(kind):
+            yield from _list_options(kind)
+        else:
+            default = defaults.get(name, inspect.Parameter.empty)
+            yield inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
+            )
+
+
+def _fill(request: Any, options: dict[str, Any]) -> Any:
+    """Make a request of those options that are its; take them out."""
+    return request(
+        **{
+            name: _fill(kind, options) if is_dataclass(kind) else options.pop(name)
+            for name, kind in _own_types(request)
+        }
+    )
+
+
+def _own_types(request: Any) -> list[tuple[str, Any]]:
+    types = get_type_hints(request, include_extras=True)
+    own = ((name, types[name]) for name in inspect.get_annotations(request))
+    return [(n, t) for n, t in own if get_origin(t) is Annotated or is_dataclass(t)]

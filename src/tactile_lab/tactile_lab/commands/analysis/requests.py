@@ -1,0 +1,343 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is asked of `tactile features`, `evaluate`, `compare` and `train`.
+
+Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
+that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Optional
+
+from click import Choice
+import typer
+
+from tactile_lab.datasets.sources.options import SourceOptions
+from tactile_lab.datasets.trial_options import TrialOptions
+from tactile_lab.options import SeedOption
+from tactile_ros.errors import TactileError
+
+RecordingsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        help='Bags with trial events; or any other recordings: a NumPy archive (.npz), .npy, CSV '
+        'or Parquet files, bags of others, or folders of these.'
+    ),
+]
+RepetitionsOption = Annotated[
+    Optional[int],
+    typer.Option(
+        min=1,
+        help='How often it is repeated. Default: 10; once where trials squared times features '
+        'are more than 2e9, and what else takes long is left out then.',
+    ),
+]
+TaskOption = Annotated[
+    Optional[str],
+    typer.Option(
+        click_type=Choice(['texture', 'stiffness']),
+        help='Which features to compute. Bags with trial events say it themselves.',
+    ),
+]
+ChannelOption = Annotated[
+    Optional[str],
+    typer.Option(help='Channel of the recordings, "mean" of all, or "all"; default: 0.'),
+]
+WhereOption = Annotated[
+    Optional[str],
+    typer.Option(
+        help='Only trials of which a column of the archive is true, as in --where balanced, '
+        'or has a value, as in --where direction=1.'
+    ),
+]
+CropOption = Annotated[
+    Optional[str],
+    typer.Option(
+        '--crop',
+        '--static-phase',
+        help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
+        'Default: all of it.',
+    ),
+]
+ResampleOption = Annotated[
+    Optional[float],
+    typer.Option(
+        help='Resample the archive to this rate first, with a low-pass against aliasing.'
+    ),
+]
+SkipBadOption = Annotated[
+    bool,
+    typer.Option(
+        '--skip-bad',
+        help='Leave out trials of the archive that cannot be used, and list them: values '
+        'that are not finite, too short, no features.',
+    ),
+]
+OverOption = Annotated[
+    Optional[str],
+    typer.Option(
+        help='Texture: features over this stretch of surface instead of over time, for any '
+        'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
+    ),
+]
+SpeedColumnOption = Annotated[
+    Optional[str],
+    typer.Option(
+        help='Column of the archive with the sliding speeds, for --over; its name ends in '
+        'the unit, _mm_s or _m_s. A bag states them itself.'
+    ),
+]
+DetrendOption = Annotated[
+    Optional[str],
+    typer.Option(
+        click_type=Choice(['none', 'mean', 'linear']),
+        help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
+        'the paper, or the least-squares line. Default: as recorded; for an archive as the '
+        'features node does.',
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeaturesRequest(TrialOptions):
+    """The arguments of `tactile features`; see its ``--help``."""
+
+    recordings: RecordingsArgument
+    file: Annotated[Path, typer.Option('--output', '-o', help='File to write: .parquet or .csv.')]
+    task: TaskOption = None
+    features: Annotated[
+        Optional[str],
+        typer.Option(
+            help='A set of features instead of the recorded one, as in --features glide_waveform; '
+            'or only these features, with commas.'
+        ),
+    ] = None
+    group: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Columns that make the column "group", with commas. Default for bags with trial '
+            'events: mounting_id.'
+        ),
+    ] = None
+    channel: ChannelOption = None
+    where: WhereOption = None
+    crop: CropOption = None
+    resample_hz: ResampleOption = None
+    skip_bad: SkipBadOption = False
+    over: OverOption = None
+    detrend: DetrendOption = None
+    speed_column: SpeedColumnOption = None
+    force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False
+    sources: SourceOptions = field(default_factory=SourceOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateRequest(TrialOptions):
+    """The arguments of `tactile evaluate`; see its ``--help``."""
+
+    recordings: RecordingsArgument
+    task: TaskOption = None
+    channel: ChannelOption = None
+    where: WhereOption = None
+    train_where: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Train on these trials and test on those of --test-where, beside random folds '
+            'over both. A column that is true, or COLUMN=VALUE, as for --where; bags too.'
+        ),
+    ] = None
+    test_where: Annotated[
+        Optional[str], typer.Option(help='Trials to test on; see --train-where.')
+    ] = None
+    crop: CropOption = None
+    resample_hz: ResampleOption = None
+    skip_bad: SkipBadOption = False
+    over: OverOption = None
+    detrend: DetrendOption = None
+    speed_column: SpeedColumnOption = None
+    groups: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            '--group',
+            help='Beside random folds, hold out each group of trials that agree in this column, '
+            'in turn; several columns with commas between them: that agree in all. May be given '
+            'several times. Default for bags: session_id, or trial_block (a sixth of a session) '
+            'where there is one session only.',
+        ),
+    ] = None
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6
+    repetitions: RepetitionsOption = None
+    features: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Only these features, separated by commas, as in --features slope,correlation; '
+            'a set of features, as in --features glide_waveform; or auto: folds choose the set.'
+        ),
+    ] = None
+    report: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='Write a report with figures: a folder, or an HTML file, which needs no other.'
+        ),
+    ] = None
+    answers: Annotated[
+        bool,
+        typer.Option(
+            '--answers',
+            help='Also rejection of unknown objects, with each label left out in turn, and '
+            'calibration of probabilities; from bags also early predictions and physical '
+            'measures. Takes about half a minute more for each set of '
+            'texture trials.',
+        ),
+    ] = False
+    seed: SeedOption = 0
+    sources: SourceOptions = field(default_factory=SourceOptions)
+    is_experiment: bool = False
+
+    @property
+    def hold_out(self) -> tuple[tuple[str, ...], ...]:
+        """The columns of each grouped split."""
+        return tuple(
+            tuple(part.strip() for part in group.split(',') if part.strip())
+            for group in self.groups or ()
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareRequest(TrialOptions):
+    """The arguments of `tactile compare`; see its ``--help``."""
+
+    model_a: Annotated[
+        Path, typer.Argument(help='Model file, or a folder of them as `tactile train` writes.')
+    ]
+    model_b: Annotated[Path, typer.Argument(help='The other one.')]
+    recordings: RecordingsArgument
+    group: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Columns that make a group of trials, with commas, for the interval. '
+            'Default: session_id, or session.'
+        ),
+    ] = None
+    unseen: Annotated[
+        bool,
+        typer.Option('--unseen', help='Leave out trials that one of the models was trained on.'),
+    ] = False
+    channel: ChannelOption = None
+    where: WhereOption = None
+    crop: CropOption = None
+    resample_hz: ResampleOption = None
+    skip_bad: SkipBadOption = False
+    speed_column: SpeedColumnOption = None
+    sources: SourceOptions = field(default_factory=SourceOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainRequest(TrialOptions):
+    """The arguments of `tactile train`; see its ``--help``."""
+
+    folder: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder to write the model files into.')
+    ]
+    task: TaskOption = None
+    classifier: Annotated[
+        str,
+        typer.Option(
+            click_type=Choice(['knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket']),
+            help='Which one goes into the model file.',
+        ),
+    ] = 'knn'
+    scaling: Annotated[
+        Optional[str],
+        typer.Option(
+            click_type=Choice(['standard', 'none']),
+            help='Scaling in the model file. Default: none for texture, whose features share '
+            'one unit; standard for stiffness, whose features do not.',
+        ),
+    ] = None
+    false_alarm_rate: Annotated[
+        float,
+        typer.Option(
+            '--false-alarms',
+            min=0.001,
+            max=0.5,
+            help='Share of trials on known things that the model may call unknown; it finds its '
+            'threshold on trials held out.',
+        ),
+    ] = 0.05
+    running: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Texture: answer also after so many seconds of the window, as in '
+            '--running 0.5,1,1.5,2,2.5.'
+        ),
+    ] = None
+    stop_error_rate: Annotated[
+        float,
+        typer.Option(
+            '--stop-error',
+            min=0.001,
+            max=0.5,
+            help='Share of wrong answers among those that are decided before the window is full.',
+        ),
+    ] = 0.05
+    over: OverOption = None
+    detrend: DetrendOption = None
+    recalibrate: Annotated[
+        Optional[Path],
+        typer.Option(
+            metavar='MODEL',
+            help='Train nothing: write this model for the session of the bags, which hold five '
+            'or more of its trials with known labels. Threshold and features are corrected.',
+        ),
+    ] = None
+    features: Annotated[
+        Optional[str],
+        typer.Option(
+            help='Sets of features instead of the recorded ones, as in --features '
+            'glide_waveform,hold_waveform; the classifier rocket needs these. With auto, set and '
+            'classifier are chosen inside the folds.'
+        ),
+    ] = None
+    force: Annotated[
+        bool, typer.Option('--force', help='Replace model files of an earlier training.')
+    ] = False
+    folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6
+    repetitions: RepetitionsOption = None
+    seed: SeedOption = 0
+    channel: ChannelOption = None
+    where: WhereOption = None
+    crop: CropOption = None
+    resample_hz: ResampleOption = None
+    skip_bad: SkipBadOption = False
+    speed_column: SpeedColumnOption = None
+    sources: SourceOptions = field(default_factory=SourceOptions)
+
+    def running_seconds(self) -> list[float]:
+        """Return ``running`` as numbers.
+
+        Raises
+        ------
+        TactileError
+            When it is none.
+        """
+        try:
+            return [float(part) for part in (self.running or '').split(',') if part.strip()]
+        except ValueError:
+            raise TactileError(
+                f'--running is "{self.running}"; it must be seconds with commas between them, '
+                'such as 0.5,1,1.5'
+            ) from None
