@@ -35,7 +35,7 @@ from simulator_trials import (
 )
 
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE
+from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE, TRUSTED_NM
 from tactile_sim.physics.finger.steps import BDF2, EULER, Scheme
 
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
@@ -98,11 +98,13 @@ def draw_texture_sets(count: int) -> list[TrialSet]:
     ]
 
 
-def simulate_windows(sets: list[TrialSet], scheme: Scheme, steps: int) -> Windows:
+def simulate_windows(
+    sets: list[TrialSet], scheme: Scheme, steps: int, trusted_nm: float = TRUSTED_NM
+) -> Windows:
     """Simulate all sets and keep their windows."""
     tension, sensed = [], []
     for trials in sets:
-        motion = trials.simulate(scheme, steps)
+        motion = trials.simulate(scheme, steps, trusted_nm=trusted_nm)
         if np.isfinite(motion.failed_at_s).any():
             raise RuntimeError(f'a texture trial failed with {scheme.name}, {steps} steps')
         tension.append(motion.truth['tension_n'][:, trials.window])
@@ -129,9 +131,11 @@ def measure_choices(quick: bool) -> list[Choice]:
     return choices
 
 
-def _simulate_all(sets: list[TrialSet], scheme: Scheme, steps: int) -> None:
+def _simulate_all(
+    sets: list[TrialSet], scheme: Scheme, steps: int, trusted_nm: float = TRUSTED_NM
+) -> None:
     for trials in sets:
-        trials.simulate(scheme, steps)
+        trials.simulate(scheme, steps, trusted_nm=trusted_nm)
 
 
 def compare_windows(ours: Windows, reference: Windows) -> Errors:
@@ -158,15 +162,32 @@ def run_simulator(quick: bool) -> Report:
                 more={'trials/s': 1 / choice.trial_s, **_name_errors(choice.errors)},
             )
         )
-    rows.append(_measure_reference(quick))
+    rows += [_measure_solved(quick), _measure_reference(quick)]
     return Report(
         f'simulator: texture trials on {", ".join(PLATES)}, flexion and abduction; errors in %',
         f'the default, {BDF2.name} with {STEPS_PER_SAMPLE} steps a sample',
         f'rms deviation from {name_choice(BDF2, REFERENCE_STEPS)}, over the rms, in the 180 '
         'samples without their straight line: of the tension, and of what the sensor gets (error: '
         'its 95th percentile over the trials); line in: of the tension with its line; '
-        'spectrum: of the 91 amplitudes of what the sensor gets',
+        'spectrum: of the 91 amplitudes of what the sensor gets; each step solved: how far '
+        'the default is from it',
         rows,
+    )
+
+
+def _measure_solved(quick: bool) -> Row:
+    """The default's steps, each solved to the tolerance."""
+    sets, pair = draw_texture_sets(16 if quick else 64), (BDF2, STEPS_PER_SAMPLE)
+    count = sum(len(trials.variation.phase) for trials in sets)
+    works = [partial(_simulate_all, sets, *pair, trusted) for trusted in (TRUSTED_NM, 0.0)]
+    times_s = time_in_turns(works, 3 if quick else 9)
+    low, median, high = np.quantile(times_s[1] / times_s[0], (0.25, 0.5, 0.75)).tolist()
+    errors = compare_windows(simulate_windows(sets, *pair), simulate_windows(sets, *pair, 0.0))
+    return Row(
+        f'{BDF2.name} {STEPS_PER_SAMPLE}, each step solved',
+        Ratio(median, low, high),
+        float(np.quantile(errors.sensed_percent, 0.95)),
+        more={'trials/s': count / float(times_s[1].min()), **_name_errors(errors)},
     )
 
 

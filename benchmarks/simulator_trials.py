@@ -30,7 +30,12 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import simulate_motion, SimulatedMotion, STEPS_PER_SAMPLE
+from tactile_sim.physics.fast_trials import (
+    simulate_motion,
+    SimulatedMotion,
+    STEPS_PER_SAMPLE,
+    TRUSTED_NM,
+)
 from tactile_sim.physics.finger.steps import BDF2, Scheme
 from tactile_sim.physics.scene import build_scene, Scene
 from tactile_sim.physics.timeline import Timeline
@@ -61,10 +66,14 @@ class TrialSet:
     variation: Variation
     window: slice
 
-    def simulate(self, scheme: Scheme, steps: int, solver: str = '') -> SimulatedMotion:
+    def simulate(
+        self, scheme: Scheme, steps: int, solver: str = '', trusted_nm: float = TRUSTED_NM
+    ) -> SimulatedMotion:
         """Simulate all of them with so many steps a sample."""
         timeline = self.planned.timeline
-        return simulate_motion(self.scene, timeline, self.variation, solver, scheme, steps)
+        return simulate_motion(
+            self.scene, timeline, self.variation, solver, scheme, steps, trusted_nm=trusted_nm
+        )
 
 
 @lru_cache

@@ -154,10 +154,12 @@ def simulate_motion(
     scheme: Scheme = BDF2,
     steps_per_sample: int = STEPS_PER_SAMPLE,
     keep_modes: bool = False,
+    trusted_nm: float = TRUSTED_NM,
 ) -> SimulatedMotion:
     """The physics of `simulate_trials` for given variations.
 
-    While the axes rest there are an eighth as many steps, at least 1 a sample.
+    While the axes rest there are an eighth as many steps, at least 1 a sample. With
+    ``trusted_nm`` 0 every step is solved.
 
     Raises
     ------
@@ -172,7 +174,7 @@ def simulate_motion(
     parts = []
     for begin in range(0, len(variation.phase), _BATCH[solver]):
         some = variation.select(slice(begin, begin + _BATCH[solver]))
-        parts.append(_run_batch(scene, schedule, some, solver, scheme, rows))
+        parts.append(_run_batch(scene, schedule, some, solver, scheme, rows, trusted_nm))
     sampled = np.concatenate([part[0] for part in parts], axis=1)
     failed_at_s = np.concatenate([part[1] for part in parts])
     failed = np.flatnonzero(np.isfinite(failed_at_s))
@@ -242,6 +244,7 @@ def _run_batch(
     solver: str,
     scheme: Scheme,
     rows: tuple[int, ...],
+    trusted_nm: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Sampled rows, shape (rows, trials, samples), and when each trial failed."""
     count = len(variation.phase)
@@ -257,7 +260,7 @@ def _run_batch(
         rows,
         failed,
         scheme,
-        trusted_nm=TRUSTED_NM if scene.inertia else 0.0,
+        trusted_nm=trusted_nm if scene.inertia else 0.0,
     )
     low, share = schedule.locate_samples(variation.phase)
     trial = np.arange(count)[:, np.newaxis]

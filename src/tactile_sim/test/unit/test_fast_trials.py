@@ -134,6 +134,17 @@ def test_samples_are_the_ends_of_steps(steps_per_sample, phase):
     assert np.diff(ends_s)[0] > 1.5 * np.diff(ends_s)[-60]
 
 
+def test_only_steps_with_inertia_end_unchecked():
+    for protocol, label in (('texture', 'R3'), ('stiffness', 'sponge')):
+        scene = build_scene(protocol, label, 'flexion')
+        usual, solved = (
+            simulate_motion(scene, SHORT, Variation.none(), trusted_nm=trusted_nm).sensed_n
+            for trusted_nm in (TRUSTED_NM, 0.0)
+        )
+        assert (usual.tobytes() == solved.tobytes()) == (protocol == 'stiffness')
+        np.testing.assert_allclose(usual, solved, rtol=0, atol=0.02)
+
+
 def test_kept_modes_begin_with_the_bend():
     scene = build_scene('texture', 'F', 'flexion')
     motion = simulate_motion(scene, SHORT, Variation.none(3), keep_modes=True)
