@@ -33,18 +33,13 @@ TOPICS = {
     'regression': ('features', 'run_regression'),
     'significance': ('significance', 'run_significance'),
     'extractor': ('features', 'run_extractor'),
-    'lines': ('decoding', 'run_lines'),
-    'status': ('decoding', 'run_status'),
-    'protocols': ('sensors', 'run_decoding'),
     'sensors': ('sensors', 'run_node'),
     'net_ft': ('net_ft', 'run_net_ft'),
     'inference': ('inference', 'run_inference'),
-    'neighbours': ('evaluation', 'run_neighbours'),
     'simulator': ('simulator', 'run_simulator'),
     'paths': ('simulator_paths', 'run_paths'),
     'aliasing': ('simulator_paths', 'run_aliasing'),
     'hard-cases': ('simulator_hard_cases', 'run_hard_cases'),
-    'modes': ('simulator_twin', 'run_modes'),
     'twin': ('simulator_twin', 'run_twin'),
     'twin-speed': ('simulator_twin', 'run_twin_speed'),
     'published': ('published', 'run_published'),
@@ -79,7 +74,7 @@ LONG = (
 )
 """Topics of many minutes, or with peers to install, which are run when they are named."""
 
-DESCRIPTION = """Measure the speed and the error of the numerical kernels, the decoders, the
+DESCRIPTION = """Measure the speed and the error of the numerical kernels, the
 model file, the simulator and the message path.
 
 Speed is a ratio: the time of ours over the time of a floor, measured in turns in
@@ -98,18 +93,13 @@ slip-limits, twins, published, hard-plates, training-cost and public-sets only w
   regression   slope, intercept, correlation of a stiffness window
   significance rank-sum tests of all pairs of classes, all features
   extractor    sample blocks and events to windows
-  lines        load-cell lines to readings
-  status       Grbl status reports to positions
-  protocols    each sensor's bytes to numbers
   sensors      the sensor node at 60 Hz to five times 7 kHz: cost, loss, latency
   net_ft       a Net F/T from datagrams to blocks: pynetft against whole arrays
   inference    one window through a model file, four classifiers
-  neighbours   cross-validated nearest neighbours
   simulator    simulated texture trials: speed and error by scheme and step
   paths        readings, the NumPy solver, stiffness trials, the live rig
   aliasing     what sampling and the plate's place do to the 91 amplitudes
   hard-cases   extreme descriptions, far too long steps, single precision
-  modes        the finger's equations with fewer and more curvature modes
   twin         against the same scene in MuJoCo: how far apart (needs mujoco)
   twin-speed   and at which speeds
   published    the paper's statements on as-published trials, one setting at a time

@@ -29,7 +29,7 @@ import tty
 from typing import Any
 
 from domain_coordinator import domain_id
-from measuring import measure_ratio, Report, Row
+from measuring import Report, Row
 import numpy as np
 import rclpy
 from rclpy.context import Context
@@ -40,11 +40,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
-from tendon_sensor_driver.ati.digital_ft_protocol import encode_record, RECORD_BYTES, StreamDecoder
-from tendon_sensor_driver.ati.net_ft_protocol import decode_records, encode_records, RECORD
-from tendon_sensor_driver.lines.line_protocol import encode_reading, LineDecoder
-from tendon_sensor_driver.records import TendonSensorConfig
-from tendon_sensor_driver.stream.strain_stream import StrainStream
+from tendon_sensor_driver.lines.line_protocol import encode_reading
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
 sys.path.append(str(Path(__file__).parents[1] / 'src/testing'))
@@ -55,102 +51,6 @@ COUNT = 2000
 STARTUP_S = 20.0
 SETTLE_S = 1.0
 BLOCK_HZ = 100
-
-
-# -- decoding ------------------------------------------------------------------------------
-
-
-def run_decoding(quick: bool) -> Report:
-    """Decode each protocol, against the least that could read the same numbers."""
-    rounds = 5 if quick else 15
-    rows = []
-    for case, ours, floor in (
-        *_make_line_cases(),
-        _make_record_case(),
-        _make_stream_case(),
-    ):
-        wrong = int(np.sum(np.asarray(ours()) != np.asarray(floor())))
-        start_s = time.perf_counter()
-        ours()
-        sample_us = (time.perf_counter() - start_s) / COUNT * 1e6
-        ratio = measure_ratio(ours, floor, rounds=rounds)
-        rows.append(Row(case, ratio, wrong, 0, more={'us a sample': sample_us}))
-    return Report(
-        'sensor protocols to numbers',
-        'lines: split and two conversions; records and stream: one view of the bytes as an array',
-        f'numbers of {COUNT} samples that differ from those of the floor',
-        rows,
-    )
-
-
-Case = tuple[str, Callable[[], Any], Callable[[], Any]]
-
-
-def _make_line_cases() -> Iterator[Case]:
-    values = np.random.default_rng(4).normal(5.0, 0.3, COUNT)
-    lines = [encode_reading(17 * i, value, 'N') for i, value in enumerate(values)]
-    for size in (1, 16):
-        pieces = [b''.join(lines[i : i + size]) for i in range(0, COUNT, size)]
-
-        def split_each(pieces: list[bytes] = pieces) -> list[float]:
-            numbers = []
-            for piece in pieces:
-                for line in piece.splitlines():
-                    ticks, value, *_ = line.split(b',')
-                    int(ticks)
-                    numbers.append(float(value))
-            return numbers
-
-        def decode(pieces: list[bytes] = pieces, size: int = size) -> list[float]:
-            config = TendonSensorConfig(unit='N', samples_per_block=size)
-            decoder, stream = LineDecoder(config), StrainStream(config)
-            decoder.feed(b'\n', 0)
-            blocks, received_at_ns = [], 0
-            for piece in pieces:
-                received_at_ns += size * 16_666_667
-                for reading in decoder.feed(piece, received_at_ns):
-                    blocks += stream.add(reading)
-            blocks += stream.flush()
-            return [n for block in blocks for n in block.tension_n.tolist()]
-
-        yield f'lines to blocks, {size} a read', decode, split_each
-
-
-def _make_record_case() -> Case:
-    records = np.zeros(COUNT, RECORD)
-    records['counts'] = np.random.default_rng(4).integers(-(10**7), 10**7, (COUNT, 6))
-    datagrams = [encode_records(records[i : i + 40]) for i in range(0, COUNT, 40)]
-
-    def decode() -> Any:
-        return np.concatenate([decode_records(data)['counts'].astype(float) for data in datagrams])
-
-    def view() -> Any:
-        return np.frombuffer(b''.join(datagrams), RECORD)['counts'].astype(float)
-
-    return 'Net F/T records, 40 a datagram', decode, view
-
-
-def _make_stream_case() -> Case:
-    gauges = np.random.default_rng(4).integers(-(2**15), 2**15, (COUNT, 6))
-    size = 16 * RECORD_BYTES
-    data = b''.join(encode_record(row) for row in gauges)
-    tail = b''.join(encode_record(row) for row in gauges[:2])  # confirms the last ones
-    pieces = [data[i : i + size] for i in range(0, len(data), size)]
-    order = [0, 3, 1, 4, 2, 5]
-
-    def decode() -> Any:
-        decoder = StreamDecoder()
-        parts = [part for piece in [*pieces, tail] for part in decoder.feed(piece)]
-        return np.concatenate([part.gauges for part in parts])[:COUNT]
-
-    def view() -> Any:
-        rows = np.frombuffer(data, np.uint8).reshape(-1, RECORD_BYTES)
-        return rows[:, :12].copy().view('>i2').astype(np.int64)[:, order]
-
-    return 'Digital F/T stream, 16 records a read', decode, view
-
-
-# -- the node ------------------------------------------------------------------------------
 
 
 def run_node(quick: bool) -> Report:

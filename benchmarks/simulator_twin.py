@@ -31,7 +31,6 @@ from mujoco_twin import (
 )
 import numpy as np
 from scipy.signal import lfilter
-from simulator_modes import ModeLine
 from simulator_trials import (
     compare,
     cut_after_window,
@@ -63,9 +62,6 @@ OUR_FACTORS = (1, 2, 3, 4, 6)
 """Of the default number of steps."""
 
 BATCH = 64
-MODES = (1, 2, 3, 4)
-MOST_MODES = 8
-MODE_STEPS = 8
 DAMPERS_N_S_M = (0.0, 5.0, 10.0, 20.0, 50.0)
 """Beside the packaged one, for information."""
 
@@ -139,37 +135,15 @@ class Match:
 
     def sample_twin(self, twin: TwinResult) -> Tensions:
         """MuJoCo's in the window, behind the same sensor."""
-        return self._sense(twin.times_s, twin.tension_n, twin.contact_force_n)
-
-    def _sense(self, times_s: FloatArray, tension_n: FloatArray, force_n: FloatArray) -> Tensions:
         cell = self.scene.rig.load_cell
-        step_s = float(times_s[1] - times_s[0])
+        step_s = float(twin.times_s[1] - twin.times_s[0])
         keep, early, late = low_pass_coefficients(step_s, cell.low_pass_hz)
-        sensed_n = lfilter([late, early], [1.0, -keep], tension_n + cell.crosstalk * force_n)
+        carried_n = twin.tension_n + cell.crosstalk * twin.contact_force_n
+        sensed_n = lfilter([late, early], [1.0, -keep], carried_n)
         return Tensions(
-            np.interp(self.times_s, times_s, tension_n), np.interp(self.times_s, times_s, sensed_n)
+            np.interp(self.times_s, twin.times_s, twin.tension_n),
+            np.interp(self.times_s, twin.times_s, sensed_n),
         )
-
-    def compute_mode_window(self, modes: int) -> Tensions:
-        """The window of a finger with so many modes."""
-        finger = self.scene.finger
-        bend_rad = math.radians(finger.contact_bend_deg)
-        drop_m = finger.length_m * (1 - math.cos(bend_rad)) / bend_rad
-        reach_m = finger.length_m * math.sin(bend_rad) / bend_rad
-        assert self.scene.surface is not None
-        guide, tendon = (axis.positions_at for axis in self.axes)
-        step_s = self.scene.rig.load_cell.period_s / DENSE / MODE_STEPS
-        times_s = step_s * np.arange(self.window.stop * MODE_STEPS + 1.0)
-        found = ModeLine(finger, modes).simulate(
-            self.scene.surface,
-            drop_m,
-            self.scene.lead_m - self.scene.guide_m - reach_m,
-            self.scene.friction,
-            guide,
-            tendon,
-            times_s,
-        )
-        return self._sense(times_s[1:], *found)
 
 
 @lru_cache
@@ -234,30 +208,6 @@ def run_twin(quick: bool) -> Report:
         'rms deviation of the alternating part of the tension in the window over its rms, '
         'in %; sensed: the same behind crosstalk and low pass; flexion, without tendon friction '
         'and creep; the damper at the tip is that of the description where none is named',
-        rows,
-    )
-
-
-def run_modes(quick: bool) -> Report:
-    """Compare with fingers of fewer and of more curvature modes."""
-    rows = []
-    for plate in ('R3',) if quick else PLATES:
-        match = match_trial(plate)
-        found = {modes: match.compute_mode_window(modes) for modes in (*MODES, MOST_MODES)}
-        rows += [
-            _compare_row(f'{plate}, modes: {modes}', found[modes], found[MOST_MODES])
-            for modes in MODES
-        ]
-        ours = match.swing(False).compute_window(REFERENCE_STEPS)
-        rows.append(_compare_row(f'{plate}, the simulator', ours, found[MOST_MODES]))
-        rows.append(_compare_row(f'{plate}, the simulator, against 3', ours, found[3]))
-    return Report(
-        'modes: the equations without inertia, written a second time, with as many curvature '
-        'modes as asked for',
-        'none',
-        f'against {MOST_MODES} modes: rms deviation of the alternating part of the tension in '
-        'the window over its rms, in %; the second writing makes Euler steps of '
-        f'1/{DENSE * MODE_STEPS} sample, the simulator of 1/{DENSE * REFERENCE_STEPS}',
         rows,
     )
 

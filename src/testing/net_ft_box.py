@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from tendon_sensor_driver.ati.net_ft_protocol import (
     Command,
-    encode_records,
     ERROR_SUMMARY,
     INTERNAL_RATE_HZ,
     MOST_RECORDS,
@@ -259,13 +258,13 @@ class NetFtBox:
 
     def _pack(self, records: NDArray[np.void]) -> list[bytes]:
         if self._command is Command.START_REALTIME:
-            return [encode_records(records[i : i + 1]) for i in range(len(records))]
+            return [records[i : i + 1].astype(RECORD).tobytes() for i in range(len(records))]
         self._held.append(records)
         waiting = np.concatenate(self._held)
         size = self.settings['comrdtbsiz']
         whole = len(waiting) // size * size
         self._held = [waiting[whole:]]
-        return [encode_records(waiting[i : i + size]) for i in range(0, whole, size)]
+        return [waiting[i : i + size].astype(RECORD).tobytes() for i in range(0, whole, size)]
 
     def _spoil(self, datagrams: list[bytes], now_s: float) -> list[bytes]:
         sent: list[bytes] = []

@@ -20,14 +20,23 @@ import contextlib
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import select
 import socket
+import struct
 import threading
 import time
 
 from net_ft_box import NetFtBox
-from tendon_sensor_driver.ati.net_ft_protocol import decode_request
+from tendon_sensor_driver.ati.net_ft_protocol import Command
 
 HOST = '127.0.0.1'
 _SLICE_S = 0.001
+
+
+def _decode_request(datagram: bytes) -> Command | None:
+    if len(datagram) != 8:
+        return None
+    header, command, _ = struct.unpack('>HHI', datagram)
+    is_ours = header == 0x1234 and command in list(Command)
+    return Command(command) if is_ours else None
 
 
 class NetFtDevice:
@@ -137,7 +146,7 @@ class NetFtDevice:
             with contextlib.suppress(ConnectionError):
                 request, peer = self._socket.recvfrom(64)
         with self._lock:
-            command = decode_request(request)
+            command = _decode_request(request)
             if command is not None:
                 self._box.command(command, self.now_s)
                 self._peer = peer

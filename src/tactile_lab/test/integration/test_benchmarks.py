@@ -36,8 +36,6 @@ CHEAP = {
         'a step of 1 ulp': 1e-15,
     },
     'extractor': {'single samples': 0, 'blocks of 12 samples': 0},
-    'lines': {'a line a read': 0, '50 lines a read': 0},
-    'status': {'state, position, speed': 0, 'and work offset': 0},
 }
 
 needs_benchmarks = pytest.mark.skipif(

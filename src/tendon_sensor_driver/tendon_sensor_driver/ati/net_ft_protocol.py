@@ -104,16 +104,6 @@ def encode_request(command: Command, samples: int = 0) -> bytes:
     return _REQUEST.pack(_HEADER, command, samples)
 
 
-def decode_request(datagram: bytes) -> Command | None:
-    """Return the command of a request, or None when it is none: what a box does with it."""
-    if len(datagram) != _REQUEST.size:
-        return None
-    header, command, _ = _REQUEST.unpack(datagram)
-    if header != _HEADER or command not in list(Command):
-        return None
-    return Command(command)
-
-
 def decode_records(datagram: bytes) -> NDArray[np.void]:
     """Return the records of a datagram, or of several good ones joined.
 
@@ -130,11 +120,6 @@ def decode_records(datagram: bytes) -> NDArray[np.void]:
     if not datagram or len(datagram) % RECORD_BYTES:
         raise RdtError(f'{len(datagram)} bytes are no whole RDT records of {RECORD_BYTES}')
     return np.frombuffer(datagram, dtype=RECORD)
-
-
-def encode_records(records: NDArray[np.void]) -> bytes:
-    """Return the bytes of records: what a box sends."""
-    return records.astype(RECORD).tobytes()
 
 
 def classify_status(words: NDArray[np.uint32], *, is_axia: bool) -> NDArray[np.uint32]:

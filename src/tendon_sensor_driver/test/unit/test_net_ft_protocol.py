@@ -25,9 +25,7 @@ from tendon_sensor_driver.ati.net_ft_protocol import (
     Command,
     compute_rate_hz,
     decode_records,
-    decode_request,
     describe_status,
-    encode_records,
     encode_request,
     RdtError,
     RECORD,
@@ -43,13 +41,6 @@ def test_the_requests_are_the_known_good_bytes():
     assert encode_request(Command.STOP).hex() == '1234000000000000'
 
 
-@given(st.binary(max_size=16))
-def test_a_request_is_one_of_ours_or_none(datagram):
-    command = decode_request(datagram)
-    if command is not None:
-        assert encode_request(command)[:4] == datagram[:4]
-
-
 @given(st.lists(st.tuples(WORDS, WORDS, WORDS, COUNTS), min_size=1, max_size=40))
 def test_records_are_read_as_struct_reads_them(rows):
     datagram = b''.join(struct.pack('>III6i', a, b, c, *counts) for a, b, c, counts in rows)
@@ -58,7 +49,6 @@ def test_records_are_read_as_struct_reads_them(rows):
         (int(r['rdt_sequence']), int(r['ft_sequence']), int(r['status']), r['counts'].tolist())
         for r in records
     ] == rows
-    assert encode_records(records) == datagram
 
 
 @given(st.binary(max_size=200))
