@@ -86,7 +86,7 @@ class SupportVectorMachine(SVC):  # type: ignore[misc]
     """scikit-learn's `SVC`, which says in our words when its answers are not to be relied on."""
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> SupportVectorMachine:  # noqa: N803
-        """Fit; warn when `MAX_SVM_STEPS` were not enough, or when a label is never given."""
+        """Fit; warn when `MAX_SVM_STEPS` were not enough."""
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', ConvergenceWarning)
             super().fit(X, y, sample_weight)
@@ -98,16 +98,23 @@ class SupportVectorMachine(SVC):  # type: ignore[misc]
                 ConvergenceWarning,
                 stacklevel=2,
             )
-        never = sorted(set(self.classes_) - set(self.predict(X)))
-        if never:
-            warnings.warn(
-                f'the {self.kernel} support vector machine never answers {", ".join(never)}, not '
-                'even to its training trials: the number of trials of each label counts more for '
-                'it than the features; use the scaling "standard", another classifier, or equally '
-                'many trials of each label',
-                stacklevel=2,
-            )
         return self
+
+
+def warn_of_labels_never_given(estimator: Pipeline, values: Any) -> None:
+    """Warn when a support vector machine never gives a label, not even to its training trials."""
+    machine = estimator[-1]
+    if not isinstance(machine, SVC):
+        return
+    never = sorted(set(machine.classes_) - set(estimator.predict(values)))
+    if never:
+        warnings.warn(
+            f'the {machine.kernel} support vector machine never answers {", ".join(never)}, not '
+            'even to its training trials: the number of trials of each label counts more for it '
+            'than the features; use the scaling "standard", another classifier, or equally many '
+            'trials of each label',
+            stacklevel=2,
+        )
 
 
 def default_scaling(task: str, classifier: str) -> str:

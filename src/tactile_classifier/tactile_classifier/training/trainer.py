@@ -39,7 +39,12 @@ from tactile_classifier.confidence.recalibration import fit_session_statistics
 from tactile_classifier.confidence.stopping import fit_stop_threshold
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, TooFewTrialsError
-from tactile_classifier.estimators.classifiers import build_estimator, default_scaling, SCORE_KINDS
+from tactile_classifier.estimators.classifiers import (
+    build_estimator,
+    default_scaling,
+    SCORE_KINDS,
+    warn_of_labels_never_given,
+)
 from tactile_classifier.estimators.threads import on_one_thread
 from tactile_classifier.evaluation.cross_validation import Score
 from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, Stage, TrainingTrials
@@ -177,6 +182,7 @@ def train(
         )
         for (count, table), held_out in zip_longest(tables.items(), calibrated)
     ]
+    warn_of_labels_never_given(stages[0].estimator, table.values)
     stop_threshold = _fit_stop_threshold(calibrated[1:], stop_error_rate, session)
     manifest = Manifest(
         task=table.task,

@@ -24,6 +24,7 @@ from tactile_classifier.estimators.classifiers import (
     SCALING_REASONS,
     SCALINGS,
     SCORE_KINDS,
+    warn_of_labels_never_given,
 )
 
 
@@ -81,7 +82,11 @@ def test_machine_that_does_not_converge_says_so(monkeypatch):
 def test_machine_that_never_gives_a_label_says_so():
     labels = np.repeat(['a', 'b'], [20, 19])
     values = 1e-3 * (labels == 'a')[:, None]  # as small as amplitudes in newtons can be
+    silent = build_estimator('svm_linear', 'none').fit(values, labels)  # as in a fold
     with pytest.raises(UserWarning, match=r'linear .* never answers b,'):
-        build_estimator('svm_linear', 'none').fit(values, labels)
-    build_estimator('svm_linear', 'none').fit(values[1:], labels[1:])  # equally many
-    build_estimator('svm_linear', 'standard').fit(values, labels)
+        warn_of_labels_never_given(silent, values)
+    equal = build_estimator('svm_linear', 'none').fit(values[1:], labels[1:])
+    warn_of_labels_never_given(equal, values)
+    scaled = build_estimator('svm_linear', 'standard').fit(values, labels)
+    warn_of_labels_never_given(scaled, values)
+    warn_of_labels_never_given(build_estimator('tree', 'none').fit(values, labels), values)

@@ -54,6 +54,14 @@ def test_default_scaling_follows_the_task(small_table, stiffness_table):
     assert train(stiffness_table, 'tree').manifest.scaling == 'standard'
 
 
+def test_a_label_that_the_model_never_gives_is_told_once(small_table):
+    spec, labels = small_table.spec, small_table.labels[1:]
+    table = FeatureTable(1e-9 * small_table.values[1:], labels, spec)
+    with pytest.warns(UserWarning, match='never answers') as told:
+        train(table, 'svm_linear', 'none')
+    assert len(told) == 1
+
+
 def test_contact_is_empty_when_mixed_or_unknown(small_table, stiffness_table):
     assert train(stiffness_table, 'tree').manifest.contact == ''
     contact = np.where(np.arange(36) % 2, 'flexion', 'abduction')
