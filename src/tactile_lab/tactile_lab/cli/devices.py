@@ -18,17 +18,12 @@ from typing import Annotated, Optional
 
 import typer
 
+from tactile_lab.cli.request_options import spread
+from tactile_lab.commands.rig_requests import CheckRequest
 from tactile_lab.options import (
     check_paths,
-    GuideOption,
     JsonOption,
-    ParamsOption,
     refusals,
-    SeedOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    TendonOption,
 )
 
 
@@ -95,27 +90,8 @@ def devices(
         )
 
 
-def check(
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    namespace: Annotated[str, typer.Option(help='Namespace of the nodes in --params.')] = '',
-    seconds: Annotated[
-        float, typer.Option(min=1.0, max=3600.0, help='How long to listen to the sensor.')
-    ] = 5.0,
-    move: Annotated[
-        bool,
-        typer.Option(
-            '--move',
-            help='Also home the guide and move it 5 mm, and wind the tendon 2 mm in and out.',
-        ),
-    ] = False,
-    seed: SeedOption = 1,
-    json_output: JsonOption = False,
-) -> None:
+@spread
+def check(request: CheckRequest, json_output: JsonOption = False) -> None:
     """Exercise each device and print what it found; exit with 1 when something is wrong.
 
     Devices are those whose port or topic is given here, or whose ``port`` (without one:
@@ -134,18 +110,8 @@ def check(
     Each fault comes with its remedy.
     """
     with refusals():
-        check_paths(params)
-        from tactile_lab.commands.check import CheckRequest, run_check
-        from tactile_lab.commands.running.rig import PortArguments
+        check_paths(request.params)
+        from tactile_lab.commands.check import run_check
 
-        is_fit = run_check(
-            CheckRequest(
-                ports=PortArguments(guide, tendon, sensor, simulated, seed, sensor_topic),
-                params=params,
-                namespace=namespace,
-                seconds=seconds,
-                may_move=move,
-            ),
-            as_json=json_output,
-        )
+        is_fit = run_check(request, as_json=json_output)
     raise typer.Exit(0 if is_fit else 1)

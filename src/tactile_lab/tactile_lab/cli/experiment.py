@@ -19,24 +19,18 @@ that are strings: so ``Optional[X]``, and no ``from __future__ import annotation
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
+from tactile_lab.cli.request_options import spread
+from tactile_lab.commands.rig_requests import ExperimentRequest
 from tactile_lab.options import (
-    GuideOption,
     JsonOption,
-    ModelsOption,
-    ParamsOption,
     Protocol,
     refusals,
     SeedOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    TendonOption,
-    WatchOption,
 )
 
 
@@ -48,39 +42,8 @@ class RunByDefault(TyperGroup):
         return super().parse_args(ctx, args if is_known or not args else ['run', *args])
 
 
-def run(
-    plan: Annotated[
-        Path, typer.Argument(help='Plan, as `tactile experiment new` writes it, or the folder.')
-    ],
-    output: Annotated[
-        Optional[Path],
-        typer.Option('--output', '-o', help="Folder. Default: the plan's name without .yaml."),
-    ] = None,
-    append: Annotated[
-        str,
-        typer.Option(
-            help='Append a block to this session: each object once more, in each contact.'
-        ),
-    ] = '',
-    models: ModelsOption = None,
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    yes: Annotated[
-        bool,
-        typer.Option(
-            '--yes',
-            help='Ask nothing, on the simulated rig: what fails is tried again, up to three '
-            'times; outliers are kept and marked.',
-        ),
-    ] = False,
-    watch: WatchOption = False,
-    seed: SeedOption = 1,
-    json_output: JsonOption = False,
-) -> None:
+@spread
+def run(request: ExperimentRequest, json_output: JsonOption = False) -> None:
     """Run an experiment, or go on with it: prompts, trials, a line of quality for each.
 
     The order is random within blocks, and drawn before the first trial (`order.csv`). Each
@@ -93,23 +56,9 @@ def run(
     later.
     """
     with refusals():
-        from tactile_lab.commands.running.experiment import ExperimentRequest, run_plan
-        from tactile_lab.commands.running.rig import PortArguments
-        from tactile_lab.watch.options import WatchOptions
+        from tactile_lab.commands.running.experiment import run_plan
 
-        is_well = run_plan(
-            ExperimentRequest(
-                plan=plan,
-                folder=output,
-                append=append,
-                models=models,
-                ports=PortArguments(guide, tendon, sensor, simulated, seed, sensor_topic),
-                params=params,
-                yes=yes,
-                watch=WatchOptions() if watch else None,
-            ),
-            as_json=json_output,
-        )
+        is_well = run_plan(request, as_json=json_output)
     raise typer.Exit(0 if is_well else 1)
 
 

@@ -19,25 +19,13 @@ from typing import Annotated, Optional
 
 import typer
 
+from tactile_lab.cli.request_options import spread
+from tactile_lab.commands.rig_requests import RigRequest, TrialsRequest
 from tactile_lab.options import (
     check_paths,
-    Contact,
-    GuideOption,
     JsonOption,
-    ModelsOption,
-    NamespaceOption,
-    ParamsOption,
-    Protocol,
-    QuietOption,
-    RecalibrateOption,
-    RecordOption,
     refusals,
     SeedOption,
-    SensorOption,
-    SensorTopicOption,
-    SimulatedOption,
-    TendonOption,
-    WatchOption,
 )
 
 
@@ -88,41 +76,8 @@ def demo(
     raise typer.Exit(0 if ok else 1)
 
 
-def trials(
-    protocol: Annotated[Protocol, typer.Argument(help='Which kind of trial.')],
-    label: Annotated[
-        str, typer.Option('--object', help='The plate or object that lies under the finger.')
-    ],
-    output: Annotated[
-        Path, typer.Option('--output', '-o', help='Bag to record into; must not exist yet.')
-    ],
-    contact: Annotated[Contact, typer.Option(help='How the finger touches.')] = Contact.flexion,
-    count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1,
-    session: Annotated[
-        str,
-        typer.Option(
-            help='Name of the session, such as one that is to go on; part of the names of the '
-            'trials. Default: the time.'
-        ),
-    ] = '',
-    mounting: Annotated[
-        str,
-        typer.Option(
-            help='Name of the mounting; name another each time you fix the plate or object anew. '
-            'Default: none.'
-        ),
-    ] = '',
-    models: ModelsOption = None,
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    watch: WatchOption = False,
-    seed: SeedOption = 1,
-    json_output: JsonOption = False,
-) -> None:
+@spread
+def trials(request: TrialsRequest, json_output: JsonOption = False) -> None:
     """Run trials on one plate or object, one after the other, and record them.
 
     Homes the guide, then repeats the protocol: with ``--models`` each trial is
@@ -134,44 +89,14 @@ def trials(
     the session instead of the object.
     """
     with refusals():
-        check_paths(models, params)
-        from tactile_lab.commands.running.rig import PortArguments
-        from tactile_lab.commands.running.trials import run_trials, TrialsRequest
-        from tactile_lab.watch.options import WatchOptions
+        check_paths(request.models, request.params)
+        from tactile_lab.commands.running.trials import run_trials
 
-        run_trials(
-            TrialsRequest(
-                protocol=protocol.value,
-                object_label=label,
-                contact=contact.value,
-                count=count,
-                bag=output,
-                models=models,
-                ports=PortArguments(guide, tendon, sensor, simulated, seed, sensor_topic),
-                params=params,
-                session=session,
-                mounting=mounting,
-                watch=WatchOptions() if watch else None,
-            ),
-            as_json=json_output,
-        )
+        run_trials(request, as_json=json_output)
 
 
-def rig(
-    models: ModelsOption = None,
-    recalibrate: RecalibrateOption = 0,
-    guide: GuideOption = '',
-    tendon: TendonOption = '',
-    sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    namespace: NamespaceOption = '',
-    record: RecordOption = None,
-    watch: WatchOption = False,
-    quiet: QuietOption = False,
-    seed: SeedOption = 1,
-) -> None:
+@spread
+def rig(request: RigRequest) -> None:
     """Run all nodes of the rig in this process until Ctrl-C; print each answer.
 
     Sensor, guide, tendon, trial runner, features and one classifier for each model.
@@ -179,18 +104,7 @@ def rig(
     without any other program, use `tactile trials`.
     """
     with refusals():
-        check_paths(models, params)
-        from tactile_lab.commands.running.rig import PortArguments, RigRequest, run_rig, View
-        from tactile_lab.watch.options import WatchOptions
+        check_paths(request.models, request.params)
+        from tactile_lab.commands.running.rig import run_rig
 
-        run_rig(
-            RigRequest(
-                models=models,
-                ports=PortArguments(guide, tendon, sensor, simulated, seed, sensor_topic),
-                params=params,
-                namespace=namespace,
-                record=record,
-                recalibrate=recalibrate,
-                view=View(WatchOptions() if watch else None, quiet),
-            )
-        )
+        run_rig(request)

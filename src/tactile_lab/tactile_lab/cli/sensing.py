@@ -14,11 +14,13 @@
 
 """The commands that sense with fingers that something else moves."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
+from tactile_lab.cli.request_options import spread
 from tactile_lab.options import (
     check_paths,
     DetectedContact,
@@ -40,20 +42,50 @@ from tactile_lab.options import (
 )
 
 
+@dataclass(frozen=True)
+class SensingOptions:
+    """The options that a finger and a hand have."""
+
+    sensor_topic: SensorTopicOption = ''
+    model: ModelOption = None
+    recalibrate: RecalibrateOption = 0
+    phases: PhasesOption = Phases.stated
+    contact: DetectedContactOption = DetectedContact.unknown
+    slip: SlipOption = False
+    simulated: SimulatedOption = False
+    params: ParamsOption = None
+    namespace: NamespaceOption = ''
+    record: RecordOption = None
+    watch: WatchOption = False
+    quiet: QuietOption = False
+
+    def run(self, name: str, **values: str) -> None:
+        """Run what the launch file of this name starts."""
+        check_paths(self.model, self.params)
+        from tactile_lab.commands.running.rig import View
+        from tactile_lab.commands.running.sense import run_sensing
+        from tactile_lab.watch.options import WatchOptions
+
+        values |= {
+            'sensor_topic': self.sensor_topic,
+            'model': str(self.model or ''),
+            'recalibrate': str(self.recalibrate),
+            'phases': self.phases.value,
+            'contact': self.contact.value,
+            'slip': 'true' if self.slip else 'false',
+            'rig': 'simulated' if self.simulated else 'hardware',
+            'params_file': str(self.params or ''),
+            'namespace': self.namespace,
+            'record': str(self.record or ''),
+        }
+        run_sensing(name, values, View(WatchOptions() if self.watch else None, self.quiet))
+
+
+@spread
 def sense(
     sensor: SensorOption = '',
-    sensor_topic: SensorTopicOption = '',
-    model: ModelOption = None,
-    recalibrate: RecalibrateOption = 0,
-    phases: PhasesOption = Phases.stated,
-    contact: DetectedContactOption = DetectedContact.unknown,
-    slip: SlipOption = False,
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    namespace: NamespaceOption = '',
-    record: RecordOption = None,
-    watch: WatchOption = False,
-    quiet: QuietOption = False,
+    *,
+    options: SensingOptions,
 ) -> None:
     """Run the nodes of one finger that something else moves, in this process until Ctrl-C.
 
@@ -63,24 +95,10 @@ def sense(
     tension.
     """
     with refusals():
-        check_paths(model, params)
-        from tactile_lab.commands.running.rig import View
-        from tactile_lab.commands.running.sense import run_sensing
-        from tactile_lab.watch.options import WatchOptions
-
-        run_sensing(
-            'sense',
-            {
-                'sensor_port': sensor,
-                'sensor_topic': sensor_topic,
-                **_sensing_values(
-                    model, recalibrate, phases, contact, slip, simulated, params, namespace, record
-                ),
-            },
-            View(WatchOptions() if watch else None, quiet),
-        )
+        options.run('sense', sensor_port=sensor)
 
 
+@spread
 def hand(
     fingers: Annotated[
         str, typer.Option(help='Namespaces of the fingers, such as index,middle.')
@@ -91,18 +109,8 @@ def hand(
             help="YAML file with each finger's port or topic, model, phases, slip and parameters."
         ),
     ] = None,
-    sensor_topic: SensorTopicOption = '',
-    model: ModelOption = None,
-    recalibrate: RecalibrateOption = 0,
-    phases: PhasesOption = Phases.stated,
-    contact: DetectedContactOption = DetectedContact.unknown,
-    slip: SlipOption = False,
-    simulated: SimulatedOption = False,
-    params: ParamsOption = None,
-    namespace: NamespaceOption = '',
-    record: RecordOption = None,
-    watch: WatchOption = False,
-    quiet: QuietOption = False,
+    *,
+    options: SensingOptions,
 ) -> None:
     """Run the nodes of any number of fingers, in this process until Ctrl-C.
 
@@ -111,44 +119,5 @@ def hand(
     ``--record`` makes one bag a finger.
     """
     with refusals():
-        check_paths(hand_file, model, params)
-        from tactile_lab.commands.running.rig import View
-        from tactile_lab.commands.running.sense import run_sensing
-        from tactile_lab.watch.options import WatchOptions
-
-        run_sensing(
-            'hand',
-            {
-                'fingers': fingers,
-                'hand_file': str(hand_file or ''),
-                'sensor_topic': sensor_topic,
-                **_sensing_values(
-                    model, recalibrate, phases, contact, slip, simulated, params, namespace, record
-                ),
-            },
-            View(WatchOptions() if watch else None, quiet),
-        )
-
-
-def _sensing_values(
-    model: Optional[Path],
-    recalibrate: int,
-    phases: Phases,
-    contact: DetectedContact,
-    slip: bool,
-    simulated: bool,
-    params: Optional[Path],
-    namespace: str,
-    record: Optional[Path],
-) -> dict[str, str]:
-    return {
-        'model': str(model or ''),
-        'recalibrate': str(recalibrate),
-        'phases': phases.value,
-        'contact': contact.value,
-        'slip': 'true' if slip else 'false',
-        'rig': 'simulated' if simulated else 'hardware',
-        'params_file': str(params or ''),
-        'namespace': namespace,
-        'record': str(record or ''),
-    }
+        check_paths(hand_file)
+        options.run('hand', fingers=fingers, hand_file=str(hand_file or ''))

@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 import dataclasses
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeVar
 
 from rich.markup import escape
@@ -30,7 +28,8 @@ from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_on_topic
 from tactile_bringup.launch_config.parameter_files import read_parameters
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.running.rig import open_ports, PortArguments
+from tactile_lab.commands.rig_requests import CheckRequest
+from tactile_lab.commands.running.rig import open_ports
 from tactile_lab.devices.device_checks import (
     check_guide,
     check_tendon,
@@ -43,17 +42,6 @@ from tendon_sensor_driver.sensors import make_sensor
 
 _NODES = {'sensor': 'tendon_sensor', 'guide': 'linear_guide', 'tendon': 'tendon_actuator'}
 _Config = TypeVar('_Config')
-
-
-@dataclass(frozen=True)
-class CheckRequest:
-    """The arguments of `tactile check`; see its ``--help``."""
-
-    ports: PortArguments
-    params: Path | None
-    namespace: str
-    seconds: float
-    may_move: bool
 
 
 def run_check(request: CheckRequest, *, as_json: bool) -> bool:
@@ -93,7 +81,7 @@ def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], C
         )
     given = {name: getattr(request.ports, name) for name in _NODES}
     if request.ports.simulated:
-        ports, _ = open_ports(request.ports, stack)
+        ports, _ = open_ports(request.ports, request.seed, stack)
         given = {name: getattr(ports, name) for name in _NODES}
     wanted = {name: parameters.get(node, {}) for name, node in _NODES.items()}
     wanted = {

@@ -17,14 +17,15 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 import sys
 from typing import Any
 
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig_requests import ExperimentRequest
 from tactile_lab.commands.running.live_trials import LiveSetup
-from tactile_lab.commands.running.rig import open_ports, PortArguments, read_rig_parameters
+from tactile_lab.commands.running.rig import open_ports, read_rig_parameters
 from tactile_lab.experiment.bench import LiveBench
 from tactile_lab.experiment.folder import ExperimentFolder, is_experiment, PLAN
 from tactile_lab.experiment.journal import write_atomically
@@ -42,20 +43,6 @@ from tactile_lab.watch.options import WatchOptions
 
 MOST_FAILURES = 3
 """Failures in a row after which an experiment ends, with ``--yes``."""
-
-
-@dataclass(frozen=True)
-class ExperimentRequest:
-    """The arguments of `tactile experiment run`; see its ``--help``."""
-
-    plan: Path
-    folder: Path | None
-    append: str
-    models: Path | None
-    ports: PortArguments
-    params: Path | None
-    yes: bool
-    watch: WatchOptions | None = None
 
 
 class Terminal:
@@ -188,7 +175,7 @@ def _run(
     output: Output,
 ) -> None:
     with ExitStack() as stack:
-        ports, simulated_rig = open_ports(request.ports, stack)
+        ports, simulated_rig = open_ports(request.ports, request.seed, stack)
         if simulated_rig is not None:
             output.say('SIMULATED rig: no number is a measurement.')
             for label in plan.objects:
@@ -199,7 +186,7 @@ def _run(
             bag=folder.bags,
             models=request.models,
             simulated=request.ports.simulated,
-            watch=request.watch,
+            watch=WatchOptions() if request.watch else None,
             parameters=read_rig_parameters(request.params, request.models, ''),
         )
         run_experiment(

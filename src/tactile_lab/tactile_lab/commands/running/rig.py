@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 import threading
 from typing import Any
@@ -37,34 +37,13 @@ from tactile_bringup.launch_config.parameter_files import read_parameters
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig_requests import PortArguments, RigRequest
 from tactile_lab.commands.running.watch import answer_line, say_address
 from tactile_lab.watch.options import WatchOptions
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import hold_signals
 from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
-
-
-@dataclass(frozen=True)
-class PortArguments:
-    """Where the three devices are: ports, a topic instead of the sensor's, or simulated ones.
-
-    Raises
-    ------
-    TactileError
-        When the sensor is given twice.
-    """
-
-    guide: str
-    tendon: str
-    sensor: str
-    simulated: bool
-    seed: int
-    sensor_topic: str = ''
-
-    def __post_init__(self) -> None:
-        if self.sensor and self.sensor_topic:
-            raise TactileError('there are a --sensor and a --sensor-topic; give one')
 
 
 @dataclass(frozen=True)
@@ -83,19 +62,6 @@ class View:
     quiet: bool = False
 
 
-@dataclass(frozen=True)
-class RigRequest:
-    """The arguments of `tactile rig`; see its ``--help``."""
-
-    models: Path | None
-    ports: PortArguments
-    params: Path | None
-    namespace: str
-    record: Path | None
-    recalibrate: int = 0
-    view: View = field(default_factory=View)
-
-
 def run_rig(request: RigRequest) -> None:
     """Run the rig's nodes until SIGINT or SIGTERM.
 
@@ -112,7 +78,7 @@ def run_rig(request: RigRequest) -> None:
         parameters[name] = {**known, **parameters.get(name, {})}
     simulated = request.ports.simulated
     with ExitStack() as stack:
-        ports, simulated_rig = open_ports(request.ports, stack)
+        ports, simulated_rig = open_ports(request.ports, request.seed, stack)
         nodes = rig_graph(ports, models, parameters, simulated=simulated)
         if request.record:
             nodes.append(
@@ -125,7 +91,8 @@ def run_rig(request: RigRequest) -> None:
                     simulated=simulated,
                 )
             )
-        run_nodes(nodes, request.namespace, 'rig', request.view, simulated_rig)
+        view = View(WatchOptions() if request.watch else None, request.quiet)
+        run_nodes(nodes, request.namespace, 'rig', view, simulated_rig)
 
 
 def run_nodes(
@@ -212,12 +179,16 @@ def read_rig_parameters(
     return read_parameters(path, (*RIG_NODES, *classifiers), namespace)
 
 
-def open_ports(arguments: PortArguments, stack: ExitStack) -> tuple[Ports, SimulatedRig | None]:
+def open_ports(
+    arguments: PortArguments, seed: int, stack: ExitStack
+) -> tuple[Ports, SimulatedRig | None]:
     """Return the ports, and the simulated rig behind them if it is one.
 
     Parameters
     ----------
     arguments : PortArguments
+    seed : int
+        Of a simulated rig.
     stack : contextlib.ExitStack
         Ends the simulated rig.
 
@@ -231,7 +202,7 @@ def open_ports(arguments: PortArguments, stack: ExitStack) -> tuple[Ports, Simul
     if arguments.simulated:
         if any(given.values()):
             raise TactileError('--simulated brings its own ports; leave the others out')
-        rig = stack.enter_context(SimulatedRig(seed=arguments.seed))
+        rig = stack.enter_context(SimulatedRig(seed=seed))
         return Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, topic), rig
     missing = [f'--{name}' for name, port in given.items() if not port]
     if topic:

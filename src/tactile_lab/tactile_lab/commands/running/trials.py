@@ -17,32 +17,14 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
 import time
 
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig_requests import TrialsRequest
 from tactile_lab.commands.running.live_trials import LiveSetup, LiveTrial, run_live_trials
-from tactile_lab.commands.running.rig import open_ports, PortArguments, read_rig_parameters
+from tactile_lab.commands.running.rig import open_ports, read_rig_parameters
 from tactile_lab.watch.options import WatchOptions
-
-
-@dataclass(frozen=True)
-class TrialsRequest:
-    """The arguments of `tactile trials`; see its ``--help``."""
-
-    protocol: str
-    object_label: str
-    contact: str
-    count: int
-    bag: Path
-    models: Path | None
-    ports: PortArguments
-    params: Path | None
-    session: str
-    mounting: str = ''
-    watch: WatchOptions | None = None
 
 
 def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
@@ -52,12 +34,12 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
     session = request.session or started
     # A session that is joined again goes on under names that it does not have yet.
     joined = f'-{started[9:]}' if request.session else ''
-    name = f'{session}-{request.protocol}-{request.contact}-{request.object_label}{joined}'
+    name = f'{session}-{request.protocol}-{request.contact}-{request.label}{joined}'
     trials = [
         TrialRequest(
             request.protocol,
             request.contact,
-            request.object_label,
+            request.label,
             f'{name}-{i + 1:04d}',
             session,
             mounting_id=request.mounting,
@@ -67,13 +49,13 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
     live: list[LiveTrial] = []
     try:
         with ExitStack() as stack:
-            ports, simulated_rig = open_ports(request.ports, stack)
+            ports, simulated_rig = open_ports(request.ports, request.seed, stack)
             setup = LiveSetup(
                 ports=ports,
                 bag=request.bag,
                 models=request.models,
                 simulated=request.ports.simulated,
-                watch=request.watch,
+                watch=WatchOptions() if request.watch else None,
                 parameters=read_rig_parameters(request.params, request.models, ''),
             )
             if setup.simulated:
@@ -90,7 +72,7 @@ def _summarise(
 ) -> None:
     is_there = request.bag.exists()
     parts = [
-        f'{len(live)} of {request.count} trials on {request.object_label}, {request.contact}',
+        f'{len(live)} of {request.count} trials on {request.label}, {request.contact}',
         *(['SIMULATED'] if request.ports.simulated else []),
         *(['ended early'] if ended_early else []),
     ]
