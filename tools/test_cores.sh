@@ -13,12 +13,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-# The unit tests of the plain Python cores, in the Python that is on the path, without ROS.
+# The tests of units and analyses of the plain Python cores, in the Python that is on the path, without ROS.
 set -eu
 cd "$(dirname "$0")/.."
 PYTHONPATH=$(printf '%s:' "$PWD"/src/*/)
 export PYTHONPATH
 for package in linear_guide_driver tactile_classifier tactile_features tactile_sim tendon_sensor_driver; do
     echo "$package"
-    (cd "src/$package" && python -m pytest -q -p no:cacheprovider test/unit)
+    (cd "src/$package" && python -m pytest -q -p no:cacheprovider test/unit $(ls -d test/analysis 2> /dev/null))
 done

@@ -27,7 +27,8 @@ import xml.etree.ElementTree as ElementTree
 
 from workspace import ROOT, Workspace
 
-UNIT_NICENESS = 15
+COMPUTING = ('unit', 'analysis')
+COMPUTING_NICENESS = 15
 
 
 @dataclass
@@ -52,7 +53,7 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
     )
     parser.add_argument('packages', nargs='*', metavar='PACKAGE', help=', '.join(packages))
     kinds = parser.add_mutually_exclusive_group()
-    kinds.add_argument('--unit', action='store_true', help='only tests without ROS or devices')
+    kinds.add_argument('--unit', action='store_true', help='fast tests without ROS or devices')
     kinds.add_argument('--nodes', action='store_true', help='only tests that touch ROS')
     parser.add_argument('-k', dest='expression', metavar='EXPRESSION', help="as pytest's")
     parser.add_argument(
@@ -61,7 +62,7 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         default=(3 * (os.cpu_count() or 1) + 1) // 2,
         metavar='N',
         help='processes for tests that wait for devices and nodes (default: three for two '
-        'cores); unit tests have one a core, and yield to them',
+        'cores); tests that compute have one a core, and yield to them',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
@@ -140,15 +141,15 @@ def run_pytest(
 ) -> list[Outcome]:
     """Run the tests in some folders in several processes; return an outcome a package.
 
-    Most tests of devices and nodes wait, in real time; unit tests compute. Both run at once, and
-    unit tests have the lower priority: a simulated rig without its share of a core is a failed
-    trial.
+    Most tests of devices and nodes wait, in real time; tests of units and analyses compute. Both
+    run at once, and those that compute have the lower priority: a simulated rig without its
+    share of a core is a failed trial.
     """
-    unit = [folder for folder in folders if folder.name == 'unit']
-    others = [folder for folder in folders if folder.name != 'unit']
+    computing = [folder for folder in folders if folder.name in COMPUTING]
+    others = [folder for folder in folders if folder.name not in COMPUTING]
     groups = [
         ('others', others, options.workers, 0),
-        ('unit', unit, os.cpu_count() or 1, UNIT_NICENESS if others else 0),
+        ('computing', computing, os.cpu_count() or 1, COMPUTING_NICENESS if others else 0),
     ]
     running = []
     for name, group, workers, niceness in groups:

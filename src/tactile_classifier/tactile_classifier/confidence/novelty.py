@@ -22,7 +22,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 from sklearn.covariance import ledoit_wolf
-from sklearn.metrics import roc_auc_score
 
 from tactile_classifier.errors import TooFewTrialsError
 
@@ -136,8 +135,19 @@ def choose_metric(values: Matrix, labels: npt.NDArray[np.str_], fold: Indices) -
                 is_new = labels[outside] == label
                 if not is_new.all() and (labels[inside] != label).any():
                     novelty = measure.compute_without(values[outside], labels[inside], label)
-                    found.append(float(roc_auc_score(is_new, novelty)))
+                    found.append(compute_auroc(is_new, novelty))
     return max(METRICS, key=lambda metric: np.mean(areas[metric] or [0.0]))
+
+
+def compute_auroc(is_new: npt.NDArray[np.bool_], novelty: Matrix) -> float:
+    """Return the area under the receiver operating characteristic [1].
+
+    This is the share of pairs in which the new trial has the higher novelty than the known
+    one; an equal pair counts half. There is at least one trial of both.
+    """
+    known, new = np.sort(novelty[~is_new]), novelty[is_new]
+    ranks = np.searchsorted(known, new) + np.searchsorted(known, new, side='right')
+    return float(ranks.sum() / (2 * len(known) * len(new)))
 
 
 def _fit_transform(values: Matrix, owner: Indices, metric: str) -> Matrix:

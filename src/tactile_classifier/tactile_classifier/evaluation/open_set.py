@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.metrics import roc_auc_score
 
 from tactile_classifier.confidence.calibration import (
     Calibration,
@@ -33,6 +32,7 @@ from tactile_classifier.confidence.calibration import (
     hold_out_scores,
     make_group_folds,
 )
+from tactile_classifier.confidence.novelty import compute_auroc
 from tactile_classifier.confidence.score_choice import ScoreChoice
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
@@ -233,7 +233,7 @@ def _evaluate_fold(
         is_new = test.labels == label
         if is_new.all():
             continue
-        unknown[str(label)] = roc_auc_score(is_new, less), less[is_new] <= its_threshold
+        unknown[str(label)] = compute_auroc(is_new, less), less[is_new] <= its_threshold
     return _Part(
         rejected=novelty > threshold,
         right=scores.argmax(axis=1) == true,

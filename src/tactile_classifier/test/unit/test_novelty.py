@@ -12,11 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
+from sklearn.metrics import roc_auc_score
 
 from tactile_classifier.confidence.novelty import (
     choose_metric,
+    compute_auroc,
     compute_session_threshold,
     compute_threshold,
     METRICS,
@@ -165,3 +169,11 @@ def test_session_threshold_holds_in_as_many_new_sessions_as_stated(sessions):
     assert np.mean(held) == pytest.approx(stated, abs=0.03)
     # One threshold for the trials of all sessions fails in far more of them.
     assert np.mean(pooled) < stated - 0.05
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(-3, 3)), min_size=2, max_size=30))
+def test_area_under_the_curve_is_that_of_scikit_learn(trials):
+    is_new, novelty = np.array([True, False] + [t[0] for t in trials]), [0, 1]
+    novelty = np.array(novelty + [t[1] for t in trials]) / 3.0
+    expected = roc_auc_score(is_new, novelty)
+    assert compute_auroc(is_new, novelty) == pytest.approx(expected, abs=1e-12)

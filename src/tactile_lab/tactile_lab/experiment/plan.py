@@ -310,9 +310,13 @@ def _is_number(value: Any) -> bool:
 
 def _quote(value: Any) -> str:
     """Return a plain value so that YAML reads the same."""
-    if isinstance(value, str) and parse_plain_yaml(value) != value:
-        return f'"{value}"'
-    return str(value)
+    if not isinstance(value, str):
+        return str(value)
+    try:
+        is_same = parse_plain_yaml(value) == value
+    except TactileError:  # it looks like a number and is none: 0b_
+        is_same = False
+    return value if is_same else f'"{value}"'
 
 
 def _show(value: Any) -> str:

@@ -20,7 +20,7 @@ import dataclasses
 from itertools import pairwise
 import json
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 import pytest
 
@@ -59,6 +59,7 @@ PLANS = st.builds(
 )
 
 
+@example(ExperimentPlan('0b_', 'texture', ('0b_', '1e3', 'no')))
 @given(PLANS)
 def test_a_plan_is_read_as_it_was_written(plan):
     assert parse_plan(parse_plain_yaml(format_plan(plan)), 'other') == plan

@@ -55,8 +55,11 @@ SCENES = [
 ]
 
 
-@pytest.mark.parametrize('names', SCENES, ids='-'.join)
-@pytest.mark.parametrize('scheme', [EULER, BDF2], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize(
+    ('names', 'scheme'),
+    [*((names, BDF2) for names in SCENES), *((names, EULER) for names in SCENES[::4])],
+    ids=lambda value: value.name if value in (BDF2, EULER) else '-'.join(value),
+)
 def test_both_solvers_give_the_same_bytes(names, scheme):
     *inputs, variation = make_trial(*names, 19)
     one = run(inputs[0], STEP_S, *inputs[1:], variation=variation, scheme=scheme)
@@ -134,7 +137,7 @@ def test_a_failing_trial_stands_still_and_disturbs_no_other(solver):
 
 def test_single_precision_is_close_or_says_that_it_failed():
     scene, tendon, guide, _, variation = make_trial('texture', 'R2', 'flexion', 4)
-    tendon, guide = tendon[:150], guide[:150]
+    tendon, guide = tendon[:100], guide[:100]
     double = run(scene, STEP_S, tendon, guide, variation=variation, solver='numpy')
     single = run(
         scene,
