@@ -25,7 +25,6 @@ import json
 import logging
 from pathlib import Path
 import tempfile
-from types import TracebackType
 from typing import Any
 
 from rosbags.typesys.store import Typestore
@@ -135,12 +134,7 @@ class TactileBag:
     def __enter__(self) -> TactileBag:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

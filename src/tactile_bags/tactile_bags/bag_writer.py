@@ -22,7 +22,6 @@ import json
 from pathlib import Path
 import shutil
 import threading
-from types import TracebackType
 from typing import Any
 
 from tactile_bags.errors import BagError
@@ -93,12 +92,7 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

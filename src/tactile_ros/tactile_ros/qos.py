@@ -18,44 +18,25 @@ Publishers are reliable, which best-effort subscribers (REP-2003 sensor data)
 can read too: a lost sample is a gap in a window, so nobody loses one by default.
 """
 
+from functools import partial
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-STREAM = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
+_reliable = partial(
+    QoSProfile, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE
 )
+
+STREAM = _reliable(depth=1000, durability=DurabilityPolicy.VOLATILE)
 """Samples: strain blocks, wrenches, joint states."""
 
-RESULTS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+RESULTS = _reliable(depth=100, durability=DurabilityPolicy.VOLATILE)
 """Features and classifications: a few a trial, each of them wanted."""
 
-EVENTS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=16,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+EVENTS = _reliable(depth=16, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Trial events, latched: the depth holds all the events of one trial."""
 
-CLOCK = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+CLOCK = _reliable(depth=1, durability=DurabilityPolicy.VOLATILE)
 """Time on ``/clock``: nobody wants what it was before; best-effort listeners fit, too."""
 
-LATEST = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+LATEST = _reliable(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """A state, latched: a late subscriber receives the present one."""

@@ -26,7 +26,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from tactile_sim.descriptions.catalogue import Catalogue
@@ -104,12 +103,7 @@ class SimulatedRig:
     def __enter__(self) -> SimulatedRig:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def check_mount(self, protocol: str, object_label: str, contact: str) -> None:

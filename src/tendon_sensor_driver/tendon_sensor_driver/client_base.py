@@ -21,7 +21,6 @@ from collections.abc import Callable
 import logging
 import threading
 import time
-from types import TracebackType
 from typing import Generic, Protocol, TypeVar
 
 from tactile_ros.strain import StrainBlock
@@ -71,12 +70,7 @@ class BlockClient(ABC):
         self.open()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

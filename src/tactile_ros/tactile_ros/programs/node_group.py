@@ -21,7 +21,6 @@ import faulthandler
 import threading
 import time
 import traceback
-from types import TracebackType
 from typing import Any
 
 import rclpy
@@ -107,12 +106,7 @@ class NodeGroup:
             thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _spin(self, executor: SingleThreadedExecutor) -> None:
