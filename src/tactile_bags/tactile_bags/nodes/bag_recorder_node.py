@@ -156,9 +156,9 @@ class BagRecorderNode(DataNode):
         )
 
     def stop(self) -> None:
-        for subscription in self._recording.values():
-            self.destroy_subscription(subscription)
-        self._recording = {}
+        recording, self._recording = self._recording, {}
+        for subscription in recording.values():
+            self.finish_subscription(subscription)
 
     def tear_down(self) -> None:
         self.stop()
@@ -206,7 +206,9 @@ class BagRecorderNode(DataNode):
 
     def _end_recording(self, error: BagError) -> None:
         """End the recording, and no other node's work, because of what befell the bag."""
-        self.stop()
+        recording, self._recording = self._recording, {}
+        for subscription in recording.values():
+            self.destroy_subscription(subscription)
         self._close_savers()
         writer, self._writer = self._writer, None
         if writer is None:

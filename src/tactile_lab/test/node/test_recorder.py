@@ -21,6 +21,7 @@ import sys
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
+from rclpy.duration import Duration
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -77,6 +78,26 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         assert bag.namespaces == ('thumb',)
         assert [m.data for m in bag.messages(STRAIN)] == blocks
         assert [m.decode().trial_id for m in bag.messages(EVENT)] == ['a']
+
+
+def test_what_came_before_the_end_is_in_the_bag(context, tmp_path):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    path = tmp_path / 'bag'
+    recorder = create_node(
+        recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False), context
+    )
+    group = NodeGroup([recorder], context=context).__enter__()
+    assert recorder.bring_up()
+    wait_until(lambda: strain.get_subscription_count() == 1)
+    recorder.worker.stop()  # as on a computer that is too busy to write at once
+    for i in range(10):
+        strain.publish(strain_block(i, i * 10**7))
+    assert strain.wait_for_all_acked(Duration(seconds=DEADLINE_S))
+    group.close()
+    source.destroy_node()
+    with TactileBag(path) as bag:
+        assert [m.decode().sequence for m in bag.messages(STRAIN)] == list(range(10))
 
 
 def trial_event(phase, stamp_ns, trial_id='t'):

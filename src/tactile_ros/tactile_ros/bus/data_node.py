@@ -26,7 +26,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from tactile_ros.bus.local_bus import depth_of, Inbox, RecordPublisher, RecordSubscription
-from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
+from tactile_ros.bus.receiver import Deliver, NotOnExecutor, receiver_of, take_waiting
 from tactile_ros.bus.worker import Periodic, Worker
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.rclpy_internals import takes_message_info
@@ -44,7 +44,7 @@ class DataNode(TactileNode):
 
     def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
         self.worker = Worker(f'worker of {name}', self._fail)
-        self._listening: set[Any] = set()
+        self._listening: dict[Any, tuple[Inbox, Deliver]] = {}
         super().__init__(name, config_class, **node_options)
 
     # -- for subclasses ----------------------------------------------------------
@@ -90,21 +90,32 @@ class DataNode(TactileNode):
         subscription = super().create_subscription(message_type, topic, callback, *args, **options)
         takes_info = takes_message_info(subscription)
 
+        def deliver(taken: tuple[Any, Any]) -> None:
+            subscription.callback(*(taken if takes_info else taken[:1]))
+
         def call() -> None:
-            taken = inbox.take()
             if subscription in self._listening:
-                subscription.callback(*(taken if takes_info else taken[:1]))
+                deliver(inbox.take())
 
         inbox = Inbox(depth_of(subscription.qos_profile), lambda: self.worker.submit(call))
-        self._listening.add(subscription)
+        self._listening[subscription] = inbox, deliver
         receiver_of(self.context).add(subscription, inbox.put)
         return subscription
 
     def destroy_subscription(self, subscription: Any) -> bool:
         """Destroy a subscription; its callback is not called any more."""
-        self._listening.discard(subscription)
+        self._listening.pop(subscription, None)
         receiver_of(self.context).remove(subscription)
         return bool(super().destroy_subscription(subscription))
+
+    def finish_subscription(self, subscription: Any) -> None:
+        """Destroy a subscription after its callback has had all that came; in a transition."""
+        receiver_of(self.context).remove(subscription)
+        inbox, deliver = self._listening.pop(subscription)
+        while len(inbox):
+            deliver(inbox.take())
+        take_waiting(subscription, deliver, depth_of(subscription.qos_profile))
+        super().destroy_subscription(subscription)
 
     # -- transitions ---------------------------------------------------------------
 

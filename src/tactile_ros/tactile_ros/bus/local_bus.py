@@ -115,6 +115,9 @@ class Inbox:
         if not is_full:
             self._notify()
 
+    def __len__(self) -> int:
+        return len(self._records)
+
     def take(self) -> Any:
         """Return the oldest record, and remove it."""
         with self._lock:

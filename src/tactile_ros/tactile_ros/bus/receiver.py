@@ -164,8 +164,16 @@ class Receiver:
                         event.callback(data)
 
 
-def _take(handle: Any, subscription: Subscription, deliver: Deliver) -> None:
-    for _ in range(MOST_MESSAGES):
+def take_waiting(subscription: Subscription, deliver: Deliver, most: int) -> None:
+    """Take what has come, at most so many, of a subscription that no receiver has any more."""
+    with subscription.handle:
+        _take(subscription.handle, subscription, deliver, most)
+
+
+def _take(
+    handle: Any, subscription: Subscription, deliver: Deliver, most: int = MOST_MESSAGES
+) -> None:
+    for _ in range(most):
         try:
             taken = handle.take_message(subscription.msg_type, subscription.raw)
             if taken is None:
