@@ -1,0 +1,63 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Large blocks of memory go back to the system when they are freed."""
+
+import ctypes
+import os
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import ctypes, sys
+from tactile_ros.programs.memory import limit_memory
+
+class Mallinfo(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_size_t) for name in (
+        'arena', 'ordblks', 'smblks', 'hblks', 'hblkhd', 'usmblks', 'fsmblks', 'uordblks',
+        'fordblks', 'keepcost')]
+
+libc = ctypes.CDLL(None)
+libc.mallinfo2.restype = Mallinfo
+libc.malloc.restype = ctypes.c_void_p
+if 'limit' in sys.argv:
+    limit_memory()
+libc.free(ctypes.c_void_p(libc.malloc(8_000_000)))
+mapped = libc.mallinfo2().hblks
+libc.malloc(4_000_000)
+print(libc.mallinfo2().hblks - mapped)
+"""
+
+
+def blocks_mapped_after_a_larger_one(*arguments, **variables):
+    done = subprocess.run(
+        [sys.executable, '-c', PROGRAM, *arguments],
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    return int(done.stdout)
+
+
+def test_freed_blocks_do_not_move_later_ones_into_the_heaps():
+    if not hasattr(ctypes.CDLL(None), 'mallinfo2'):
+        pytest.skip('this C library is not glibc from 2.33 on')
+    assert blocks_mapped_after_a_larger_one() == 0
+    assert blocks_mapped_after_a_larger_one('limit') == 1
+    users = str(32 * 1024 * 1024)
+    assert blocks_mapped_after_a_larger_one('limit', MALLOC_MMAP_THRESHOLD_=users) == 0
