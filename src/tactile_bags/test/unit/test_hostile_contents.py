@@ -157,9 +157,7 @@ def test_any_bytes_are_a_message_or_refused(type_name, data):
         BagMessage('/x', type_name, 0, data, message_store()).decode()
 
 
-@settings(
-    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_changed_bag_is_read_or_refused(small_bag, data):
     """Bytes flipped, taken out, put in or cut off: no other error than a sentence."""
@@ -182,7 +180,7 @@ def test_a_changed_bag_is_read_or_refused(small_bag, data):
 EXTREME = st.sampled_from([0, 1, 2, 59, 2**31, 2**63 - 1])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(deadline=None)
 @given(
     blocks=st.lists(
         st.builds(

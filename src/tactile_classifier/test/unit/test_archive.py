@@ -308,7 +308,7 @@ def good_bytes():
     return file.getvalue()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(deadline=None)
 @given(data=st.data())
 def test_damaged_archive_never_raises_anything_else(good_bytes, tmp_path_factory, data):
     damaged = bytearray(good_bytes)

@@ -109,7 +109,7 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(deadline=None)
 @given(st.sampled_from(sorted(json.loads(GOOD.to_json()))), JSON)
 def test_any_entry_may_hold_anything(field, value):
     with contextlib.suppress(ModelFileError):

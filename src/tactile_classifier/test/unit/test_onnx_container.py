@@ -181,7 +181,7 @@ def _wrap(node):
     return helper.make_node('If', ['c'], ['b'], then_branch=graph)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(deadline=None)
 @given(st.binary(max_size=200))
 def test_random_bytes_are_refused_with_a_sentence(data):
     with pytest.raises(ModelFileError):
@@ -193,7 +193,7 @@ GOOD = seal(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(deadline=None)
 @given(st.data())
 def test_damaged_bytes_never_raise_anything_else(data):
     damaged = bytearray(GOOD[: data.draw(st.integers(0, len(GOOD)))])

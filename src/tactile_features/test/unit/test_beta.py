@@ -48,9 +48,9 @@ def reference(doubled_a, doubled_b, x):
         return (x**a * (1 - x) ** b / (a * beta)) * total
 
 
-@pytest.mark.parametrize('doubled_a', [1, 2, 7, 40, 151, 712])
-@pytest.mark.parametrize('doubled_b', [1, 3, 13, 25])
-@pytest.mark.parametrize('x', [1e-6, 0.03, 0.3, 0.5, 0.8, 0.97, 0.999])
+@pytest.mark.parametrize('doubled_a', [1, 2, 7, 151, 712])
+@pytest.mark.parametrize('doubled_b', [1, 3, 25])
+@pytest.mark.parametrize('x', [1e-6, 0.3, 0.8, 0.98])
 def test_agrees_with_the_series(doubled_a, doubled_b, x):
     expected = reference(doubled_a, doubled_b, x)
     got = incomplete_beta(doubled_a / 2, doubled_b / 2, x)

@@ -29,30 +29,33 @@ RNG = np.random.default_rng(0)
 PI = np.longdouble('3.14159265358979323846264338327950288')
 
 
-def reference_spectrum(x):
-    """Discrete Fourier transform by its definition, in extended precision."""
+def reference(x, detrend, window, whole=None):
+    """Detrended, weighted and transformed by their definitions, in extended precision."""
     x = np.asarray(x, dtype=np.longdouble)
-    n = len(x)
-    x = x - x.sum() / n
-    k = np.arange(n // 2 + 1)[:, None]
-    angle = 2 * PI * ((k * np.arange(n)) % n).astype(np.longdouble) / n
-    amplitude = 2 * np.hypot((x * np.cos(angle)).sum(axis=1), (x * np.sin(angle)).sum(axis=1)) / n
-    if n % 2 == 0:
+    n, whole = len(x), whole or len(x)
+    i = np.arange(n).astype(np.longdouble)
+    if detrend != 'none':
+        x = x - x[0]  # exact, or the reference itself would lose digits to the offset
+        x = x - x.sum() / n
+    if detrend == 'linear':
+        about = i - i.sum() / n
+        x = x - (x * about).sum() / (about * about).sum() * about
+    weight = np.sin(PI * i / n) ** 2 if window == 'hann' else np.ones(n, np.longdouble)
+    k = np.arange(whole // 2 + 1)[:, None]
+    angle = 2 * PI * ((k * np.arange(n)) % whole).astype(np.longdouble) / whole
+    y = x * weight
+    amplitude = np.hypot((y * np.cos(angle)).sum(axis=1), (y * np.sin(angle)).sum(axis=1))
+    amplitude *= 2 / weight.sum()
+    if whole % 2 == 0:
         amplitude[-1] /= 2
     amplitude[0] = 0
     return amplitude
 
 
 def assert_close_to_reference(x, tolerance):
-    expected = reference_spectrum(x)
+    expected = reference(x, 'mean', 'none')
     error = np.abs(compute_spectrum(x) - expected).max()
     assert error <= tolerance * expected.max(), (error / expected.max(), len(x))
-
-
-@pytest.mark.parametrize('n', [2, 3, 7, 90, 179, 180, 181, 420])
-def test_agrees_with_the_definition(n):
-    rng = np.random.default_rng(n)
-    assert_close_to_reference(rng.normal(5.0, 1.0, n), 2e-15)
 
 
 @pytest.mark.parametrize('amplitude', [1.0, 1e-4, 1e-9])
@@ -100,19 +103,6 @@ def test_without_nyquist_component_the_last_one_is_doubled():
     np.testing.assert_allclose(compute_spectrum(x), [0.0, 0.0, 1.0], atol=1e-15)
 
 
-@given(
-    arrays(
-        np.float64, st.tuples(st.integers(1, 6), st.integers(2, 60)), elements=st.floats(-1e9, 1e9)
-    )
-)
-def test_a_batch_gives_the_bits_of_its_rows(x):
-    batch = compute_spectrum(x)
-    for row, expected in zip(x, batch, strict=True):
-        assert compute_spectrum(row.copy()).tobytes() == expected.tobytes()
-    assert compute_spectrum(x[None]).tobytes() == batch.tobytes()
-    assert compute_spectrum(np.asfortranarray(x)).tobytes() == batch.tobytes()
-
-
 def test_leaves_its_input_alone():
     x = np.arange(180.0)
     compute_spectrum(x)
@@ -146,7 +136,7 @@ def test_names_give_the_frequency():
     assert names[-1] == 'tension__spectrum__hz_30.000'
 
 
-@pytest.mark.parametrize('n', [8, 10, 12, 18, 61, 127, 180, 300, 960, 1009])
+@pytest.mark.parametrize('n', [2, 3, 7, 8, 12, 61, 127, 180, 181, 960])
 @pytest.mark.parametrize('offset', [0.0, 1e6])
 def test_error_is_within_2e_15_of_the_largest_component(n, offset):
     rng = np.random.default_rng(n)
@@ -176,34 +166,11 @@ def test_one_bad_window_of_a_batch_is_refused():
         compute_spectrum(x)
 
 
-def reference(x, detrend, window, whole=None):
-    """Detrended, weighted and transformed by their definitions, in extended precision."""
-    x = np.asarray(x, dtype=np.longdouble)
-    n, whole = len(x), whole or len(x)
-    i = np.arange(n).astype(np.longdouble)
-    if detrend != 'none':
-        x = x - x[0]  # exact, or the reference itself would lose digits to the offset
-        x = x - x.sum() / n
-    if detrend == 'linear':
-        about = i - i.sum() / n
-        x = x - (x * about).sum() / (about * about).sum() * about
-    weight = np.sin(PI * i / n) ** 2 if window == 'hann' else np.ones(n, np.longdouble)
-    k = np.arange(whole // 2 + 1)[:, None]
-    angle = 2 * PI * ((k * np.arange(n)) % whole).astype(np.longdouble) / whole
-    y = x * weight
-    amplitude = np.hypot((y * np.cos(angle)).sum(axis=1), (y * np.sin(angle)).sum(axis=1))
-    amplitude *= 2 / weight.sum()
-    if whole % 2 == 0:
-        amplitude[-1] /= 2
-    amplitude[0] = 0
-    return amplitude
-
-
 WAYS = [(d, w) for d in ('none', 'mean', 'linear') for w in ('none', 'hann')]
 
 
 @pytest.mark.parametrize(('detrend', 'window'), WAYS)
-@pytest.mark.parametrize('n', [2, 3, 4, 7, 179, 180, 1009])
+@pytest.mark.parametrize('n', [2, 3, 180, 181])
 @pytest.mark.parametrize(('offset', 'slope'), [(0.0, 0.0), (5.0, -0.73 / 60), (1e6, 1e-8)])
 def test_each_way_agrees_with_its_definition(detrend, window, n, offset, slope):
     x = offset + slope * np.arange(n) + 0.01 * np.random.default_rng(n).normal(size=n)
@@ -240,6 +207,8 @@ def test_each_way_gives_a_row_the_same_bits_alone_and_in_a_batch(x, way):
     batch = compute_spectrum(x, *way)
     for row, expected in zip(x, batch, strict=True):
         assert compute_spectrum(row.copy(), *way).tobytes() == expected.tobytes()
+    assert compute_spectrum(x[None], *way).tobytes() == batch.tobytes()
+    assert compute_spectrum(np.asfortranarray(x), *way).tobytes() == batch.tobytes()
     parts = compute_partial_spectrum(x, 60, *way)
     for row, expected in zip(x, parts, strict=True):
         assert compute_partial_spectrum(row.copy(), 60, *way).tobytes() == expected.tobytes()

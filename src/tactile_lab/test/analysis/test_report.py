@@ -88,6 +88,11 @@ def textures():
     return result
 
 
+@pytest.fixture(scope='module')
+def page(textures):
+    return build_page([textures], [], {'folds': '6'}, {'python': '3'})
+
+
 class LinkCollector(html.parser.HTMLParser):
     def __init__(self):
         super().__init__()
@@ -99,8 +104,7 @@ class LinkCollector(html.parser.HTMLParser):
         self.links += [value for name, value in attrs if name in names]
 
 
-def test_page_refers_to_nothing_outside_itself_and_escapes_labels(textures):
-    page = build_page([textures], [], {'folds': '6'}, {'python': '3'})
+def test_page_refers_to_nothing_outside_itself_and_escapes_labels(page):
     collector = LinkCollector()
     collector.feed(page)
     assert [link for link in collector.links if not link.startswith('#')] == []
@@ -113,8 +117,7 @@ def test_page_refers_to_nothing_outside_itself_and_escapes_labels(textures):
         assert f'id="{target}"' in page
 
 
-def test_every_table_of_accuracies_names_its_split(textures):
-    page = build_page([textures], [], {}, {})
+def test_every_table_of_accuracies_names_its_split(page):
     captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
     of_accuracies = [caption for caption in captions if caption.startswith('accurac')]
     assert len(of_accuracies) == 4
@@ -224,8 +227,7 @@ def test_papers_statements_stand_beside_the_papers_labels_alone(easy_holds):
     assert 'Beside the paper' in build_page([result], [], {}, {})
 
 
-def test_all_but_picture_summary_and_signals_is_folded(textures):
-    page = build_page([textures], [], {}, {})
+def test_all_but_picture_summary_and_signals_is_folded(page):
     whole, *folded = page.split('<details>')
     assert '<table' not in whole
     assert whole.count('<figure>') == 2

@@ -36,7 +36,7 @@ NAMES = st.lists(
 FORMS = [(',', '.'), (';', '.'), (';', ','), ('\t', '.'), ('\t', ','), (' ', '.')]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(deadline=None)
 @given(data=st.data())
 def test_every_form_is_read_back(tmp_path_factory, data):
     separator, decimal = data.draw(st.sampled_from(FORMS))
@@ -64,7 +64,7 @@ def test_every_form_is_read_back(tmp_path_factory, data):
         assert set(table.columns['label']) == {'R1'}
 
 
-@settings(max_examples=200, deadline=None)
+@settings(deadline=None)
 @given(data=st.binary(max_size=400))
 def test_any_bytes_are_a_table_or_refused(tmp_path_factory, data):
     folder = tmp_path_factory.getbasetemp()
@@ -77,7 +77,7 @@ def test_any_bytes_are_a_table_or_refused(tmp_path_factory, data):
         assert len({len(column) for column in table.columns.values()}) == 1
 
 
-@settings(max_examples=200, deadline=None)
+@settings(deadline=None)
 @given(text=st.text(alphabet='0123456789.,;\t \n"#abN[]-e', max_size=200))
 def test_any_text_has_a_form_or_none(text):
     dialect = find_dialect(text.splitlines())

@@ -17,7 +17,7 @@
 from fractions import Fraction
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -178,7 +178,6 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=200)
 @given(st.dictionaries(NAMES, VALUES, max_size=3), st.booleans())
 def test_any_file_has_just_these_values_changed_or_is_refused(document, flow):
     text = yaml.safe_dump(document, default_flow_style=flow)

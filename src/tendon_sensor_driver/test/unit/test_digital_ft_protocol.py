@@ -72,7 +72,7 @@ def test_records_come_out_however_the_stream_is_cut(gauges, sizes):
     assert decoder.dropped_bytes == 0
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     damage=st.binary(max_size=30),

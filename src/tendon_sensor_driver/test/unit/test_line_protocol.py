@@ -275,7 +275,7 @@ def read_slowly(data):
     return found
 
 
-@settings(max_examples=400, deadline=None)
+@settings(deadline=None)
 @given(streams)
 @example(b'\n12,0.5\n12,0.5,\n12,0.5\n12,0.5,\n')
 @example(b'\n' + b' ' * 300 + b'\n' + LINE)
@@ -284,7 +284,7 @@ def test_only_what_the_format_calls_a_reading_is_one(data):
     assert readings == read_slowly(data)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(deadline=None)
 @given(streams, st.lists(st.integers(0, 2000), max_size=30))
 @example(b'\n' + b'x' * 257 + b'\n' + LINE, [200])
 @example(b'\n' + b' ' * 257 + b'\n' + LINE, [258])
