@@ -28,7 +28,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from tactile_ros.message_guard import MessageGuard
 from tactile_ros.parameters import declare_config, read_config
 from tactile_ros.qos import STREAM
-from tactile_ros.rclpy_internals import change_state_service, RCLError
+from tactile_ros.rclpy_internals import change_state_service, destroy_state_machine, RCLError
 
 
 class TactileNode(LifecycleNode):
@@ -185,6 +185,10 @@ class TactileNode(LifecycleNode):
             self._stop_and_tear_down()
         finally:
             self.destroy_node()
+
+    def destroy_node(self) -> None:
+        super().destroy_node()
+        destroy_state_machine(self)
 
     def _refuse_impossible_transitions(self) -> None:
         """Answer an invalid transition request with "no".

@@ -51,6 +51,14 @@ def change_state_service(node: LifecycleNode) -> Any:
     return node._service_change_state
 
 
+def destroy_state_machine(node: LifecycleNode) -> None:
+    """Destroy the state machine of a destroyed node, which would keep it in the ROS graph.
+
+    rclpy leaves it to the garbage collector, until which the node's name is seen, and found.
+    """
+    node._state_machine.destroy_when_not_in_use()
+
+
 def takes_message_info(subscription: Subscription) -> bool:
     """Return whether the callback of a subscription takes the information beside the message."""
     return subscription._callback_type is not Subscription.CallbackType.MessageOnly

@@ -24,6 +24,7 @@ from rclpy.parameter import Parameter
 from tactile_ros.lifecycle import TactileNode
 from tactile_ros.parameters import read_config
 from tactile_ros.programs.node_group import NodeGroup
+from waiting import wait_until
 
 
 @dataclass(frozen=True)
@@ -241,3 +242,13 @@ def test_failed_start_leaves_the_node_inactive(make_node):
     node.failure = 'start'
     assert not node.bring_up()
     assert not node.is_active
+
+
+def test_a_node_that_was_taken_down_is_not_in_the_graph(context):
+    peer = Node('peer', context=context)
+    node = RecordingNode(context=context)
+    wait_until(lambda: 'recording' in peer.get_node_names())
+    node.take_down()
+    wait_until(lambda: 'recording' not in peer.get_node_names())
+    assert node.calls == ['tear_down']
+    peer.destroy_node()
