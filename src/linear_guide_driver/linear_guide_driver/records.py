@@ -16,23 +16,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-
-def _parameter(default: Any, description: str, **metadata: Any) -> Any:
-    return dataclasses.field(default=default, metadata={'description': description, **metadata})
-
-
-def _check_ranges(config: Any) -> None:
-    for field in dataclasses.fields(config):
-        if 'range' not in field.metadata:
-            continue
-        low, high = field.metadata['range']
-        value = getattr(config, field.name)
-        if not low <= value <= high:
-            raise ValueError(f'{field.name} is {value}; it must be between {low} and {high}')
+from tactile_ros.configs import check_parameters, parameter
 
 
 @dataclass(frozen=True)
@@ -45,56 +32,56 @@ class LinearGuideConfig:
         When a value is out of its range.
     """
 
-    port: str = _parameter('/dev/ttyUSB0', 'serial port of the Grbl controller')
-    baud: int = _parameter(
+    port: str = parameter('/dev/ttyUSB0', 'serial port of the Grbl controller')
+    baud: int = parameter(
         115200, 'speed of the serial line', unit='bit/s', range=(9600, 1_000_000)
     )
-    travel_m: float = _parameter(
+    travel_m: float = parameter(
         0.2, "travel of the guide; must equal the controller's $130", unit='m', range=(0.001, 5.0)
     )
-    max_speed_m_s: float = _parameter(
+    max_speed_m_s: float = parameter(
         0.1, 'fastest speed that a goal may ask for', unit='m/s', range=(0.0001, 1.0)
     )
-    run_on_s: float = _parameter(
+    run_on_s: float = parameter(
         0.25,
         'how much motion the controller is given in advance: it runs on for so long when the '
         'driver dies or the cable is cut, and a glide survives a pause of the host as long',
         unit='s',
         range=(0.1, 5.0),
     )
-    poll_rate_hz: float = _parameter(
+    poll_rate_hz: float = parameter(
         10.0,
         'rate of status reports and joint states; Grbl documents 10 as its limit, '
         '20 works on most boards',
         unit='Hz',
         range=(1.0, 20.0),
     )
-    heartbeat_topics: tuple[str, ...] = _parameter(
+    heartbeat_topics: tuple[str, ...] = parameter(
         (),
         'topics of std_msgs/Empty on which others say that they are alive, such as the '
         'heartbeat of the other driver; motion ends when one falls silent',
     )
-    heartbeat_timeout_s: float = _parameter(
+    heartbeat_timeout_s: float = parameter(
         0.2, 'silence of a heartbeat topic that ends motion', unit='s', range=(0.02, 10.0)
     )
-    strain_timeout_s: float = _parameter(
+    strain_timeout_s: float = parameter(
         0.0,
         'every motion ends when no valid sample came on tendon_sensor/strain for this long; '
         '0: none is needed',
         unit='s',
         range=(0.0, 10.0),
     )
-    peer_wait_s: float = _parameter(
+    peer_wait_s: float = parameter(
         5.0,
         'how long a goal waits for topics that have not been heard yet, as after a start',
         unit='s',
         range=(0.0, 60.0),
     )
-    joint_name: str = _parameter('linear_guide_joint', 'name of the joint in joint states')
-    frame_id: str = _parameter('linear_guide_link', 'frame of the joint states')
+    joint_name: str = parameter('linear_guide_joint', 'name of the joint in joint states')
+    frame_id: str = parameter('linear_guide_link', 'frame of the joint states')
 
     def __post_init__(self) -> None:
-        _check_ranges(self)
+        check_parameters(self)
 
 
 @dataclass(frozen=True)
@@ -108,90 +95,90 @@ class TendonActuatorConfig:
         between two polls.
     """
 
-    port: str = _parameter('/dev/ttyUSB1', 'serial port of the Dynamixel bus')
-    baud: int = _parameter(
+    port: str = parameter('/dev/ttyUSB1', 'serial port of the Dynamixel bus')
+    baud: int = parameter(
         1_000_000, 'speed of the serial line', unit='bit/s', range=(9600, 4_000_000)
     )
-    device_id: int = _parameter(1, 'ID of the servo on the bus', range=(0, 252))
-    pulley_radius_m: float = _parameter(
+    device_id: int = parameter(1, 'ID of the servo on the bus', range=(0, 252))
+    pulley_radius_m: float = parameter(
         0.01, 'radius at which the tendon winds up', unit='m', range=(0.001, 0.1)
     )
-    reverse: bool = _parameter(
+    reverse: bool = parameter(
         False, "true when the tendon winds in as the servo's position count falls"
     )
-    speed_m_s: float = _parameter(
+    speed_m_s: float = parameter(
         0.01, 'tendon speed of a goal that names none', unit='m/s', range=(0.0005, 0.5)
     )
-    max_displacement_m: float = _parameter(
+    max_displacement_m: float = parameter(
         0.02, 'longest displacement that a goal may ask for', unit='m', range=(0.0, 0.5)
     )
-    current_limit_a: float = _parameter(
+    current_limit_a: float = parameter(
         0.3,
         'largest motor current; limits the pull even when no sensor is there',
         unit='A',
         range=(0.02, 3.0),
     )
-    flexion_limit_n: float = _parameter(
+    flexion_limit_n: float = parameter(
         15.0, 'tension at which a flexion pull is released', unit='N', range=(0.1, 200.0)
     )
-    abduction_limit_n: float = _parameter(
+    abduction_limit_n: float = parameter(
         3.0, 'tension at which an abduction pull is released', unit='N', range=(0.1, 200.0)
     )
-    unguarded: bool = _parameter(
+    unguarded: bool = parameter(
         False,
         'true lets the tendon be pulled although no strain sample arrives; then nothing but '
         'current_limit_a limits the tension',
     )
-    taut_tension_n: float = _parameter(
+    taut_tension_n: float = parameter(
         0.2,
         'tension at which a tendon that is homed counts as taut',
         unit='N',
         range=(0.02, 5.0),
     )
-    homing_speed_m_s: float = _parameter(
+    homing_speed_m_s: float = parameter(
         0.002, 'tendon speed while it is homed', unit='m/s', range=(0.0005, 0.02)
     )
-    guard_timeout_s: float = _parameter(
+    guard_timeout_s: float = parameter(
         0.2,
         'a tendon that is wound in or taut is held when no valid strain sample came for this long',
         unit='s',
         range=(0.02, 10.0),
     )
-    slack_after_s: float = _parameter(
+    slack_after_s: float = parameter(
         2.0,
         'a taut tendon that has lost its sensor, a heartbeat or its pull is held for this long, '
         'then let out to slack',
         unit='s',
         range=(0.0, 60.0),
     )
-    watchdog_s: float = _parameter(
+    watchdog_s: float = parameter(
         0.2,
         'the servo stops by itself when it hears nothing for this long; steps of 0.02',
         unit='s',
         range=(0.06, 2.54),
     )
-    poll_rate_hz: float = _parameter(
+    poll_rate_hz: float = parameter(
         60.0, 'rate of state reads and joint states', unit='Hz', range=(5.0, 200.0)
     )
-    heartbeat_topics: tuple[str, ...] = _parameter(
+    heartbeat_topics: tuple[str, ...] = parameter(
         (),
         'topics of std_msgs/Empty on which others say that they are alive, such as the '
         'heartbeat of the other driver; motion ends when one falls silent',
     )
-    heartbeat_timeout_s: float = _parameter(
+    heartbeat_timeout_s: float = parameter(
         0.2, 'silence of a heartbeat topic that ends motion', unit='s', range=(0.02, 10.0)
     )
-    peer_wait_s: float = _parameter(
+    peer_wait_s: float = parameter(
         5.0,
         'how long a goal waits for topics that have not been heard yet, as after a start',
         unit='s',
         range=(0.0, 60.0),
     )
-    joint_name: str = _parameter('tendon_joint', 'name of the joint in joint states')
-    frame_id: str = _parameter('tendon_link', 'frame of the joint states')
+    joint_name: str = parameter('tendon_joint', 'name of the joint in joint states')
+    frame_id: str = parameter('tendon_link', 'frame of the joint states')
 
     def __post_init__(self) -> None:
-        _check_ranges(self)
+        check_parameters(self)
         if self.watchdog_s * self.poll_rate_hz < 3.0:
             raise ValueError(
                 f'watchdog_s is {self.watchdog_s} s, shorter than three polls at '

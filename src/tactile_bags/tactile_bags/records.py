@@ -16,39 +16,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
-
-def _parameter(default: Any, description: str, **metadata: Any) -> Any:
-    return field(default=default, metadata={'description': description, **metadata})
+from tactile_ros.configs import parameter
 
 
 @dataclass(frozen=True)
 class RecorderConfig:
     """What the bag recorder writes, and where."""
 
-    bag: str = _parameter(
+    bag: str = parameter(
         '',
         'folder of the bag to write; must not exist yet',
     )
-    namespaces: tuple[str, ...] = _parameter(
+    namespaces: tuple[str, ...] = parameter(
         ('',),
         'namespaces of the fingers to record; empty: the root',
     )
-    classifiers: tuple[str, ...] = _parameter(
+    classifiers: tuple[str, ...] = parameter(
         (),
         'node names of the classifiers to record',
     )
-    facts: str = _parameter(
+    facts: str = parameter(
         '{}',
         'metadata of the recording, as a JSON object',
     )
-    rig: bool = _parameter(
+    rig: bool = parameter(
         True,
         'the rig moves the fingers; false: a hand does, and no topic of the rig is waited for',
     )
-    match_timeout_s: float = _parameter(
+    match_timeout_s: float = parameter(
         10.0,
         'time for every topic to get a publisher; then those without are reported as an error',
         unit='s',
@@ -60,27 +57,27 @@ class RecorderConfig:
 class PlayerConfig:
     """What the bag player sends, and how fast."""
 
-    bag: str = _parameter(
+    bag: str = parameter(
         '',
         'folder of the recording to play',
     )
-    namespace: str = _parameter(
+    namespace: str = parameter(
         '',
         'only the finger in this namespace; empty: all that were recorded',
     )
-    rate: float = _parameter(
+    rate: float = parameter(
         1.0,
         'how many times as fast as it was recorded',
         unit='1',
         range=(0.001, 1000.0),
     )
-    subscriber_timeout_s: float = _parameter(
+    subscriber_timeout_s: float = parameter(
         0.0,
         'how long to wait until every topic of the recording has a subscriber',
         unit='s',
         range=(0.0, 600.0),
     )
-    start_delay_s: float = _parameter(
+    start_delay_s: float = parameter(
         1.0,
         'time before the first message, for the nodes to find each other',
         unit='s',

@@ -16,18 +16,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+
+from tactile_ros.configs import parameter
 
 PROTOCOLS = ('texture', 'stiffness')
 """What the rig runs, and what there are features and classifiers for."""
 
 SIMULATED_PROTOCOLS = (*PROTOCOLS, 'slip')
 """What the simulator runs."""
-
-
-def _parameter(default: Any, description: str, **metadata: Any) -> Any:
-    return field(default=default, metadata={'description': description, **metadata})
 
 
 @dataclass(frozen=True)
@@ -38,97 +35,97 @@ class TrialConfig:
     positions and the displacements that bring the fingertip into contact.
     """
 
-    simulated: bool = _parameter(
+    simulated: bool = parameter(
         False,
         'the rig is simulated; marks all that is derived from it',
     )
-    guide_start_m: float = _parameter(
+    guide_start_m: float = parameter(
         0.060,
         'guide position with the fingertip over the start of the plate, or over the object',
         unit='m',
         range=(0.0, 2.0),
     )
-    glide_length_m: float = _parameter(
+    glide_length_m: float = parameter(
         0.065,
         'distance glided over the plate',
         unit='m',
         range=(0.001, 2.0),
     )
-    glide_speed_m_s: float = _parameter(
+    glide_speed_m_s: float = parameter(
         0.015,
         'speed over the plate',
         unit='m/s',
         range=(0.001, 0.2),
     )
-    approach_speed_m_s: float = _parameter(
+    approach_speed_m_s: float = parameter(
         0.040,
         'speed of the guide out of contact',
         unit='m/s',
         range=(0.001, 0.2),
     )
-    flexion_displacement_m: float = _parameter(
+    flexion_displacement_m: float = parameter(
         0.0049,
         'tendon displacement that makes contact, in flexion',
         unit='m',
         range=(0.0, 0.1),
     )
-    abduction_displacement_m: float = _parameter(
+    abduction_displacement_m: float = parameter(
         0.0074,
         'the same in abduction',
         unit='m',
         range=(0.0, 0.1),
     )
-    pull_speed_m_s: float = _parameter(
+    pull_speed_m_s: float = parameter(
         0.010,
         'tendon speed of pull and release',
         unit='m/s',
         range=(0.0001, 0.1),
     )
-    settle_s: float = _parameter(
+    settle_s: float = parameter(
         0.3,
         'rest between contact and glide',
         unit='s',
         range=(0.0, 10.0),
     )
-    hold_s: float = _parameter(
+    hold_s: float = parameter(
         4.0,
         'time to hold the finger on the object',
         unit='s',
         range=(0.5, 3600.0),
     )
-    server_timeout_s: float = _parameter(
+    server_timeout_s: float = parameter(
         5.0,
         'time to wait for the guide and the tendon actuator to be ready, and to answer',
         unit='s',
         range=(0.1, 60.0),
     )
-    heartbeat_timeout_s: float = _parameter(
+    heartbeat_timeout_s: float = parameter(
         0.4,
         'silence of the heartbeat of the guide or of the tendon actuator that ends a trial',
         unit='s',
         range=(0.1, 10.0),
     )
-    strain_timeout_s: float = _parameter(
+    strain_timeout_s: float = parameter(
         0.5,
         'a trial in contact ends when no valid sample came on tendon_sensor/strain for this long',
         unit='s',
         range=(0.05, 10.0),
     )
-    speed_tolerance: float = _parameter(
+    speed_tolerance: float = parameter(
         0.011,
         'largest error of the mean speed of a glide; at the default a spectral line at 30 Hz '
         'moves by one bin of 1/3 Hz',
         unit='1',
         range=(0.0001, 1.0),
     )
-    lag_tolerance_s: float = _parameter(
+    lag_tolerance_s: float = parameter(
         0.033,
         'longest time by which the guide may fall behind its commanded motion in a glide; at the '
         'default a spectral line at 30 Hz loses one period, which is one bin',
         unit='s',
         range=(0.001, 10.0),
     )
-    displacement_tolerance_m: float = _parameter(
+    displacement_tolerance_m: float = parameter(
         0.0005,
         'largest error of the tendon displacement in contact; the default is that within which '
         'the tendon actuator ends a pull',

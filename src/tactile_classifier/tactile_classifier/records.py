@@ -30,6 +30,7 @@ from tactile_features.records import (
     PROTOCOL_STIFFNESS,
     PROTOCOL_TEXTURE,
 )
+from tactile_ros.configs import parameter
 
 CLASSIFIERS = ('knn', 'svm_linear', 'svm_rbf', 'tree')
 """k nearest neighbours (3, Euclidean), support vector machines, decision tree: the paper's."""
@@ -113,10 +114,6 @@ class ClassificationResult:
     recalibration_trials: int = 0
 
 
-def _parameter(default: Any, description: str, **metadata: Any) -> Any:
-    return dataclasses.field(default=default, metadata={'description': description, **metadata})
-
-
 def _feature_parameter(name: str) -> Any:
     """Return the field of that name in FeatureConfig, so that both nodes read one YAML."""
     source = FeatureConfig.__dataclass_fields__[name]
@@ -131,25 +128,25 @@ class ClassifierConfig:
     trained on others is refused.
     """
 
-    model: str = _parameter('', 'path of the model file')
-    task: str = _parameter(
+    model: str = parameter('', 'path of the model file')
+    task: str = parameter(
         'texture',
         'what the model must have been trained for',
         choices=TASKS,
     )
-    contact: str = _parameter(
+    contact: str = parameter(
         '',
         'classify windows of this contact only; empty: of any',
         choices=('', *CONTACTS),
     )
-    recalibration_trials: int = _parameter(
+    recalibration_trials: int = parameter(
         0,
         'recalibrate the model with the first so many trials of each session whose object_label '
         'is stated and known to it; 0: do not, otherwise 5 or more',
         unit='1',
         range=(0, 1000),
     )
-    vision_messages: bool = _parameter(
+    vision_messages: bool = parameter(
         False,
         'publish vision_msgs/Classification, too; that package must be installed',
     )

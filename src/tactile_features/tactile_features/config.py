@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -37,37 +37,13 @@ from tactile_features.records import (
     SET_STIFFNESS_REGRESSION,
     SET_TEXTURE_SPECTRUM,
 )
+from tactile_ros.configs import check_parameters, parameter
 
 MIN_DETECTION_HZ = 20.0
 """Slowest sensor in whose tension phases are found."""
 
 MIN_RUNNING_SAMPLES = 30
 """Fewest samples of a partial window: half a second at 60 Hz."""
-
-
-def parameter(default: Any, description: str, **metadata: Any) -> Any:
-    """Return a field of a configuration that a node declares as a parameter."""
-    return field(default=default, metadata={'description': description, **metadata})
-
-
-def check_parameters(config: Any) -> None:
-    """Check each field of a configuration against its range and its choices.
-
-    Raises
-    ------
-    FeatureError
-        When a value is not allowed; names it and what is.
-    """
-    for item in dataclasses.fields(config):
-        value = getattr(config, item.name)
-        if 'range' in item.metadata:
-            low, high = item.metadata['range']
-            if not low <= value <= high:
-                raise FeatureError(f'{item.name} is {value}; it must lie between {low} and {high}')
-        choices = item.metadata.get('choices')
-        if choices and value not in choices:
-            allowed = ' or '.join(choice or 'empty' for choice in choices)
-            raise FeatureError(f'{item.name} is "{value}"; it must be {allowed}')
 
 
 @dataclass(frozen=True)
@@ -244,7 +220,7 @@ class FeatureConfig:
     frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        check_parameters(self, FeatureError)
         if self.phases != PHASES_STATED and self.rate_hz < MIN_DETECTION_HZ:
             raise FeatureError(
                 f'rate_hz is {self.rate_hz:g}; phases are found in a tension of at least '

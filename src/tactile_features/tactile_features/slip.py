@@ -22,8 +22,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_features.config import check_parameters, parameter
+from tactile_features.errors import FeatureError
 from tactile_features.windows import SampleBuffer, Samples
+from tactile_ros.configs import check_parameters, parameter
 from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
 
 FloatArray = NDArray[np.float64]
@@ -83,7 +84,7 @@ class SlipConfig:
     frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
 
     def __post_init__(self) -> None:
-        check_parameters(self)
+        check_parameters(self, FeatureError)
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,9 @@
 
 """ROS parameters from the frozen Config class of a core module.
 
-A Config is a dataclass without any ROS in it. Each field has a default and the
-metadata ``description`` and, where they apply, ``unit``, ``range`` (both ends
-allowed), ``choices``, and ``element``: the type within a tuple that is empty by
-default, where it is not str. The parameter has the field's name, type and default, so
-that YAML, code and documentation cannot disagree. An integer is taken where a float is wanted.
+A Config is a dataclass without any ROS in it; `tactile_ros.configs.parameter` makes its fields.
+The parameter has the field's name, type and default, so that YAML, code and documentation cannot
+disagree. An integer is taken where a float is wanted.
 
 A node reads its Config when it is configured. Until it is cleaned up, a change is refused. A
 field with the metadata ``live`` (True) can be set at any time: its node looks at the
@@ -39,6 +37,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from tactile_ros.configs import find_objection
 from tactile_ros.rclpy_internals import parameter_overrides
 
 Config = TypeVar('Config')
@@ -116,11 +115,8 @@ def _with_float(field: dataclasses.Field[Any], parameter: Parameter) -> Paramete
 
 def _find_objection(node: Node, field: dataclasses.Field[Any], parameter: Parameter) -> str:
     """Return why a parameter cannot take a value; empty when it can."""
-    choices = field.metadata.get('choices')
-    if choices and parameter.value not in choices:
-        return f'{parameter.name} is "{parameter.value}"; it must be one of ' + ', '.join(
-            map(str, choices)
-        )
+    if objection := find_objection(field, parameter.value):
+        return objection
     if not getattr(node, 'is_configured', False) or field.metadata.get('live'):
         return ''
     # A file of parameters may be loaded again: what it does not change is no change.
@@ -145,11 +141,7 @@ def read_config(node: Node, config_class: type[Config]) -> Config:
         value = field.default if value is None or value.value is None else value.value
         if isinstance(field.default, tuple):
             value = tuple(value)
-        choices = field.metadata.get('choices')
-        if choices and value not in choices:
-            raise ValueError(
-                f'parameter {field.name} is "{value}"; it must be one of '
-                + ', '.join(map(str, choices))
-            )
+        if objection := find_objection(field, value):
+            raise ValueError(objection)
         values[field.name] = value
     return config_class(**values)

@@ -16,9 +16,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
+from tactile_ros.configs import check_parameters, parameter
 from tactile_ros.strain import StrainStatus
 
 SENSORS = ('line', 'net_ft', 'digital_ft', 'topic')
@@ -31,10 +32,6 @@ LOW_PASSES_HZ = (0, 5, 8, 18, 35, 73, 152, 326, 838, 1500, 2000, 2500, 3000)
 
 _LEAST_RATE_HZ = 0.1
 _MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on the one before
-
-
-def _option(default: Any, description: str, **metadata: Any) -> Any:
-    return field(default=default, metadata={'description': description, **metadata})
 
 
 @dataclass(frozen=True)
@@ -50,133 +47,128 @@ class TendonSensorConfig:
         When a field is outside its range or two fields contradict each other.
     """
 
-    sensor: str = _option(
+    sensor: str = parameter(
         'line',
         'kind of sensor: load-cell lines, ATI Net F/T, ATI Digital F/T, or a force that another '
         'node publishes on a topic',
         choices=SENSORS,
     )
-    port: str = _option('/dev/ttyUSB0', 'serial port of a line or Digital F/T sensor')
-    baud: int = _option(115200, 'speed of the serial port', unit='baud', range=(300, 12_000_000))
-    value_column: int = _option(1, 'column of the value in a line, from 0', range=(0, 63))
-    time_column: int = _option(
+    port: str = parameter('/dev/ttyUSB0', 'serial port of a line or Digital F/T sensor')
+    baud: int = parameter(115200, 'speed of the serial port', unit='baud', range=(300, 12_000_000))
+    value_column: int = parameter(1, 'column of the value in a line, from 0', range=(0, 63))
+    time_column: int = parameter(
         0,
         'column of the device time in a line, from 0; -1: the device sends no time',
         range=(-1, 63),
     )
-    time_unit_s: float = _option(0.001, 'what the device time counts', unit='s', range=(1e-9, 1.0))
-    time_decimals: int = _option(
+    time_unit_s: float = parameter(
+        0.001, 'what the device time counts', unit='s', range=(1e-9, 1.0)
+    )
+    time_decimals: int = parameter(
         0, 'digits after the point of the device time, always as many', range=(0, 9)
     )
-    unit: str = _option(
+    unit: str = parameter(
         'kg',
         'what the value of a line counts; kg and g are weights at standard gravity',
         choices=UNITS,
     )
-    scale: float = _option(
+    scale: float = parameter(
         1.0,
         'factor on the value; -1 turns its sign. On a topic from its unit to newtons, such as '
         '1/radius for the torque of a joint',
         unit='1',
         range=(-1e12, 1e12),
     )
-    offset_n: float = _option(
+    offset_n: float = parameter(
         0.0,
         'added to value times scale, of lines and topics, beneath any tare; see tactile calibrate',
         unit='N',
         range=(-1e6, 1e6),
     )
-    leave_menu: bool = _option(
+    leave_menu: bool = parameter(
         True, 'send x to a load-cell board that waits in its settings menu instead of measuring'
     )
-    host: str = _option('192.168.1.1', 'name or address of a Net F/T')
-    rdt_port: int = _option(49152, 'UDP port of the samples of a Net F/T', range=(1, 65535))
-    http_port: int = _option(80, 'TCP port of the settings of a Net F/T', range=(1, 65535))
-    axis: str = _option(
+    host: str = parameter('192.168.1.1', 'name or address of a Net F/T')
+    rdt_port: int = parameter(49152, 'UDP port of the samples of a Net F/T', range=(1, 65535))
+    http_port: int = parameter(80, 'TCP port of the settings of a Net F/T', range=(1, 65535))
+    axis: str = parameter(
         'fz',
         'component of a six-axis sensor or a wrench that is the tension, times scale; norm: '
         'length of the force of a wrench on a topic',
         choices=(*AXES, NORM),
     )
-    low_pass_hz: int = _option(
+    low_pass_hz: int = parameter(
         18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=LOW_PASSES_HZ
     )
-    calibration_slot: int = _option(1, 'calibration of a Digital F/T that is used', range=(1, 16))
-    topic: str = _option(
+    calibration_slot: int = parameter(
+        1, 'calibration of a Digital F/T that is used', range=(1, 16)
+    )
+    topic: str = parameter(
         '',
         'topic of the force: WrenchStamped, Wrench, Float64, Float32 or JointState; its type is '
         'taken from the publisher',
     )
-    joint: str = _option(
+    joint: str = parameter(
         '', 'joint whose effort is the tension, of a JointState; empty: the only one'
     )
-    topic_stamps: str = _option(
+    topic_stamps: str = parameter(
         'header',
         'time of a sample on a topic: header of the message, or its arrival, as of messages '
         'without a header or with a zero stamp',
         choices=('header', 'arrival'),
     )
-    rate_hz: float = _option(
+    rate_hz: float = parameter(
         60.0,
         'nominal sample rate; an ATI sensor is asked for it. 0: measured in the first two '
         'seconds, on a topic only',
         unit='Hz',
         range=(0.0, 10_000.0),
     )
-    samples_per_block: int = _option(1, 'samples in one message', unit='1', range=(1, 1000))
-    saturation_n: float = _option(
+    samples_per_block: int = parameter(1, 'samples in one message', unit='1', range=(1, 1000))
+    saturation_n: float = parameter(
         0.0,
         'magnitude from which the tension is no measurement; 0: not known',
         unit='N',
         range=(0.0, 1e6),
     )
-    stuck_s: float = _option(
+    stuck_s: float = parameter(
         0.8,
         'time of exactly equal samples, at least ten, after which the sensor counts as stuck; '
         '0: never, for a coarse sensor',
         unit='s',
         range=(0.0, 3600.0),
     )
-    silence_s: float = _option(
+    silence_s: float = parameter(
         0.5,
         'time without a reading after which the link counts as silent',
         unit='s',
         range=(0.01, 3600.0),
     )
-    tare_samples: int = _option(60, 'samples that a tare is measured from', range=(2, 100_000))
-    tare_limit_n: float = _option(
+    tare_samples: int = parameter(60, 'samples that a tare is measured from', range=(2, 100_000))
+    tare_limit_n: float = parameter(
         2.0,
         'magnitude of the mean, without any tare, from which a tare is refused as loaded',
         unit='N',
         range=(0.0, 1e6),
     )
-    tare_spread_n: float = _option(
+    tare_spread_n: float = parameter(
         0.1,
         'standard deviation from which a tare is refused as noisy',
         unit='N',
         range=(0.0, 1e6),
     )
-    tare_change_n: float = _option(
+    tare_change_n: float = parameter(
         0.1,
         'rise or fall of the tension over the samples from which a tare is refused as moving',
         unit='N',
         range=(0.0, 1e6),
     )
-    frame_id: str = _option(
+    frame_id: str = parameter(
         'tendon_sensor_link', 'frame of the sensor, +x along the tendon, away from the finger'
     )
 
     def __post_init__(self) -> None:
-        for option in fields(self):
-            value = getattr(self, option.name)
-            low, high = option.metadata.get('range', (value, value))
-            if not low <= value <= high:
-                raise ValueError(f'{option.name} is {value}; it must be within {low} to {high}')
-            choices = option.metadata.get('choices', (value,))
-            if value not in choices:
-                raise ValueError(
-                    f'{option.name} is "{value}"; it must be one of {", ".join(map(str, choices))}'
-                )
+        check_parameters(self)
         if self.sensor == 'net_ft':
             if not self.host:
                 raise ValueError('host is empty; give the address of the Net F/T')
