@@ -55,7 +55,6 @@ from tactile_bags.recorded_topics import CLASSIFICATION, FEATURES, STRAIN
 from tactile_bringup.launch_config.graph import NodeDescription
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_msgs.msg import TrialEvent
-from tactile_ros.programs.memory import limit_memory
 from tactile_ros.qos import EVENTS
 from tactile_ros.strain import StrainStatus
 from tactile_sim.devices.pty_port import PtyPort
@@ -78,7 +77,6 @@ def run_nodes(
     folder: Path, fingers: tuple[str, ...], model: str, domain: int, orders: Any, is_up: Any
 ) -> None:
     """Run the nodes of some fingers, and the recorder with the first four; obey orders."""
-    limit_memory()  # as our programs do
     descriptions = [
         NodeDescription(*what, parameters=parameters, namespace=finger)
         for finger in fingers

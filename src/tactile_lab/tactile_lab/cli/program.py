@@ -14,14 +14,16 @@
 
 """The program behind ``tactile``."""
 
-from tactile_ros.programs.memory import limit_memory
+import os
+
 from tactile_ros.programs.signals import hold_signals, ignore_signals
 
 
 def main() -> int:
     """Run the ``tactile`` command; return its exit code."""
+    # Matrices are small, and OpenBLAS's threads would wait for each other. Before NumPy is loaded.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     hold_signals()  # before the imports, so that a signal that comes early is not lost
-    limit_memory()
     from tactile_lab.cli import main as cli
 
     try:

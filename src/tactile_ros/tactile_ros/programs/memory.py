@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 import ctypes
+from functools import cache
 import os
 
 M_MMAP_THRESHOLD = -3
@@ -27,18 +28,16 @@ LARGE_BYTES = 128 * 1024
 """Blocks from this size on are mapped, each by itself: glibc's own initial value."""
 
 
-def limit_memory() -> None:
-    """Keep the process's memory flat; call it before NumPy is loaded.
+@cache
+def return_large_blocks() -> None:
+    """Give large blocks of memory back to the system when they are freed, from now on.
 
-    OpenBLAS gets one thread: each has memory of its own, and our matrices are small.
-
-    Large blocks go back to the system when they are freed. By itself glibc raises the size from
-    which it maps a block to the largest that was freed, so a recorder's buffers came to lie
-    among the small blocks of 16 heaps, which grew by 40 MB an hour while no more was in use
-    (``benchmarks/soak.py``). What the user has set in the environment stays. Without glibc
-    this does nothing.
+    By itself glibc raises the size from which it maps a block to the largest that was freed. A
+    recorder's buffers then lay among the small blocks of 16 heaps, which grew by 40 MB an hour
+    while no more was in use (``benchmarks/soak.py``). What the user has set in the environment
+    stays. Without glibc this does nothing. Not for programs that only compute: their arrays would
+    be mapped anew each time, which took an evaluation 5 % longer.
     """
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     if 'MALLOC_MMAP_THRESHOLD_' not in os.environ:
         with suppress(AttributeError, OSError):
             ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)

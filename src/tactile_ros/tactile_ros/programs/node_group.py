@@ -30,6 +30,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from tactile_ros.lifecycle import TactileNode
+from tactile_ros.programs.memory import return_large_blocks
 from tactile_ros.programs.signals import hold_signals, ignore_signals, Signals, STDERR
 from tactile_ros.rclpy_internals import RCLError
 
@@ -87,6 +88,7 @@ class NodeGroup:
         context: Context | None = None,
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
+        return_large_blocks()
         self._nodes = list(nodes)
         self._on_end = on_end
         self._ending = threading.Event()

@@ -26,7 +26,6 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from tactile_ros.programs.memory import limit_memory
 from tactile_ros.programs.signals import hold_signals, ignore_signals
 from tactile_ros.programs.transports import choose_transports
 
@@ -50,7 +49,8 @@ def main() -> int:
     """Run the node that this program's name stands for; return the exit code."""
     signals = hold_signals()  # before the imports, which take a second
     os.environ.update(choose_transports(os.environ, 'SUBNET'))
-    limit_memory()
+    # Matrices are small, and a thread of OpenBLAS has memory of its own. Before NumPy is loaded.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     from tactile_ros.programs.node_group import run_node
 
     node_class = find_node_class(Path(sys.argv[0]).name)

@@ -23,7 +23,7 @@ import pytest
 
 PROGRAM = """
 import ctypes, sys
-from tactile_ros.programs.memory import limit_memory
+from tactile_ros.programs.memory import return_large_blocks
 
 class Mallinfo(ctypes.Structure):
     _fields_ = [(name, ctypes.c_size_t) for name in (
@@ -34,7 +34,7 @@ libc = ctypes.CDLL(None)
 libc.mallinfo2.restype = Mallinfo
 libc.malloc.restype = ctypes.c_void_p
 if 'limit' in sys.argv:
-    limit_memory()
+    return_large_blocks()
 libc.free(ctypes.c_void_p(libc.malloc(8_000_000)))
 mapped = libc.mallinfo2().hblks
 libc.malloc(4_000_000)
