@@ -246,9 +246,11 @@ def test_failed_start_leaves_the_node_inactive(make_node):
 
 def test_a_node_that_was_taken_down_is_not_in_the_graph(context):
     peer = Node('peer', context=context)
-    node = RecordingNode(context=context)
-    wait_until(lambda: 'recording' in peer.get_node_names())
+    # A namespace of its own: nodes that other tests refused in the making are there until collected.
+    node = RecordingNode(context=context, namespace='taken_down')
+    name = ('recording', '/taken_down')
+    wait_until(lambda: name in peer.get_node_names_and_namespaces())
     node.take_down()
-    wait_until(lambda: 'recording' not in peer.get_node_names())
+    wait_until(lambda: name not in peer.get_node_names_and_namespaces())
     assert node.calls == ['tear_down']
     peer.destroy_node()
