@@ -246,7 +246,7 @@ def test_failed_start_leaves_the_node_inactive(make_node):
 
 def test_a_node_that_was_taken_down_is_not_in_the_graph(context):
     peer = Node('peer', context=context)
-    # A namespace of its own: nodes that other tests refused in the making are there until collected.
+    # A namespace of its own: nodes whose making other tests refused stay until they are collected.
     node = RecordingNode(context=context, namespace='taken_down')
     name = ('recording', '/taken_down')
     wait_until(lambda: name in peer.get_node_names_and_namespaces())
