@@ -222,6 +222,14 @@ def test_a_part_is_detrended_and_weighted_by_itself(detrend, window):
     np.testing.assert_allclose(got, expected.astype(float), atol=1e-13)
 
 
+def test_a_part_has_two_samples_at_least_and_the_whole_at_most():
+    for n in (2, 180):
+        assert compute_partial_spectrum(np.arange(n), 180).shape == (91,)
+    for n in (0, 1, 181):
+        with pytest.raises(FeatureError, match='must have 2 to 180 samples'):
+            compute_partial_spectrum(np.arange(n), 180)
+
+
 @pytest.mark.parametrize(('detrend', 'window'), WAYS)
 def test_scipy_means_the_same(detrend, window):
     x = 5.0 - 0.02 * np.arange(180) + 0.01 * RNG.normal(size=180)
