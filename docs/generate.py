@@ -153,13 +153,13 @@ def draw_hold(ax: Any) -> None:
         ylim=(-0.5, 16),
     )
     ax.text(
-        0.55,
-        0.8,
+        1.15,
+        2.0,
         f'            slope      intercept   correlation\n'
         f'simulated  {slope:.2f} N/s  {intercept:.2f} N   {correlation:.3f}\n'
         f'paper      {PAPER_SLOPE_N_S:.2f} N/s  {PAPER_INTERCEPT_N:.2f} N   {PAPER_CORRELATION}',
         family='monospace',
-        fontsize=8,
+        fontsize=7,
     )
     ax.legend(loc='upper right', fontsize=8)
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make docs/images/live_trial.webp: a SIMULATED trial on the live page, from contact to label.
+"""Make live_trial.webp and live_page.png of docs/images: a SIMULATED trial on the live page.
 
 Takes a folder of models, as the demo leaves it::
 
@@ -44,7 +44,9 @@ sys.path.insert(0, str(ROOT / 'src/tactile_lab/test/node'))
 from chromium import Chromium  # noqa: E402
 
 PICTURE = ROOT / 'docs/images/live_trial.webp'
+PAGE = ROOT / 'docs/images/live_page.png'
 SIZE = (1000, 600)
+PAGE_SIZE = (1280, 900)
 PAUSE_S = 0.12
 LABEL = 'T2'
 
@@ -85,6 +87,9 @@ def take_pictures(models: Path) -> list[tuple[float, Image.Image]]:
             ):
                 end_s = time.monotonic() + 0.5
             time.sleep(PAUSE_S)
+        browser.resize(*PAGE_SIZE)
+        browser.evaluate('new Promise((drawn) => setTimeout(drawn, 1000))')
+        PAGE.write_bytes(browser.screenshot())
     return pictures
 
 

@@ -49,7 +49,7 @@ def draw_phases(path: Path) -> None:
             at_s = event.stamp_ns / 1e9
             axis.axvline(at_s, color='C3', linewidth=1)
             axis.text(at_s + 0.05, 0.08 * top_n, event.phase, color='C3', rotation=90)
-        axis.set(title=f'{protocol}, {label}, {contact}', xlabel='s', ylabel='tension [N]')
+        axis.set(title=f'{protocol}, {label}, {contact}', xlabel='time [s]', ylabel='tension [N]')
         axis.set_ylim(-0.05 * top_n, 1.12 * top_n)
     figure.suptitle('SIMULATED trials: phases commanded (dashed) and found (red)', fontsize=10)
     figure.savefig(path, dpi=100)

@@ -80,7 +80,7 @@ def draw_rig(path: Path) -> None:
 
     box(-180, -12, 52, 24, 'servo\nDynamixel X,\npulley')
     box(-105, -10, 44, 20, 'force sensor\non the tendon')
-    box(-105, -26, 44, 9, 'low-friction guide')
+    box(-105, -19, 44, 9, 'low-friction guide')
     box(-30, -10, 30, 20, 'finger base')
     for start, end in ((-128, -105), (-61, -30)):
         ax.plot((start, end), (0, 0), color=steel, lw=2)
