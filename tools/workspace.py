@@ -285,6 +285,9 @@ class Workspace:
         # These two would go into the home folder.
         env.setdefault('ROS_LOG_DIR', str(self.base / 'ros_log'))
         env.setdefault('MPLCONFIGDIR', str(self.base / 'matplotlib'))
+        # uv compiles no module; without a place for byte code each process would, all of them.
+        env.pop('PYTHONDONTWRITEBYTECODE', None)
+        env.setdefault('PYTHONPYCACHEPREFIX', str(self.base / 'byte_code'))
         overlay: dict[str, str] = json.loads(self.state().get('overlay', '{}'))
         return {**env, **overlay}
 
