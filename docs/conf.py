@@ -73,10 +73,10 @@ for package in (
 
 
 def add_contents(app, name, source):
-    """Give the index its tables of contents, made from its own tables of links."""
+    """Give the index its tables of contents, made from its own lists of links."""
     if name != root_doc:
         return
-    tables = re.findall(r'^\| (\S[^|]*?) \| \|\n((?:\|.*\n)+)', source[0], re.MULTILINE)
+    tables = re.findall(r'^## (.+)\n\n((?:- .*\n)+)', source[0], re.MULTILINE)
     for caption, rows in tables:
         pages = [
             page.rsplit('.', 1)[0]

@@ -34,7 +34,9 @@ JsonOption = Annotated[
 SeedOption = Annotated[
     int,
     typer.Option(
-        min=0, max=2**32 - 1, help='Seed of everything random: the same seed, the same numbers.'
+        min=0,
+        max=2**32 - 1,
+        help='Seed of all random numbers: the same seed gives the same results.',
     ),
 ]
 ClusterOption = Annotated[
@@ -42,7 +44,7 @@ ClusterOption = Annotated[
     typer.Option(
         metavar='ADDRESS',
         help='Compute on the workers of this Dask scheduler, such as tcp://192.168.1.10:8786. '
-        'These packages must be installed there, too. The results are the same bits.',
+        'These packages must be installed there, too. The results are equal, bit for bit.',
     ),
 ]
 GuideOption = Annotated[str, typer.Option(help='Serial port of the linear guide (Grbl).')]
@@ -63,14 +65,14 @@ ModelsOption = Annotated[
     Optional[Path],
     typer.Option(
         help='Folder with model files, as `tactile train` writes them, or one file. Features are '
-        'computed as they want them, unless `--params` says otherwise.'
+        'computed as the models require, unless `--params` says otherwise.'
     ),
 ]
 ModelOption = Annotated[
     Optional[Path],
     typer.Option(
         help='Model file, or folder of them, as `tactile train` writes them. Features are '
-        'computed as they want them, unless `--params` says otherwise.'
+        'computed as the models require, unless `--params` says otherwise.'
     ),
 ]
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]
@@ -83,7 +85,9 @@ WatchOption = Annotated[
         '--watch', help='Serve a live page; its address is printed. See `tactile watch`.'
     ),
 ]
-QuietOption = Annotated[bool, typer.Option('--quiet', help='Print no line for each answer.')]
+QuietOption = Annotated[
+    bool, typer.Option('--quiet', help='Print no line for each classification.')
+]
 ParamsOption = Annotated[
     Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
 ]
@@ -104,7 +108,7 @@ class Contact(str, Enum):
 
 
 class Phases(str, Enum):
-    """Who says when a glide or a hold begins and ends."""
+    """Source of the phases of a trial."""
 
     stated = 'stated'
     texture = 'texture'
@@ -114,8 +118,8 @@ class Phases(str, Enum):
 PhasesOption = Annotated[
     Phases,
     typer.Option(
-        help='When a glide or a hold begins and ends: stated by trial events, or found in the '
-        'tension, for the kind of contact that is named.'
+        help='Source of the phases: stated by trial events, or found in the tension of texture or '
+        'stiffness trials.'
     ),
 ]
 
@@ -145,15 +149,15 @@ RecalibrateOption = Annotated[
         metavar='TRIALS',
         min=0,
         max=1000,
-        help='Correct the models by the first so many trials of each session that name their '
-        'object; 0: do not, otherwise 5 or more.',
+        help='Correct the models by the first trials of each session that name their object: how '
+        'many, 5 or more. 0: do not.',
     ),
 ]
 
 SlipOption = Annotated[
     bool,
     typer.Option(
-        '--slip', help='Also run the slip detector: it says when a held object begins to slide.'
+        '--slip', help='Also run the slip detector: it reports when a held object begins to slide.'
     ),
 ]
 

@@ -45,7 +45,7 @@ def replay(
 
     Prints *equal*, or the first difference from what was recorded; exits with 1 when
     there is one. Then says whether samples of the recording are missing, doubled or out of
-    order. With ``--watch`` it first plays the recording in its own time on a live page.
+    order. With ``--watch`` it first plays the recording in real time on a live page.
     """
     with refusals():
         check_paths(bag, models)
@@ -67,9 +67,9 @@ def repair(
 ) -> None:
     """Write a closed copy of a bag whose recorder was killed.
 
-    Every other command reads such a bag as it is, and says so. The copy is for programs that
-    need the index at its end, and for keeping; it holds the same messages, byte for byte, and
-    notes what it was made from. The bag itself is not touched. Exits with 1 when the bag is
+    Every other command reads such a bag as it is, and says so. Other programs may need the index
+    at the end of the copy. The copy holds the same messages, byte for byte, and names its source.
+    The bag itself is not changed. Exits with 1 when the bag is
     damaged in its middle: the copy ends there.
     """
     with refusals():
@@ -91,11 +91,10 @@ def show(
     trial: Annotated[int, typer.Option(min=1, help='Which trial to draw, from 1.')] = 1,
     json_output: JsonOption = False,
 ) -> None:
-    """Say what is in a recording, a model file or an archive.
+    """List the contents of a recording, a model file or an archive.
 
-    Of a bag or an archive: its trials with label, session and length; one trial is enough. Of a
-    model: what it takes, what it was trained on, how good it is on held-out trials, its
-    calibration before and after, and its limits.
+    For a bag or an archive: its trials with label, session and length. For a model: its inputs,
+    training trials, accuracy on held-out trials, calibration error and limits.
     """
     with refusals():
         from tactile_lab.commands.show import run_show

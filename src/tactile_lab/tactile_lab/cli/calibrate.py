@@ -57,12 +57,12 @@ def calibrate(
 ) -> None:
     """Calibrate a load cell against known weights.
 
-    You are told which weight to hang, from the smallest to the largest and back. Each reading is
-    the mean of a settled second, with outlying samples left out. A line is fitted through them:
-    `scale` and `offset_n`, each with its standard uncertainty, the error of the line at every
-    weight, and the hysteresis.
+    The command prints which weight to hang, from the smallest to the largest and back. Each
+    reading is the mean of a settled second, without outliers. Fits a line and prints `scale` and
+    `offset_n` with their standard uncertainties, the error of the line at every weight, and the
+    hysteresis.
 
-    No node of the sensor may run meanwhile: a port has one user. Six-axis sensors have the
+    End the sensor's node first: only one program can open a port. Six-axis sensors have the
     calibration of their maker and are refused. `g` lies between 9.780 (equator) and 9.832 m/s^2
     (poles), so its default is wrong by up to 0.3 %.
     """

@@ -44,7 +44,7 @@ def simulate(
 ) -> None:
     """Make bags of **simulated** trials, without waiting in real time.
 
-    One bag for each kind of contact, with plates or objects times sessions times trials in
+    Writes one bag for each kind of contact, with plates or objects times sessions times trials in
     it. The bags hold the same messages as live recordings, marked as simulated. The same
     seed gives the same bytes, whatever the number of processes.
 
@@ -74,9 +74,9 @@ def train(
 
     Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
     classifiers with and without scaling. One ONNX file is written for each task and
-    kind of contact that the recordings hold. Its scores are calibrated probabilities, or raw
-    where calibration was worse in both of two sessions. It says *unknown* to what is unlike all
-    training trials. Nothing is written over files of an earlier training without --force.
+    kind of contact in the recordings. Its scores are calibrated probabilities, or raw where
+    calibration was worse in both of two sessions. It classifies windows that differ from all
+    training trials as *unknown*. Existing model files are only replaced with --force.
     """
     with refusals():
         check_paths(*recordings)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The commands that look for devices and exercise them."""
+"""The commands that find devices and test them."""
 
 from typing import Annotated, Optional
 
@@ -63,19 +63,18 @@ def devices(
     ] = False,
     json_output: JsonOption = False,
 ) -> None:
-    """List what is plugged in and recognised.
+    """List the connected devices and the parameters that fit them.
 
-    Every serial port with its USB numbers and the names that stay, and what answers there:
-    a linear guide (Grbl), a Dynamixel servo, a load cell that sends lines, or an ATI Net F/T
-    at an address that you give. Beside it stand the parameters of the node that fit. With
-    ``--topics``, the forces that other nodes publish on this ROS domain.
+    Lists every serial port with its USB numbers and persistent names, and the device there: a
+    linear guide (Grbl), a Dynamixel servo, a load cell that sends lines, or an ATI Net F/T at an
+    address that you give. Prints the node parameters that fit. With ``--topics``, lists the
+    forces that other nodes publish on this ROS domain.
 
-    Nothing is moved. A port that speaks by itself is only listened to; a silent one is sent a
+    Nothing is moved. Nothing is sent to a port that sends data by itself. A silent port is sent a
     question mark, which Grbl answers and others ignore, and then a Dynamixel ping at each usual
-    baud rate. Do not let it ask a silent device of another kind that must not hear that: name
-    the ports with ``--port``, or use ``--quiet``. A board that resets when its port is opened
-    does so here, too: a Grbl guide must be homed afterwards. Ports that another program has
-    open are left alone.
+    baud rate. If another silent device must not receive these, name the ports with ``--port`` or
+    use ``--quiet``. A board that resets when its port is opened does so here, too: a Grbl guide
+    must be homed afterwards. Ports that another program has open are left alone.
     """
     with refusals():
         from tactile_lab.commands.devices import run_devices
@@ -92,10 +91,10 @@ def devices(
 
 @spread
 def check(request: CheckRequest, json_output: JsonOption = False) -> None:
-    """Exercise each device and print what it found; exit with 1 when something is wrong.
+    """Test each device and print the results; exit with 1 when there is a fault.
 
-    Devices are those whose port or topic is given here, or whose ``port`` (without one:
-    ``sensor``) stands in ``--params``. No node of the rig may run meanwhile: a port has one user.
+    Tests the devices whose port or topic is given here, or whose ``port`` (or ``sensor``) is in
+    the file of ``--params``. End all nodes of the rig first: only one program can open a port.
 
     **Sensor**: rate against ``rate_hz``, noise, lost samples, error of the time stamps, status
     bits. Leave the tendon alone while it listens.
@@ -104,8 +103,8 @@ def check(request: CheckRequest, json_output: JsonOption = False) -> None:
     reset, with ``--move`` homed, moved and brought back.
 
     **Tendon**: model, firmware, voltage, temperature, errors, and whether the bus watchdog
-    stops the servo in silence. For that the tendon is let loose, then held where it stands,
-    and let loose again at the end.
+    stops the servo in silence. For this the tendon is released, held where it is, and
+    released again at the end.
 
     Each fault comes with its remedy.
     """

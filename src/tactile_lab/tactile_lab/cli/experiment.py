@@ -44,13 +44,13 @@ class RunByDefault(TyperGroup):
 
 @spread
 def run(request: ExperimentRequest, json_output: JsonOption = False) -> None:
-    """Run an experiment, or go on with it: prompts, trials, a line of quality for each.
+    """Start or continue an experiment: prompts, trials, and a line of quality for each trial.
 
     The order is random within blocks, and drawn before the first trial (`order.csv`). Each
-    session is one bag for each call. You are told which plate to put under the finger; each time
-    counts as a mounting of its own. A trial that failed, or is unlike the earlier ones of its
-    object, is offered again at once. Whatever interrupts (Ctrl-C, a crash, a power cut): the
-    same command goes on where it was, with no trial lost and none counted twice.
+    session is one bag for each call. The command prints which plate to put under the finger; each
+    time counts as a mounting of its own. After a trial that failed, or differs from the earlier
+    ones of its object, you can repeat it at once. After an interruption (Ctrl-C, a crash) the
+    same command continues where it ended. No trial is lost and none is counted twice.
 
     `tactile train` and `tactile evaluate` take the folder. A plan's `sessions` may be raised
     later.
@@ -80,9 +80,8 @@ def new(
 ) -> None:
     """Write the plan of an experiment, as YAML with comments.
 
-    Several sessions, best on several days, and several mountings in each tell a model what
-    belongs to the object and what to the day. With one session, nothing can be said of a new
-    one.
+    Plan several sessions, best on several days, and several mountings in each. Then a model
+    learns the object and not the day. One session says nothing about the accuracy in a new one.
     """
     with refusals():
         from tactile_lab.commands.running.experiment import run_new

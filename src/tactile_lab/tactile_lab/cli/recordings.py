@@ -43,7 +43,7 @@ def import_recordings(
     ],
     yes: Annotated[
         bool,
-        typer.Option('--yes', '-y', help='Accept what is likely, instead of asking for it.'),
+        typer.Option('--yes', '-y', help='Accept likely choices instead of asking.'),
     ] = False,
     skip_bad: SkipBadOption = False,
     force: Annotated[bool, typer.Option('--force', help='Replace the archive.')] = False,
@@ -53,9 +53,9 @@ def import_recordings(
 ) -> None:
     """Make one archive of recordings that other programs made.
 
-    Says what it took each column, array or message for. What it cannot know it asks for on a
-    terminal; elsewhere it refuses and names the option that says it. `train`, `evaluate` and
-    `features` take the archive, and take the same recordings directly, with the same options.
+    Prints how it understood each column, array or message. On a terminal it asks for missing
+    information; elsewhere it fails and names the option. `train`, `evaluate` and `features` take
+    the archive. They also take the same recordings directly, with the same options.
     """
     with refusals():
         check_paths(*sources)
@@ -77,7 +77,7 @@ def features(request: FeaturesRequest, json_output: JsonOption = False) -> None:
     """Write the features of recordings as a table, for notebooks and other programs.
 
     One row a trial: source, trial, label, session, group, simulated, then one column a feature.
-    The units stand in the metadata of each Parquet column, and in the names of CSV columns. With
+    The units are in the metadata of each Parquet column, and in the names of CSV columns. With
     several tasks or contacts, each has its own file, with its name at the end.
     """
     with refusals():
@@ -95,11 +95,11 @@ def evaluate(
 ) -> None:
     """Cross-validate the four classifiers on recordings, and write a report.
 
-    On your own trials, real or simulated: the same features as the live node, every
-    classifier with and without scaling, and the split stated beside each number. Random
-    folds, and beside them whole groups held out, such as sessions. ``--report`` and ``--json``
-    add learning curves and what choosing features brings, and take twice as long. The report
-    has the paper's figures, made of your trials.
+    Takes real or simulated trials and computes the same features as the live node. Evaluates
+    every classifier with and without scaling, by random folds and by held-out groups such as
+    sessions, and states the split beside each number. ``--report`` and ``--json`` add learning
+    curves and feature selection, and take twice as long. The report has the paper's figures, made
+    of your trials.
     """
     with refusals():
         check_paths(*request.recordings)
@@ -116,14 +116,14 @@ def compare(request: CompareRequest, json_output: JsonOption = False) -> None:
 
     As in: tactile compare old/texture_flexion.onnx new/texture_flexion.onnx bags/new_session
 
-    Each model names every trial by its own features. It may answer "unknown", which counts as
-    not right. The difference of the accuracies has a paired 95 % interval: Student's t over the
-    sessions, or with one session that of McNemar's exact test over the trials. The table also
-    shows rejected trials and file sizes. Below it are the confusions in which the models differ
-    most, and the time of one answer of B against that of A.
+    Each model classifies every trial with its own features. "unknown" counts as wrong. The
+    difference of the accuracies has a paired 95 % interval: Student's t over the sessions, or
+    with one session that of McNemar's exact test over the trials. The table also shows rejected
+    trials and file sizes. Below it are the confusions in which the models differ most, and the
+    time of one classification by B against that by A.
 
-    Take trials that neither model was trained on. The command warns of others: most model files
-    tell which trials they were trained on. Two folders of models are compared file by file, for
+    Use trials that neither model was trained on. The command warns of others: most model files
+    state which trials they were trained on. Two folders of models are compared file by file, for
     each task and contact.
     """
     with refusals():

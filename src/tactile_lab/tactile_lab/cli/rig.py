@@ -40,7 +40,7 @@ def demo(
     short: Annotated[
         bool,
         typer.Option(
-            help='Few training trials: a quick check that the chain holds, no useful accuracy.'
+            help='Few training trials: a quick check that all parts work, no useful accuracy.'
         ),
     ] = False,
     trials: Annotated[
@@ -48,8 +48,7 @@ def demo(
         typer.Option(
             min=1,
             max=100,
-            help='Live trials, each of five to seven seconds; as many of each kind as of the '
-            'others.',
+            help='Live trials, five to seven seconds each, spread evenly over the kinds of trial.',
         ),
     ] = 5,
     watch: Annotated[
@@ -57,7 +56,7 @@ def demo(
     ] = True,
     json_output: JsonOption = False,
 ) -> None:
-    """The whole chain on the **simulated** rig, in about a minute.
+    """Run everything from training to live trials on the **simulated** rig, in about a minute.
 
     Makes training sets from the simulator, trains and cross-validates the four
     classifiers, then runs live trials: simulated devices on serial lines, the real
@@ -80,10 +79,10 @@ def demo(
 def trials(request: TrialsRequest, json_output: JsonOption = False) -> None:
     """Run trials on one plate or object, one after the other, and record them.
 
-    Homes the guide, then repeats the protocol: with ``--models`` each trial is
-    classified as well. The bags of several such sessions are what `tactile train` takes.
-    On the simulated rig the named plate or object is put under the finger; on a real one
-    that is your part, before you press Enter on this command.
+    Homes the guide, then repeats the protocol. With ``--models`` each trial is classified as
+    well. `tactile train` takes the bags of several such sessions. The simulated rig puts the
+    named plate or object under the finger. On a real rig, put it there before you run the
+    command.
 
     For several objects use `tactile experiment`: with one object a session, a model may learn
     the session instead of the object.
@@ -97,11 +96,11 @@ def trials(request: TrialsRequest, json_output: JsonOption = False) -> None:
 
 @spread
 def rig(request: RigRequest) -> None:
-    """Run all nodes of the rig in this process until Ctrl-C; print each answer.
+    """Run all nodes of the rig in this process until Ctrl-C; print each classification.
 
-    Sensor, guide, tendon, trial runner, features and one classifier for each model.
-    Trials are then asked for with the action ``trial_runner/run_trial``; to run some
-    without any other program, use `tactile trials`.
+    Starts sensor, guide, tendon, trial runner, features and one classifier for each model. Start
+    trials with the action ``trial_runner/run_trial``. To run trials without another program, use
+    `tactile trials`.
     """
     with refusals():
         check_paths(request.models, request.params)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The commands that sense with fingers that something else moves."""
+"""The commands for fingers that another program moves."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,7 +44,7 @@ from tactile_lab.options import (
 
 @dataclass(frozen=True)
 class SensingOptions:
-    """The options that a finger and a hand have."""
+    """Options that `tactile sense` and `tactile hand` share."""
 
     sensor_topic: SensorTopicOption = ''
     model: ModelOption = None
@@ -87,12 +87,12 @@ def sense(
     *,
     options: SensingOptions,
 ) -> None:
-    """Run the nodes of one finger that something else moves, in this process until Ctrl-C.
+    """Run the nodes of one finger that another program moves, in this process until Ctrl-C.
 
-    Sensor, features and classifiers, as ``ros2 launch tactile_bringup sense.launch.py`` starts
-    them in processes of their own. Prints a line for each answer. Whoever moves the finger
-    publishes trial events on ``trial_runner/events``; or ``--phases`` has them found in the
-    tension.
+    Starts sensor, features and classifiers, as ``ros2 launch tactile_bringup sense.launch.py``
+    does in processes of their own. Prints a line for each classification. The program that moves
+    the finger publishes trial events on ``trial_runner/events``. With ``--phases`` they are found
+    in the tension instead.
     """
     with refusals():
         options.run('sense', sensor_port=sensor)
@@ -114,9 +114,9 @@ def hand(
 ) -> None:
     """Run the nodes of any number of fingers, in this process until Ctrl-C.
 
-    What `tactile sense` runs, once a finger, each in the namespace of its name; as ``ros2
-    launch tactile_bringup hand.launch.py`` starts them in processes of their own.
-    ``--record`` makes one bag a finger.
+    Runs the nodes of `tactile sense` for each finger, in a namespace with the finger's name, as
+    ``ros2 launch tactile_bringup hand.launch.py`` does in processes of their own. ``--record``
+    makes one bag a finger.
     """
     with refusals():
         check_paths(hand_file)

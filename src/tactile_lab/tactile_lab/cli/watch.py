@@ -29,8 +29,8 @@ def watch(
     host: Annotated[
         str,
         typer.Option(
-            help='Address to listen on. With another than the default, everybody who reaches it '
-            'can look at the page and press Stop; docs/security.md says more.'
+            help='Address to listen on. With another address than the default, everybody on the '
+            'network can see the page and press Stop: see docs/security.md.'
         ),
     ] = '127.0.0.1',
     port: Annotated[
@@ -41,17 +41,17 @@ def watch(
         bool, typer.Option('--terminal', help='Draw in this terminal; serve no page.')
     ] = False,
 ) -> None:
-    """Show live what every finger feels, in a browser, until Ctrl-C.
+    """Show every finger live in a browser, until Ctrl-C.
 
     Run it beside `tactile rig`, `tactile sense`, `tactile hand` or any launch file: it finds
     fingers by their topics on the same ROS domain. Those commands also take ``--watch``, which
     costs less than a process of its own.
 
     For each finger the page shows tension with the phases of the trial, the spectrum of the
-    partial window, the answer with its probabilities or *unknown*, slip, and the health of each
-    device with its remedy. Its buttons tare the sensor, home the guide and run a trial. The
-    address that is printed holds a token for these; without the token a page can look and
-    **stop** only. Stop is no replacement for the switch of your rig.
+    partial window, the label with its probabilities or *unknown*, slip, and the health of each
+    device with its remedy. Its buttons tare the sensor, home the guide and run a trial. They need
+    the token in the printed address. Without the token a page can only show and **stop**. Stop
+    does not replace the emergency stop of your rig.
     """
     with refusals():
         from tactile_lab.commands.running.watch import run_watch

@@ -100,8 +100,8 @@ class TrialsRequest:
     session: Annotated[
         str,
         typer.Option(
-            help='Name of the session, such as one that is to go on; part of the names of the '
-            'trials. Default: the time.'
+            help='Name of the session, also of an earlier one to continue; part of the names of '
+            'the trials. Default: the time.'
         ),
     ] = ''
     mounting: Annotated[

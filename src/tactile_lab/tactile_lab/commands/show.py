@@ -89,6 +89,7 @@ def run_show(path: Path, plot: Path | None, trial: int, *, as_json: bool) -> Non
         archive = load_archive(path, folds=0, skip_bad=True)
         contents = describe_archive(archive)
     else:
+        _refuse_collection(path)
         with TactileBag(path) as bag:
             contents = describe_bag(bag)
     if plot is not None:
@@ -261,3 +262,13 @@ def plot_archive(plot: Path, archive: LabelledTrials, number: int) -> None:
     if 1 < archive.x.shape[1] <= 10:
         axes.legend()
     figure.savefig(plot, dpi=130)
+
+
+def _refuse_collection(path: Path) -> None:
+    """Refuse a folder of bags or models; `tactile show` takes one of them."""
+    inside = sorted([p.parent for p in path.glob('*/metadata.yaml')] + [*path.glob('*.onnx')])
+    if inside and not (path / 'metadata.yaml').exists():
+        raise TactileError(
+            f'{path} is a folder of {len(inside)} recordings or models; name one, such as '
+            f'{inside[0]}'
+        )

@@ -53,8 +53,8 @@ def run_simulate(request: SimulateRequest, *, as_json: bool) -> bool:
         raise TactileError('--speed is for texture: nothing else glides over a plate')
     if request.design == AS_PUBLISHED and request.sessions != 1:
         raise TactileError(
-            f'--sessions is {request.sessions}, but --design {AS_PUBLISHED} has one session: that '
-            f'is all the paper tells of; leave --sessions away, or use --design {CROSSED}'
+            f'--sessions is {request.sessions}, but --design {AS_PUBLISHED} has one session, '
+            f'as the paper states none; omit --sessions, or use --design {CROSSED}'
         )
     per_mounting = request.trials_per_label if request.design == AS_PUBLISHED else 1
     catalogue = Catalogue(request.description)

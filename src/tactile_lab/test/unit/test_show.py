@@ -47,6 +47,14 @@ def test_bag_lists_its_trials_and_draws_one(stiffness_bag, tmp_path, capsys):
         run_show(stiffness_bag, picture, 16, as_json=True)
 
 
+def test_folder_of_models_or_bags_names_one_of_them(tmp_path):
+    (tmp_path / 'a.onnx').touch()
+    with pytest.raises(
+        TactileError, match=r'folder of 1 recordings or models; name one, .*a\.onnx'
+    ):
+        run_show(tmp_path, None, 1, as_json=True)
+
+
 def test_archive_of_one_trial_is_enough(tmp_path, capsys):
     path, picture = tmp_path / 'one.npz', tmp_path / 'one.png'
     np.savez(path, x=np.sin(np.arange(300.0))[None, None], label=np.array(['R1']), rate_hz=100.0)

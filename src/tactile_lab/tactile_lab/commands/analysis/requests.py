@@ -41,8 +41,8 @@ RepetitionsOption = Annotated[
     Optional[int],
     typer.Option(
         min=1,
-        help='How often it is repeated. Default: 10; once where trials squared times features '
-        'are more than 2e9, and what else takes long is left out then.',
+        help='How often it is repeated. Default: 10; for large data (trials squared times '
+        'features above 2e9) once, without learning curves and feature selection.',
     ),
 ]
 TaskOption = Annotated[
@@ -274,14 +274,14 @@ class TrainRequest(TrialOptions):
             '--false-alarms',
             min=0.001,
             max=0.5,
-            help='Share of trials on known things that the model may call unknown; it finds its '
-            'threshold on trials held out.',
+            help='False rejection rate: share of trials with known labels that the model may '
+            'classify as unknown. The threshold comes from held-out trials.',
         ),
     ] = 0.05
     running: Annotated[
         Optional[str],
         typer.Option(
-            help='Texture: answer also after so many seconds of the window, as in '
+            help='Texture: early predictions after these seconds of the window, as in '
             '--running 0.5,1,1.5,2,2.5.'
         ),
     ] = None
@@ -291,7 +291,7 @@ class TrainRequest(TrialOptions):
             '--stop-error',
             min=0.001,
             max=0.5,
-            help='Share of wrong answers among those that are decided before the window is full.',
+            help='Share of wrong labels among trials that are decided before the window is full.',
         ),
     ] = 0.05
     over: OverOption = None
@@ -300,8 +300,8 @@ class TrainRequest(TrialOptions):
         Optional[Path],
         typer.Option(
             metavar='MODEL',
-            help='Train nothing: write this model for the session of the bags, which hold five '
-            'or more of its trials with known labels. Threshold and features are corrected.',
+            help='Do not train. Correct threshold and features of this model for the session of '
+            'the bags, by five or more of its trials with known labels.',
         ),
     ] = None
     features: Annotated[
