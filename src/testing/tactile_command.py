@@ -21,6 +21,9 @@ from typer.testing import CliRunner
 QUICK = 'trial_runner:\n  ros__parameters:\n    approach_speed_m_s: 0.1\n'
 """A file of parameters that shortens trials where the way to the object is not looked at."""
 
+SHORT_HOLD = QUICK + '    hold_s: 2.8\n'
+"""The same where no model answers: a hold as short as a stiffness window of 2.6 s allows."""
+
 
 def tactile(*arguments):
     """Run the command; return returncode, stdout and stderr, as a process of its own would."""

@@ -31,7 +31,7 @@ import pytest
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
-from tactile_command import QUICK, tactile
+from tactile_command import QUICK, SHORT_HOLD, tactile
 from tactile_lab import options
 from tactile_lab.cli import data as cli_data
 from tactile_lab.cli import devices as cli_devices
@@ -42,16 +42,6 @@ from tactile_lab.cli import sensing as cli_sensing
 from waiting import wait_until
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
-
-
-def in_a_process(*arguments):
-    """Run a command as a user does: one that needs a rig, nodes or signals of its own."""
-    return subprocess.run(
-        [sys.executable, '-c', PROGRAM, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
 
 
 @pytest.fixture
@@ -212,7 +202,7 @@ def test_trials_are_run_recorded_and_replayed(rewrite, trained, quick, tmp_path)
     bag = tmp_path / 'bag'
     options = ('--simulated', '--models', trained, '-o', bag, '--session', 's', '--json')
     command = ['trials', 'stiffness', '--object', 'none', '--mounting', 'm', *quick, *options]
-    done = in_a_process(*command)
+    done = tactile(*command)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert document['simulated'] is True
@@ -222,7 +212,7 @@ def test_trials_are_run_recorded_and_replayed(rewrite, trained, quick, tmp_path)
     with TactileBag(bag) as recorded:
         events = [event for _, event in read_records(recorded.messages(EVENT))]
     assert {event.mounting_id for event in events} == {'m'}
-    done = in_a_process('replay', bag)
+    done = tactile('replay', bag)
     assert done.returncode == 0, done.stdout
     assert done.stdout.count('equal, bit for bit') == 2
 
@@ -238,7 +228,7 @@ def test_trials_are_run_recorded_and_replayed(rewrite, trained, quick, tmp_path)
 
 def test_trials_on_what_is_not_there_are_refused(tmp_path):
     options = ('--simulated', '-o', tmp_path / 'bag')
-    done = in_a_process('trials', 'texture', '--object', 'X9', *options)
+    done = tactile('trials', 'texture', '--object', 'X9', *options)
     assert done.returncode == 2
     assert 'X9' in done.stderr
     assert 'no bag: 0 of 1 trials on X9' in done.stdout
@@ -258,10 +248,11 @@ def test_an_option_that_is_given_twice_is_refused(tmp_path):
     assert 'times' not in done.stderr
 
 
-def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(quick, tmp_path):
-    bag = tmp_path / 'bag'
+def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(tmp_path):
+    bag, parameters = tmp_path / 'bag', tmp_path / 'quick.yaml'
+    parameters.write_text(SHORT_HOLD)
     command = ['trials', 'stiffness', '--object', 'pla', '--count', '5', '--simulated', '-o', bag]
-    command += quick
+    command += ['--params', parameters]
     process = subprocess.Popen(
         [sys.executable, '-c', PROGRAM, *map(str, command)],
         stdout=subprocess.PIPE,
@@ -281,7 +272,7 @@ def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(qui
     with TactileBag(bag) as recorded:
         last = [event for _, event in read_records(recorded.messages(EVENT))][-1]
     assert (last.phase, last.trial_id[-5:]) == ('aborted', '-0002')
-    done = in_a_process('replay', bag)
+    done = tactile('replay', bag)
     assert done.returncode == 0, done.stdout
     assert done.stdout.count('equal, bit for bit (2 feature windows') == 2
 
@@ -332,15 +323,15 @@ def test_demo_keeps_an_existing_folder(tmp_path):
 def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
     params = tmp_path / 'params.yaml'
     params.write_text('tendon_senser:\n  ros__parameters:\n    rate_hz: 60.0\n')
-    done = in_a_process('rig', '--simulated', '--params', params)
+    done = tactile('rig', '--simulated', '--params', params)
     assert done.returncode == 2
     assert 'tendon_senser' in done.stderr
     params.write_text('tendon_sensor:\n  ros__parameters:\n    ratehz: 60.0\n')
-    done = in_a_process('rig', '--simulated', '--params', params)
+    done = tactile('rig', '--simulated', '--params', params)
     assert done.returncode == 2
     assert 'no parameter ratehz' in done.stderr
     params.write_text('tendon_sensor:\n  ros__parameters:\n    rate_hz: -1.0\n')
-    done = in_a_process('rig', '--simulated', '--params', params)
+    done = tactile('rig', '--simulated', '--params', params)
     assert done.returncode == 2
     assert 'rate_hz' in done.stderr
     assert 'Traceback' not in done.stderr

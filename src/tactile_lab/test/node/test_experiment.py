@@ -22,7 +22,7 @@ import time
 
 from tactile_bags import EVENT, TactileBag
 from tactile_bags.message_records import read_records
-from tactile_command import QUICK, tactile
+from tactile_command import SHORT_HOLD, tactile
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import read_journal
@@ -80,7 +80,7 @@ def phases(folder, trial_id):
 
 def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path):
     parameters = tmp_path / 'quick.yaml'
-    parameters.write_text(QUICK)
+    parameters.write_text(SHORT_HOLD)
     quick = ('--params', parameters)
     plan = tmp_path / 'soft.yaml'
     options = ['--protocol', 'stiffness', '--objects', 'pla,sponge', '--sessions', '2']

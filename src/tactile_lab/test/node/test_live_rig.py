@@ -63,9 +63,11 @@ class Watcher(Node):
         return [event.phase for event in self.events]
 
     def wait_for_phase(self, phase):
-        wait_until(
-            lambda: phase in self.phases(), lambda: f'{phase} never began; seen: {self.phases()}'
-        )
+        def has_begun():
+            assert phase == 'aborted' or 'aborted' not in self.phases(), self.events[-1].message
+            return phase in self.phases()
+
+        wait_until(has_begun, lambda: f'{phase} never began; seen: {self.phases()}')
 
     def start_trial(self, protocol):
         assert self.client.wait_for_server(timeout_sec=DEADLINE_S)

@@ -154,11 +154,10 @@ def test_single_precision_is_close_or_says_that_it_failed():
     assert good.sum() >= 2
     error = np.abs(single.rows[at.TENSION] - double.rows[at.TENSION])[good]
     assert 0 < error.max() < 0.02
-    # Asked for what its digits cannot give, it fails and says so.
-    tight = run(
-        scene, STEP_S, tendon, guide, variation=variation, solver='numpy', dtype=np.float32
-    )
-    error = np.abs(tight.rows[at.TENSION] - double.rows[at.TENSION])
+    # Asked for what its digits cannot give, it fails and says so. One trial: a failure is slow.
+    one = variation.select(slice(1))
+    tight = run(scene, STEP_S, tendon, guide, variation=one, solver='numpy', dtype=np.float32)
+    error = np.abs(tight.rows[at.TENSION] - double.rows[at.TENSION, :1])
     for trial, step in enumerate(tight.failed):
         known = slice(None) if step < 0 else slice(0, step)
         assert error[trial, known].max() < 0.02
