@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
@@ -112,28 +113,30 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         'declarations': ['python', 'tools/declarations.py'],
         'documentation': site_command(workspace),
     }
-    outcomes = []
-    for name, command in rules.items():
-        command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
-        print(f'{name} ... ', end='', flush=True)
-        started = time.monotonic()
-        done = subprocess.run(
-            command,
-            cwd=ROOT,
-            env=workspace.environment(),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        outcome = Outcome(name, seconds=time.monotonic() - started)
-        if done.returncode:
-            outcome.failed = 1
-            print(f'failed\n{done.stdout}', flush=True)
-        else:
-            outcome.passed = 1
-            print(f'{outcome.seconds:.0f} s', flush=True)
-        outcomes.append(outcome)
-    return outcomes
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda rule: check_rule(workspace, *rule), rules.items()))
+
+
+def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
+    """Run one of the linters and type checks; say how it went."""
+    command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
+    started = time.monotonic()
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env=workspace.environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    outcome = Outcome(name, seconds=time.monotonic() - started)
+    if done.returncode:
+        outcome.failed = 1
+        print(f'{name} failed\n{done.stdout}', flush=True)
+    else:
+        outcome.passed = 1
+        print(f'{name}: {outcome.seconds:.0f} s', flush=True)
+    return outcome
 
 
 def run_pytest(
