@@ -141,8 +141,8 @@ class ClassifierConfig:
     )
     recalibration_trials: int = parameter(
         0,
-        'recalibrate the model with the first so many trials of each session whose object_label '
-        'is stated and known to it; 0: do not, otherwise 5 or more',
+        'number of trials at the start of each session to recalibrate with, whose object_label '
+        'is stated and known to the model; 0: do not, otherwise 5 or more',
         unit='1',
         range=(0, 1000),
     )

@@ -112,8 +112,8 @@ class FeatureConfig:
     )
     running_samples: tuple[int, ...] = parameter(
         (),
-        'after so many samples of a texture window, features of these are published as running; '
-        'rising, 30 or more and fewer than texture_samples',
+        'lengths of the partial windows of texture whose features are published on '
+        '~/running_features, in samples; rising, 30 or more and fewer than texture_samples',
         unit='1',
         element=int,
     )

@@ -296,6 +296,6 @@ def _trim(news: float, known: float, count: float) -> float:
 
 
 def _normalise(t_squared: float, freedom: float) -> float:
-    """Normal deviate as unlikely as Student's t of so many degrees of freedom; 0 for 0."""
+    """Return the normal deviate with the tail probability of Student's t; 0 for t = 0."""
     share = (8 * freedom + 1) / (8 * freedom + 3)
     return share * math.sqrt(freedom * math.log1p(t_squared / freedom))

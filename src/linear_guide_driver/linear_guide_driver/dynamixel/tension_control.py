@@ -31,11 +31,11 @@ DEAD_BAND = 0.01
 the servo is 15 um of tendon."""
 
 NEAR = 0.02
-"""Share of the limit by which it may be off to count as reached: a finger creeps away from
-its target nearly as fast as the last of the gap is closed."""
+"""Tolerance of a reached target, as a share of the limit. The finger creeps away from the target
+almost as fast as the last of the gap is closed."""
 
 STEPS_NEAR = 3
-"""So many steps in a row that near are no chance."""
+"""Consecutive steps within tolerance after which the target counts as reached."""
 
 LONGEST_STEP_S = 0.1
 LEAD_S = 0.1

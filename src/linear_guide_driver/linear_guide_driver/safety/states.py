@@ -49,4 +49,4 @@ class Ending(Enum):
     REACHED = 'the stop tension was reached'
     OVER_LIMIT = 'the limit was exceeded'
     LOST = 'something needed was lost'
-    STOPPED = 'somebody stopped it'
+    STOPPED = 'it was stopped on request'

@@ -287,7 +287,9 @@ class McapFile:
         self.counts = self.segments.counts
         unknown = sorted(self.counts.keys() - self.topics.keys())
         if unknown:
-            raise BagError(f'messages are on channel {unknown[0]}, which nobody announced')
+            raise BagError(
+                f'messages are on channel {unknown[0]}, which no channel record defines'
+            )
 
     def _drop_damaged_end(self) -> None:
         """Of the last chunk, keep what came to the disk."""

@@ -378,9 +378,7 @@ def trials_from_arrays(
     )
     loaded = loaded.drop(find_unusable(path, x, lengths))
     if folds and len(np.unique(loaded.label)) < 2:
-        raise DatasetError(
-            f'{path} has one class only, "{loaded.label[0]}": nothing to tell apart'
-        )
+        raise DatasetError(f'{path} has one class only, "{loaded.label[0]}"; record at least two')
     if len(loaded) < folds:
         raise DatasetError(f'{path} has {len(loaded)} trials, fewer than the {folds} folds')
     doubts = describe_doubts(path, loaded.x, loaded.lengths, loaded.rows)

@@ -221,7 +221,7 @@ def stated_split(
         )
     if len(known) < 2:
         raise EvaluationError(
-            f'the trials with {train_is} are all of one class: nothing to tell apart'
+            f'the trials with {train_is} are all of one class; choose at least two'
         )
     fold = (np.flatnonzero(train), np.flatnonzero(test))
     name = f'trained on {train_is} ({train.sum()} trials), tested on {test_is}'
@@ -231,7 +231,7 @@ def stated_split(
 def _check_classes(table: FeatureTable) -> None:
     classes = np.unique(table.labels)
     if len(classes) < 2:
-        raise EvaluationError(f'there is one class only, "{classes[0]}": nothing to tell apart')
+        raise EvaluationError(f'there is one class only, "{classes[0]}"; record at least two')
 
 
 def _checked(split: Split) -> Split:

@@ -260,7 +260,7 @@ def _pool_unknown(
     if not found:
         raise EvaluationError(
             f'the trials do not allow it: label "{label}" is never held out together with '
-            f'another one ({split}), so there is nothing known to tell it from; record several '
+            f'another one ({split}), so no known label remains to compare with; record several '
             'labels in each session, or hold out by another column'
         )
     missed = np.concatenate([missed for _, missed in found])

@@ -152,7 +152,7 @@ def train(
         )
     labels = np.unique(table.labels)
     if len(labels) < 2:
-        raise DatasetError(f'there is one class only, "{table.labels[0]}": nothing to tell apart')
+        raise DatasetError(f'there is one class only, "{table.labels[0]}"; record at least two')
     if len(table) < 3:
         raise DatasetError('training needs three trials at least')
     tables = {0: table, **dict(sorted((running or {}).items()))}

@@ -56,7 +56,7 @@ class WindowSpec:
     shortest_s : float
         The window is refused when the phase leaves less between its crops [s].
     sample_count : int
-        The window is so many samples, the first ones after the crop; 0: all between the crops.
+        Length of the window after the crop, in samples; 0: all samples between the crops.
     """
 
     crop_start_s: float

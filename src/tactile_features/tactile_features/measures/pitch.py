@@ -32,7 +32,7 @@ MIN_PERIODS = 3
 
 MAX_HARMONICS = 12
 MAX_SAMPLES = 720
-"""A longer window is averaged down to at most so many samples."""
+"""Largest number of samples; a longer window is averaged down to it."""
 
 FALSE_ALARM = 1e-3
 """Probability that a window without a period is said to have one."""

@@ -31,7 +31,7 @@ MEMORY = 900
 """Fewest of the last samples that are kept."""
 
 SLOPE_STEPS = 5
-"""A slope is taken over so many steps."""
+"""Number of steps over which a slope is computed."""
 
 _BEND_BEFORE = 6  # samples before a place in which the bend near it is looked for
 _BEND_AFTER = 6  # and samples behind it

@@ -161,7 +161,7 @@ app.add_typer(experiment.make_app(_interruptible, StrictCommand), name='experime
 
 def main() -> int:
     """Run the command that the arguments name."""
-    # Nobody else on the network moves our rig, nor hears it, unless the environment says so.
+    # Other computers cannot reach our nodes unless the environment allows it.
     os.environ.update(choose_transports(os.environ, 'LOCALHOST'))
     try:
         app()

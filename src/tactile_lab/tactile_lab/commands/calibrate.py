@@ -176,7 +176,7 @@ class _Prompt:
         what = f'hang {mass_kg:g} kg' if mass_kg else 'take all weights off'
         self._output.say(f'{what}, let it come to rest, then Enter')
         if not sys.stdin.readline():
-            raise TactileError('nobody answers on standard input; use a terminal')
+            raise TactileError('standard input has ended; run the command in a terminal')
 
 
 class _Listener:

@@ -71,7 +71,7 @@ def run_devices(
     if found:
         output.say(_as_table(found))
     elif topics:
-        output.say('Nobody publishes a force on this ROS domain; see "ros2 topic list -t".')
+        output.say('No node publishes a force on this ROS domain; see "ros2 topic list -t".')
     else:
         output.say(
             'No serial port is there. Check cables and power; adapters show up in the output of '

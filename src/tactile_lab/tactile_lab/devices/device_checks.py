@@ -202,8 +202,8 @@ def _try_watchdog(
         return []
     return [
         Problem(
-            f'the servo goes on though the bus has been silent for {config.watchdog_s:g} s',
-            'see whether something else talks on the bus; update the firmware',
+            f'the servo keeps moving although the bus was silent for {config.watchdog_s:g} s',
+            'check that no other device sends on the bus; update the firmware',
         )
     ]
 

@@ -112,7 +112,7 @@ class RunningLiveBench:
             trial = self.rig.run(request)
             window, tension_n = observer.end(order.trial_id)
         except StoppedError as error:  # a person said so: it is not offered again by itself
-            raise ExperimentError(f'{error}; the same command goes on from here') from error
+            raise ExperimentError(f'{error}; run the same command to continue') from error
         finally:
             self._save()
         return judge(trial, window, summarise_tension(tension_n))

@@ -164,9 +164,9 @@ def _add_measures(page: Page, found: Sequence[tuple[SetResult, Sequence[MeasureS
     page.paragraph(
         'Physical quantities of the same windows; nothing is trained. The stated uncertainty is '
         'the median of the standard uncertainties that the values come with. The spread is half '
-        'the width of the range in which the middle 68 % of the values lie: it has what differs '
-        'from trial to trial in it, but not what all trials share, such as a wrong speed. What '
-        'the stiffness of a press means stands in docs/measures.md: it is that at the tendon.'
+        'the width of the range of the middle 68 % of the values. It contains differences between '
+        'trials, but no error that all trials share, such as a wrong speed. The stiffness of a '
+        'press is measured at the tendon: see docs/measures.md.'
     )
     for result, summaries in found:
         page.subheading(result.recordings.title)

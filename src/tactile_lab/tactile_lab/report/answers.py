@@ -52,7 +52,7 @@ SPREAD_NEEDS = 5
 """Of fewer values no spread is told."""
 
 STEPS = 6
-"""Early predictions are given after each of so many equal parts of the window."""
+"""Number of equal parts of the window; an early prediction follows each."""
 
 
 @dataclass(frozen=True)

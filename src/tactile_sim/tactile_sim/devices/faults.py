@@ -105,7 +105,7 @@ KINDS: Mapping[str, Mapping[str, Kind]] = {
         **_LINE_KINDS,
         'drop': Kind('count packets are lost, or all while it lasts', _COUNT),
         'corrupt': Kind('one bit of a share of the packets flips', _SHARE),
-        'noise': Kind('half packets though nobody has asked'),
+        'noise': Kind('half packets without a request'),
         'overheat': Kind(
             'the servo is hot and switches its torque off; the error stays until a reboot',
             {'temperature_c': Option(85.0, 80.0, 150.0)},

@@ -60,7 +60,7 @@ class LineFault:
 
 
 class Mute(LineFault):
-    """The device's transmit wire is broken: it hears, and nobody hears it."""
+    """The transmit wire of the device is broken; it still receives."""
 
     def say(self, data: bytes, now_s: float) -> bytes:
         return b''
@@ -183,7 +183,7 @@ class Corrupt(_Spoiler):
 
 
 class Noise(LineFault):
-    """Half packets come though nobody has asked.
+    """Half packets arrive without a request.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ class DigitalFtLink:
             if self._is_quiet():
                 return
         raise LinkError(
-            f'what is at {self._name} does not stop sending; is it a Digital F/T, and alone?'
+            f'the device at {self._name} does not stop sending; connect one Digital F/T alone'
         )
 
     def read_status(self) -> int:

@@ -158,7 +158,7 @@ class _Watch:
         if now_s - self._heard_s > self._dead_s:
             raise LinkError(
                 f'no records from the Net F/T at {self._host} for {now_s - self._heard_s:.1f} s; '
-                'check its power and cable, and that nobody else has started its stream'
+                'check its power and cable, and that no other program has started its stream'
             )
         if now_s - self._asked_s < self._wait_s:
             return False

@@ -60,7 +60,9 @@ class Terminal:
         self.say(text)
         line = sys.stdin.readline()
         if not line:
-            raise ExperimentError('nobody answers on standard input; use a terminal, or --yes')
+            raise ExperimentError(
+                'standard input has ended; run the command in a terminal, or use --yes'
+            )
         return line.strip().lower()
 
     def begin_session(self, session_id: str, trials: int) -> bool:
