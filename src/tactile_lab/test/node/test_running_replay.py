@@ -55,6 +55,13 @@ def table(tmp_path_factory):
     return table
 
 
+@pytest.fixture(scope='module')
+def rig():
+    with SimulatedRig(seed=3) as rig:
+        home_fast(rig)
+        yield rig
+
+
 @pytest.fixture
 def model(table, tmp_path):
     """Return a file of any name: it says itself what it is for, and what it wants."""
@@ -63,10 +70,9 @@ def model(table, tmp_path):
     return path
 
 
-def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
+def test_running_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
     bag = tmp_path / 'bag'
-    with domain_id() as domain, SimulatedRig(seed=3) as rig:
-        home_fast(rig)
+    with domain_id() as domain:
         setup = LiveSetup(
             Ports(*rig.ports),
             bag,
@@ -91,12 +97,11 @@ def test_running_answers_are_recorded_and_replayed_equal(model, tmp_path):
         replay_and_compare(bag, None, through_nodes=False)
 
 
-def test_a_model_for_any_contact_answers_a_live_trial(table, tmp_path):
+def test_a_model_for_any_contact_answers_a_live_trial(rig, table, tmp_path):
     contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
     mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
     model = write_model(tmp_path / 'texture.onnx', train(mixed, 'knn'))
-    with domain_id() as domain, SimulatedRig(seed=3) as rig:
-        home_fast(rig)
+    with domain_id() as domain:
         setup = LiveSetup(
             Ports(*rig.ports),
             tmp_path / 'bag',
