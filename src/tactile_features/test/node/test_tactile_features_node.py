@@ -15,6 +15,8 @@
 """The node over DDS: what it publishes is what the core computes."""
 
 from functools import partial
+import gc
+import weakref
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -115,6 +117,14 @@ class Bench:
         self.node.take_down()
         self.executor.shutdown()
         self.peer.destroy_node()
+
+
+@pytest.fixture
+def uncollected():
+    """Nothing is collected, so that only what nobody holds is gone."""
+    gc.disable()
+    yield
+    gc.enable()
 
 
 @pytest.fixture
@@ -304,6 +314,17 @@ def test_starts_afresh_after_cleanup(make_bench):
     bench.bring_up()
     assert bench.node.extractor.block_count == 0
     bench.send_blocks(10, 10)
+
+
+def test_samples_are_let_go_at_cleanup_and_not_when_python_collects(make_bench, uncollected):
+    bench = make_bench()
+    bench.bring_up()
+    bench.send_blocks(0, 10)
+    before = weakref.ref(bench.node.extractor)
+    bench.node.trigger_deactivate()
+    bench.node.trigger_cleanup()
+    bench.bring_up()
+    assert before() is None
 
 
 def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):

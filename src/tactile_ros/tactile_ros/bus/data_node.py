@@ -94,8 +94,9 @@ class DataNode(TactileNode):
             subscription.callback(*(taken if takes_info else taken[:1]))
 
         def call() -> None:
-            if subscription in self._listening:
-                deliver(inbox.take())
+            # Not by name: a circle would keep what the callback holds until Python collects it.
+            if listening := self._listening.get(subscription):
+                deliver(listening[0].take())
 
         inbox = Inbox(depth_of(subscription.qos_profile), lambda: self.worker.submit(call))
         self._listening[subscription] = inbox, deliver

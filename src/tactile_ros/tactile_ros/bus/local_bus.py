@@ -261,6 +261,8 @@ class RecordSubscription:
         BUS.remove(self._key, 'inboxes', self._inbox)
         self._receiver.remove(self._subscription)
         self._node.destroy_subscription(self._subscription)
+        # What the callbacks hold must not wait until Python collects this object.
+        del self._subscription, self._on_message, self._on_record
 
     def _subscribe(self) -> None:
         self._subscription = Node.create_subscription(
