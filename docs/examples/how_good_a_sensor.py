@@ -50,5 +50,6 @@ for setting, (train, test) in zip(settings, make_features(study, catalogue, 'tex
 # %%
 figure, axes = plt.subplots(figsize=(6, 3), layout='constrained')
 axes.semilogx(noises_n, [100 * accuracy for accuracy in accuracies], 'o-')
-axes.axhline(12.5, linestyle=':', color='gray')
+axes.axhline(12.5, linestyle=':', color='gray', label='chance')
+axes.legend()
 axes.set(xlabel='noise of the sensor [N]', ylabel='accuracy [%]', title='SIMULATED: texture, flexion', ylim=(0, 103))
