@@ -51,4 +51,4 @@ def run_sensing(name: str, values: Mapping[str, str], view: View) -> None:
         plan = plan_launch(name, given, Path(scratch))
         for rig in plan.rigs:
             stack.enter_context(SimulatedRig(rig.seed, rig.links))
-        run_nodes(plan.nodes, '', 'sensing', view, simulated=given.get('rig') == 'simulated')
+        run_nodes(plan.nodes, '', 'sensor nodes', view, simulated=given.get('rig') == 'simulated')
