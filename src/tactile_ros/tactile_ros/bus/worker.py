@@ -130,6 +130,7 @@ class Worker:
             except Exception as error:
                 self._on_error(error)
                 return
+            del job  # it would keep what it holds until the next one comes
 
     def _next_job(self) -> Callable[[], object]:
         periodic = self._periodic
