@@ -188,8 +188,15 @@ def _finger_nodes(
     finger: Finger, port: str, values: LaunchValues, *, simulated: bool
 ) -> list[NodeDescription]:
     namespace = join_namespaces(values['namespace'], finger.name)
+    phases = finger.phases or values['phases']
+    choices = next(a.choices for a in LAUNCH_FILES['hand'] if a.name == 'phases')
+    if phases not in choices:
+        raise TactileError(
+            f'phases of the finger {finger.name} is "{phases}"; it must be one of '
+            + ', '.join(choices)
+        )
     model = finger.model or values.path('model')
-    models = _models_of_contact(find_models(model), values['contact']) if model else {}
+    models = _models_for(find_models(model), phases, values['contact']) if model else {}
     slips = values['slip'] == 'true' if finger.slip is None else finger.slip
     names = (*SENSING_NODES, *([SLIP_NODE] if slips else []), *models)
     unknown = [node for node in finger.parameters if node not in names]
@@ -197,13 +204,6 @@ def _finger_nodes(
         raise TactileError(
             f'the finger {finger.name} has parameters for {", ".join(unknown)}; its nodes are '
             f'{", ".join(names)}'
-        )
-    phases = finger.phases or values['phases']
-    choices = next(a.choices for a in LAUNCH_FILES['hand'] if a.name == 'phases')
-    if phases not in choices:
-        raise TactileError(
-            f'phases of the finger {finger.name} is "{phases}"; it must be one of '
-            + ', '.join(choices)
         )
     # What only this finger's description says wins over the file for all of them.
     stated = merge_parameters(values.parameters(names, namespace), finger.parameters)
@@ -227,17 +227,17 @@ def _finger_nodes(
     return nodes
 
 
-def _models_of_contact(models: Mapping[str, str], contact: str) -> Mapping[str, str]:
-    """Return the models that take windows of a contact; all of them where it is not known."""
-    if not contact:
-        return models
-    taken = {
-        name: file
-        for name, file in models.items()
-        if parse_classifier_name(name)[1] in (contact, '')
-    }
+def _models_for(models: Mapping[str, str], phases: str, contact: str) -> Mapping[str, str]:
+    """Return the models that windows of these phases and of this contact can reach."""
+    task = '' if phases == PHASES_STATED else phases
+    taken = {}
+    for name, file in models.items():
+        of_task, of_contact = parse_classifier_name(name)
+        if task in ('', of_task) and (not contact or of_contact in (contact, '')):
+            taken[name] = file
     if not taken:
-        raise TactileError(f'no model is for {contact}, only {", ".join(models)}')
+        what = ' '.join(filter(None, (task, contact)))
+        raise TactileError(f'no model is for {what}, only {", ".join(models)}')
     return taken
 
 

@@ -82,7 +82,8 @@
       this.showScores(answer);
       const notes = [];
       for (const m of (finger.window ? finger.window.measures : [])) {
-        notes.push(`${m.name.replaceAll('_', ' ')} ${m.value} ${m.unit}`);
+        const [value, unit] = m.unit === 'm' ? [Number((1000 * m.value).toPrecision(4)), 'mm'] : [m.value, m.unit];
+        notes.push(`${m.name.replaceAll('_', ' ')} ${value} ${unit}`);
       }
       notes.push(`model ${answer.model}${answer.simulated ? ', SIMULATED' : ''}`);
       set(this.find('.note'), notes.join(' \u00b7 '));
