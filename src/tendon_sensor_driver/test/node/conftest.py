@@ -72,7 +72,10 @@ class Graph:
 
     def spin_until(self, condition, timeout_s=10.0):
         step = partial(self.executor.spin_once, timeout_sec=0.05)
-        wait_until(condition, timeout_s=timeout_s, step=step)
+        wait_until(condition, self._explain, timeout_s=timeout_s, step=step)
+
+    def _explain(self):
+        return f'the condition was not met in time; diagnostics: {self.sentence()!r}'
 
     def is_matched(self):
         """Whether both ends know each other; the graph's counts come before that."""
