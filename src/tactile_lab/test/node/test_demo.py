@@ -26,7 +26,7 @@ from tactile_lab.commands.running import demo
 
 
 def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys, monkeypatch):
-    # A cross-validation that is repeated ten times takes longer than all the rest.
+    # Repetitions of a cross-validation are tested where evaluations are.
     monkeypatch.setattr(demo, 'TrainRequest', partial(TrainRequest, repetitions=1))
     folder = tmp_path / 'demo'
     assert demo.run_demo(folder, seed=5, short=True, trials=4, as_json=True)
