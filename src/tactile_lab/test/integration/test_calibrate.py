@@ -83,5 +83,5 @@ def test_what_cannot_be_calibrated_is_refused(tmp_path, monkeypatch):
     with pytest.raises(TactileError, match='leave --sensor out'):
         run_calibrate(request(sensor='/dev/ttyUSB0'), as_json=True)
     monkeypatch.setattr('sys.stdin', io.StringIO(''))
-    with WeightStand() as stand, pytest.raises(TactileError, match='nobody answers'):
+    with WeightStand() as stand, pytest.raises(TactileError, match='standard input has ended'):
         run_calibrate(request(simulated=False, sensor=stand.port), as_json=True)

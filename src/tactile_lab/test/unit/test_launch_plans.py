@@ -396,7 +396,7 @@ def test_the_contact_narrows_the_models_of_a_finger(phases, trained, tmp_path):
     assert every - flexion == {'stiffness_abduction_classifier'}
     (models / 'stiffness.onnx').unlink()
     (models / 'stiffness_flexion.onnx').unlink()
-    with pytest.raises(TactileError, match='no model is for (stiffness )?flexion, only'):
+    with pytest.raises(TactileError, match=r'no model is for (stiffness )?flexion, only'):
         plan_launch('sense', {**values, 'contact': 'flexion'}, tmp_path)
     with pytest.raises(TactileError, match='no model is for texture, only stiffness_abduction'):
         plan_launch('sense', {**values, 'phases': 'texture'}, tmp_path)

@@ -138,7 +138,8 @@ def test_each_type_becomes_tension_from_publishers_of_either_reliability(
             assert stamp_of(message) == now_ns + i * SECOND_NS // 60
             assert message.stamp_error_s >= 0
         else:
-            assert 0 <= stamp_of(message) - now_ns < 10 * SECOND_NS
+            # The time of a virtual machine is set by a millisecond now and then.
+            assert -SECOND_NS // 100 < stamp_of(message) - now_ns < 10 * SECOND_NS
             assert message.stamp_error_s == -1.0
     assert graph.diagnostics[-1].status[0].hardware_id == '/force'
 
