@@ -22,7 +22,12 @@ from pathlib import Path
 import signal
 import sys
 
+from hypothesis import settings
 import pytest
+
+# An example that takes long on a busy computer is not wrong.
+settings.register_profile('untimed', deadline=None)
+settings.load_profile('untimed')
 
 sys.path.insert(0, str(Path(__file__).parent / 'testing'))
 

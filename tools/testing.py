@@ -29,7 +29,6 @@ import xml.etree.ElementTree as ElementTree
 from workspace import ROOT, Workspace
 
 COMPUTING = ('unit', 'analysis')
-COMPUTING_NICENESS = 15
 
 
 @dataclass
@@ -63,7 +62,7 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         default=(3 * (os.cpu_count() or 1) + 1) // 2,
         metavar='N',
         help='processes for tests that wait for devices and nodes (default: three for two '
-        'cores); tests that compute have one a core, and yield to them',
+        'cores); tests that compute follow, with one a core',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
@@ -144,33 +143,26 @@ def run_pytest(
 ) -> list[Outcome]:
     """Run the tests in some folders in several processes; return an outcome a package.
 
-    Most tests of devices and nodes wait, in real time; tests of units and analyses compute. Both
-    run at once, and those that compute have the lower priority: a simulated rig without its
-    share of a core is a failed trial.
+    Tests of devices and nodes wait, in real time, and run first: a simulated rig without its share
+    of a core is a failed trial. Tests of units and analyses compute, a process a core.
     """
     computing = [folder for folder in folders if folder.name in COMPUTING]
     others = [folder for folder in folders if folder.name not in COMPUTING]
-    groups = [
-        ('others', others, options.workers, 0),
-        ('computing', computing, os.cpu_count() or 1, COMPUTING_NICENESS if others else 0),
-    ]
-    running = []
-    for name, group, workers, niceness in groups:
+    groups = [('others', others, options.workers), ('computing', computing, os.cpu_count() or 1)]
+    codes, written = [], []
+    for name, group, workers in groups:
         if not group:
             continue
         results = workspace.base / f'test_results_{name}.xml'
         results.unlink(missing_ok=True)
-        command = ['nice', '-n', str(niceness), 'python', '-m', 'pytest', '-q']
-        command += ['-c', 'pyproject.toml', '--rootdir=.']
+        command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
         command += ['--disable-warnings', '--tb=long', '--no-summary']
         command += [f'--junit-xml={results}', '-n', str(workers), '--dist=worksteal']
         command += ['-k', options.expression] if options.expression else []
-        process = subprocess.Popen(
-            [*command, *map(str, group)], cwd=ROOT, env=workspace.environment()
-        )
-        running.append((process, results))
-    codes = [process.wait() for process, _ in running]
-    outcomes = read_results([results for _, results in running if results.exists()])
+        done = subprocess.run([*command, *map(str, group)], cwd=ROOT, env=workspace.environment())
+        codes.append(done.returncode)
+        written += [results] if results.exists() else []
+    outcomes = read_results(written)
     # 5: no test is called as the expression says.
     if any(code not in (0, 5) for code in codes) and not any(o.failed for o in outcomes):
         outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
