@@ -207,7 +207,7 @@ def test_trials_are_run_recorded_and_replayed(rewrite, trained, quick, tmp_path)
     document = json.loads(done.stdout)
     assert document['simulated'] is True
     (trial,) = document['trials']
-    assert re.fullmatch(r's-stiffness-flexion-none-\d{6}-0001', trial['trial_id'])
+    assert re.fullmatch(r's-stiffness-flexion-none-\d{6}-0001(-again)?', trial['trial_id'])
     assert trial['answer'] == 'none'
     with TactileBag(bag) as recorded:
         events = [event for _, event in read_records(recorded.messages(EVENT))]

@@ -39,7 +39,8 @@ def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys, 
     (report,) = summary['replay']
     assert report['equal']
     for comparison in report['comparisons'].values():
-        assert comparison['window_count'] == comparison['classification_count'] == 4
+        # More when a busy computer had a trial run a second time.
+        assert comparison['window_count'] == comparison['classification_count'] >= 4
     assert len(list((folder / 'models').glob('*.onnx'))) == 4
     for plot in ('strain_trace.png', 'texture_spectra.png'):
         assert (folder / plot).read_bytes().startswith(b'\x89PNG')
