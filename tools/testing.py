@@ -59,10 +59,10 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
     parser.add_argument(
         '--workers',
         type=int,
-        default=(3 * (os.cpu_count() or 1) + 1) // 2,
+        default=os.cpu_count() or 1,
         metavar='N',
-        help='processes for tests that wait for devices and nodes (default: three for two '
-        'cores); tests that compute follow, with one a core',
+        help='processes for tests that wait for devices and nodes (default: one a core); tests '
+        'that compute follow, with one a core',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))

@@ -27,6 +27,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from tactile_ros.requests import send
+from waiting import wait_until
 
 DEADLINE_S = 10.0
 
@@ -72,14 +73,22 @@ class Bench:
             raise AssertionError(f'no answer in {DEADLINE_S} s; the executor {state}') from None
 
     def send(self, action_type, name, **fields):
-        if name not in self._clients:
-            self._clients[name] = ActionClient(self.peer, action_type, name)
-        client = self._clients[name]
+        client = self._clients.get(name) or self.make_client(action_type, name)
         assert client.wait_for_server(timeout_sec=DEADLINE_S)
         goal = action_type.Goal(**fields)
         return self.ask(
             lambda: client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
         )
+
+    def make_client(self, action_type, name):
+        """Make a client on the executor's thread, which could meet it half made."""
+
+        def make():
+            self._clients[name] = ActionClient(self.peer, action_type, name)
+
+        task = self.executor.create_task(make)
+        wait_until(task.done)
+        return self._clients[name]
 
     def result(self, handle):
         reply = self.ask(handle.get_result_async)
