@@ -175,7 +175,7 @@ def check_package(folder: Path) -> list[str]:
 def check_wheel(folders: Iterable[Path]) -> list[str]:
     """Return one sentence for each difference between the packages and what pip installs."""
     listed = {
-        line.partition('#')[0].strip()
+        re.split('[#<>=]', line)[0].strip()
         for line in (ROOT / 'requirements' / 'packages.txt').read_text('utf-8').splitlines()
     } - {''}
     needed = set().union(*(requirements_of(folder / 'setup.py')[0] for folder in folders))
