@@ -1,0 +1,154 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Speed against error of what this workspace computes. See docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+import time
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.measuring import Report
+from benchmarks.topics import TOPICS
+
+DESCRIPTION = """Measure the speed and the error of the numerical kernels, the
+model file, the simulator and the message path.
+
+Speed is a ratio: the time of ours over the time of a floor, measured in turns in
+the same run. The floor is the least that could do the work (a bare transform, a
+bare loop) or a peer that does the same; each table names it. A ratio of 3 says
+that ours takes three times as long. Seconds appear nowhere as a claim: they are
+the machine's, not the code's.
+
+Error is measured against a reference of higher precision, or as a count of
+answers that differ. Where a bound is stated, exceeding it is a failure.
+"""
+
+EPILOG = """exit status:
+  0 when every error is within its bound, 1 otherwise, 2 for a wrong argument.
+
+examples:
+  ./tactile run python -m benchmarks
+  ./tactile run python -m benchmarks --only spectrum --only regression
+  ./tactile run python -m benchmarks --quick --json > benchmarks.json
+"""
+
+
+def main() -> int:
+    """Run the topics that the arguments name."""
+    arguments = _parse_arguments()
+    out = Console() if sys.stdout.isatty() else Console(width=100)
+    progress = Console(stderr=True)
+    documents = {}
+    within = True
+    chosen = arguments.only
+    for topic in TOPICS:
+        if topic.name not in chosen if chosen else topic.is_long:
+            continue
+        start_s = time.perf_counter()
+        report = topic.run(arguments.quick)
+        progress.print(f'{topic.name}: {time.perf_counter() - start_s:.0f} s', style='dim')
+        within &= all(row.bound is None or row.error <= row.bound for row in report.rows)
+        documents[topic.name] = dataclasses.asdict(report)
+        if not arguments.json:
+            _print(report, out)
+    if arguments.json:
+        json.dump(documents, sys.stdout, indent=1, allow_nan=False)
+        sys.stdout.write('\n')
+    return 0 if within else 1
+
+
+def _parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks',
+        description=DESCRIPTION,
+        epilog=_list_topics() + EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        '--only',
+        metavar='NAME',
+        action='append',
+        choices=[topic.name for topic in TOPICS],
+        help='run this topic alone; may be given again for another',
+    )
+    parser.add_argument(
+        '--quick',
+        action='store_true',
+        help='fewer rounds and smaller inputs: the same errors, rougher ratios',
+    )
+    parser.add_argument(
+        '--json',
+        action='store_true',
+        help='print one JSON document instead of tables; progress goes to standard error',
+    )
+    return parser.parse_args()
+
+
+def _list_topics() -> str:
+    width = max(len(topic.name) for topic in TOPICS)
+    lines = [
+        f'  {topic.name:{width}} {"*" if topic.is_long else " "} {topic.summary}\n'
+        for topic in TOPICS
+    ]
+    return f'topics (* only when named):\n{"".join(lines)}\n'
+
+
+def _print(report: Report, out: Console) -> None:
+    rows = report.rows
+    table = Table(title=report.title, title_justify='left', title_style='bold')
+    table.add_column('case')
+    columns: list[tuple[str, Any]] = []
+    if any(row.ratio for row in rows):
+        columns.append(('time / floor', lambda row: _ratio(row.ratio)))
+    columns += [
+        (key, lambda row, key=key: _number(row.more.get(key)))
+        for key in dict.fromkeys(key for row in rows for key in row.more)
+    ]
+    for title, name in (('error', 'error'), ('bound', 'bound'), ('floor error', 'floor_error')):
+        if any(getattr(row, name) is not None for row in rows):
+            columns.append((title, lambda row, name=name: _number(getattr(row, name))))
+    for title, _ in columns:
+        table.add_column(title, justify='right')
+    for row in rows:
+        table.add_row(row.case, *(cell(row) for _, cell in columns))
+    out.print(table)
+    out.print(f'floor: {report.floor}', highlight=False)
+    out.print(f'error: {report.error}\n', highlight=False)
+
+
+def _ratio(ratio: Any) -> str:
+    if ratio is None:
+        return ''
+    return f'{_number(ratio.median)} ({_number(ratio.low)} to {_number(ratio.high)})'
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return ''
+    if isinstance(value, float):
+        return f'{value:.0f}' if 100 <= value < 1e5 else f'{value:.2g}'
+    return str(value)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,348 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How often and how exactly the phases of a trial are found in the tension itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.events.phase_streams import (
+    as_blocks,
+    Disturbance,
+    Session,
+    simulate_session,
+    StatedTrial,
+)
+from benchmarks.measuring import measure_ratio, Report, Row
+from benchmarks.recordings import find_recording, PHAC_HOLD, say_missing
+from tactile_classifier.estimators.classifiers import build_estimator, CLASSIFIERS, DEFAULT_SCALING
+from tactile_features.config import FeatureConfig
+from tactile_features.extraction.extractor import TrialFeatureExtractor
+from tactile_features.phases.signal_phases import find_phases
+from tactile_features.records import FeatureWindow, Outcome, TrialEvent
+from tactile_ros.strain import StrainBlock
+
+CONTACTS = ('flexion', 'abduction')
+MARK = {'stiffness': 'hold', 'texture': 'glide'}
+"""The phase from which a protocol's features are computed."""
+
+TOLERANCE_NS = 50_000_000
+"""Three samples at 60 Hz: a phase that begins within this of the stated one is found."""
+
+SESSIONS = 6
+TEST_SESSIONS = 2
+"""The last ones; a classifier is trained on the others."""
+
+CONDITIONS: dict[str, tuple[Disturbance, dict[str, float]]] = {
+    'noise 4 mN': (Disturbance(), {}),
+    'noise 10 mN': (Disturbance(0.010), {}),
+    'noise 20 mN': (Disturbance(0.020), {}),
+    'noise 40 mN': (Disturbance(0.040), {}),
+    'noise 120 mN': (Disturbance(0.120), {}),
+    'drift 20 mN/sqrt(s)': (Disturbance(drift_n_rt_s=0.02), {}),
+    '1 % lost': (Disturbance(lost=0.01), {}),
+    '5 % lost, noise 10 mN': (Disturbance(0.010, lost=0.05), {}),
+    'sensor ends at 70 %': (Disturbance(cut_share=0.7), {}),
+    'pull at 3 mm/s, not 10': (Disturbance(), {'pull_speed_m_s': 0.003}),
+    'pull at 30 mm/s': (Disturbance(), {'pull_speed_m_s': 0.030}),
+}
+OF_TEXTURE: dict[str, tuple[Disturbance, dict[str, float]]] = {
+    'glide at 5 mm/s, not 15': (Disturbance(), {'glide_speed_m_s': 0.005}),
+    'glide at 30 mm/s': (Disturbance(), {'glide_speed_m_s': 0.030}),
+    'rest before it 0.2 s, not 0.3': (Disturbance(), {'settle_s': 0.2}),
+    'rest before it 1 s': (Disturbance(), {'settle_s': 1.0}),
+}
+
+
+def run_phases(quick: bool) -> Report:
+    """Every object and plate, both contacts, against what the rig states."""
+    rows = []
+    sessions, trials = (2, 2) if quick else (SESSIONS, 5)
+    for protocol, mark in MARK.items():
+        conditions = CONDITIONS | (OF_TEXTURE if protocol == 'texture' else {})
+        for contact in CONTACTS:
+            for name, (disturbance, motion) in conditions.items():
+                found = _Found(mark)
+                for number in range(sessions):
+                    session = simulate_session(protocol, contact, number, trials, **motion)
+                    found.add(session, disturbance, seed=number)
+                rows.append(Row(f'{protocol} {contact}, {name}', more=found.columns()))
+    return Report(
+        'phases: found in the tension of SIMULATED trials, against those stated',
+        'none',
+        'found: all four phases, hold or glide and release within 50 ms; errors: found minus '
+        'stated, median and 99 % of their sizes; missed: no hold or glide, and said so; '
+        'wrong: all else',
+        rows,
+    )
+
+
+class _Found:
+    """Counts of one condition."""
+
+    def __init__(self, mark: str) -> None:
+        self._names = ['contact', mark, 'release', 'done']
+        self._mark = mark
+        self._errors_ms: dict[str, list[float]] = {name: [] for name in self._names}
+        self._trials = self._right = self._missed = 0
+
+    def add(self, session: Session, disturbance: Disturbance, seed: int) -> None:
+        kept, tension_n = disturbance.apply(session, seed)
+        time_ns = np.arange(len(kept)) * session.period_ns
+        config = FeatureConfig(phases=session.protocol)
+        events = find_phases(time_ns[kept], tension_n[kept], config)
+        for trial, of_trial in zip(session.trials, _by_trial(session, events), strict=True):
+            self._count(trial, of_trial)
+
+    def _count(self, trial: StatedTrial, events: Sequence[TrialEvent]) -> None:
+        self._trials += 1
+        phases = [event.phase for event in events]
+        if phases != self._names:
+            self._missed += phases in ([], ['contact', 'aborted'])
+            return
+        off_ns = {e.phase: e.stamp_ns - trial.phases_ns[e.phase] for e in events}
+        self._right += all(abs(off_ns[n]) <= TOLERANCE_NS for n in (self._mark, 'release'))
+        for name, off in off_ns.items():
+            self._errors_ms[name].append(off / 1e6)
+
+    def columns(self) -> dict[str, Any]:
+        columns: dict[str, Any] = {
+            'trials': self._trials,
+            'found %': f'{100 * self._right / self._trials:.1f}',
+            'missed': self._missed,
+            'wrong': self._trials - self._right - self._missed,
+        }
+        for name, errors in self._errors_ms.items():
+            if errors:
+                most = np.percentile(np.abs(errors), 99)
+                columns[f'{"start" if name == self._mark else name} ms'] = (
+                    f'{np.median(errors):+.0f}, {most:.0f}'
+                )
+        return columns
+
+
+def _by_trial(session: Session, events: Iterable[TrialEvent]) -> list[list[TrialEvent]]:
+    ends_ns = [trial.end_ns for trial in session.trials]
+    found: list[list[TrialEvent]] = [[] for _ in ends_ns]
+    for event in events:
+        found[int(np.searchsorted(ends_ns, event.stamp_ns, side='right'))].append(event)
+    return found
+
+
+def run_phase_rest(quick: bool) -> Report:
+    """Rest alone: every trial found is a false one."""
+    hours = 0.5 if quick else 10.0
+    count = round(hours * 3600 * 60)
+    rows = []
+    for noise_n in (0.004, 0.020, 0.120):
+        for drift_n_rt_s in (2e-4, 0.02):
+            random = np.random.default_rng(7)
+            step_n = drift_n_rt_s / np.sqrt(60.0)
+            tension_n = np.cumsum(step_n * random.standard_normal(count))
+            tension_n += noise_n * random.standard_normal(count)
+            time_ns = np.arange(count) * 16_666_667
+            events = find_phases(time_ns, tension_n, FeatureConfig(phases='stiffness'))
+            false = sum(event.phase == 'contact' for event in events)
+            case = f'noise {1e3 * noise_n:g} mN, drift {1e3 * drift_n_rt_s:g} mN/sqrt(s)'
+            # No event in T hours: below 3 / T with 95 % confidence.
+            per_hour = f'{false / hours:.2g}' if false else f'< {3 / hours:.2g}'
+            rows.append(Row(case, more={'hours': hours, 'false': false, 'an hour': per_hour}))
+    return Report(
+        'phase-rest: false pulls in the noise and drift of a finger at rest (made up)',
+        'none',
+        'an hour: rate, or its upper 95 % bound when there was none',
+        rows,
+    )
+
+
+def run_phase_features(quick: bool) -> Report:
+    """What the errors of the phases do to the features and to the answers."""
+    trials = 4 if quick else 15
+    rows = []
+    for protocol in MARK:
+        for contact in CONTACTS:
+            for name in ('noise 4 mN', 'noise 20 mN', '1 % lost'):
+                tables = _tables(protocol, contact, trials, CONDITIONS[name][0])
+                rows += [
+                    Row(f'{protocol} {contact}, {name}, {classifier}', more=more)
+                    for classifier, more in _accuracies(tables, DEFAULT_SCALING[protocol])
+                ]
+    return Report(
+        'phase-features: accuracy % with phases stated and detected, on SIMULATED sessions '
+        'that training did not see',
+        'none',
+        f'trained on {SESSIONS - TEST_SESSIONS} sessions, tested on {TEST_SESSIONS}; texture not '
+        'scaled, stiffness scaled; no window: wrong. Columns: phases in training > in testing',
+        rows,
+    )
+
+
+_Table = tuple[list[NDArray[np.float64] | None], list[str], list[int]]
+"""Features, labels and sessions, one a trial; None where there is no window."""
+
+
+def _tables(protocol: str, contact: str, trials: int, disturbance: Disturbance) -> list[_Table]:
+    """Return the trials' features with their phases stated, and detected."""
+    stated: _Table = ([], [], [])
+    detected: _Table = ([], [], [])
+    for number in range(SESSIONS):
+        session = simulate_session(protocol, contact, number, trials)
+        kept, tension_n = disturbance.apply(session, seed=number)
+        blocks = as_blocks(kept, tension_n, session.period_ns)
+        for table, phases in ((stated, 'stated'), (detected, protocol)):
+            extractor = TrialFeatureExtractor(FeatureConfig(phases=phases, max_gap_samples=3))
+            windows = _extract(extractor, blocks, session.events())
+            for trial in session.trials:
+                usable = [
+                    w.values
+                    for w in windows
+                    if w.outcome == Outcome.OK
+                    and trial.start_ns <= w.window_start_ns < trial.end_ns
+                ]
+                table[0].append(usable[0] if len(usable) == 1 else None)
+                table[1].append(trial.label)
+                table[2].append(number)
+    return [stated, detected]
+
+
+def _extract(
+    extractor: TrialFeatureExtractor, blocks: list[StrainBlock], events: list[TrialEvent]
+) -> list[FeatureWindow]:
+    windows = []
+    for block in blocks:
+        while events and events[0].stamp_ns <= block.stamp_ns:
+            windows += extractor.add_event(events.pop(0))
+        windows += extractor.add_block(block)
+    for event in events:  # of the last trial, after the last sample
+        windows += extractor.add_event(event)
+    return windows
+
+
+def _accuracies(tables: list[_Table], scaling: str) -> Iterable[tuple[str, dict[str, Any]]]:
+    names = ('stated', 'detected')
+    for classifier in CLASSIFIERS:
+        more: dict[str, Any] = {}
+        for trained, train_name in zip(tables, names, strict=True):
+            values, labels = _select(trained, lambda session: session < SESSIONS - TEST_SESSIONS)
+            estimator = build_estimator(classifier, scaling).fit(np.stack(values), labels)
+            for tested, test_name in zip(tables, names, strict=True):
+                share = _test(estimator, tested)
+                more[f'{train_name} > {test_name}'] = f'{100 * share:.1f}'
+        more['no window'] = sum(value is None for value in tables[1][0])
+        yield classifier, more
+
+
+def _select(table: _Table, wanted: Any) -> tuple[list[NDArray[np.float64]], list[str]]:
+    chosen = [
+        (value, label)
+        for value, label, session in zip(*table, strict=True)
+        if value is not None and wanted(session)
+    ]
+    return [value for value, _ in chosen], [label for _, label in chosen]
+
+
+def _test(estimator: Any, table: _Table) -> float:
+    first = SESSIONS - TEST_SESSIONS
+    values, labels = _select(table, lambda session: session >= first)
+    right = np.count_nonzero(estimator.predict(np.stack(values)) == np.array(labels))
+    return float(right) / sum(session >= first for session in table[2])
+
+
+def _range(values: Sequence[float]) -> str:
+    return f'{min(values):+.0f} to {max(values):+.0f}' if values else ''
+
+
+def run_phase_cost(quick: bool) -> Report:
+    """What the search adds to the extractor."""
+    rounds = 5 if quick else 15
+    session = simulate_session('texture', 'flexion', 0, 1)
+    rows = []
+    for case, rate_hz, size in (
+        ('60 Hz, single samples', 60, 1),
+        ('1 kHz, blocks of 17', 1000, 17),
+        ('7 kHz, blocks of 117', 7000, 117),
+    ):
+        seconds = len(session.tension_n) / 60
+        at_s = np.arange(round(seconds * rate_hz)) / rate_hz
+        own_s = np.arange(len(session.tension_n)) / 60
+        tension_n = np.interp(at_s, own_s, session.tension_n)
+        kept = np.ones(len(tension_n), dtype=bool)
+        blocks = as_blocks(kept, tension_n, round(1e9 / rate_hz), size)
+        ratio = measure_ratio(
+            lambda b=blocks, r=rate_hz: _run(b, r, 'texture'),  # type: ignore[misc]
+            lambda b=blocks, r=rate_hz: _run(b, r, 'stated'),  # type: ignore[misc]
+            rounds,
+        )
+        start_s = time.perf_counter()
+        _run(blocks, rate_hz, 'texture')
+        share = 100 * (time.perf_counter() - start_s) / seconds
+        rows.append(Row(case, ratio, more={'% of a core': float(share)}))
+    return Report(
+        'phase-cost: the extractor with phases found in the signal',
+        'the extractor that is told them and waits for events',
+        'none',
+        rows,
+    )
+
+
+def _run(blocks: list[StrainBlock], rate_hz: float, phases: str) -> None:
+    extractor = TrialFeatureExtractor(FeatureConfig(rate_hz=rate_hz, phases=phases, buffer_s=30.0))
+    for block in blocks:
+        extractor.add_block(block)
+
+
+def run_phase_holds(quick: bool) -> Report:
+    """Real holds between a made-up rise and fall."""
+    del quick
+    path = find_recording(PHAC_HOLD)
+    if path is None:
+        return Report('phase-holds', 'none', 'none', [Row(say_missing(PHAC_HOLD))])
+    archive = np.load(path)
+    config = FeatureConfig(phases='stiffness', rate_hz=100.0, detected_rise_n=2.0)
+    rows = []
+    for label in np.unique(archive['label']):
+        early_ms: list[float] = []
+        off_ms: list[float] = []
+        holds = archive['x'][archive['label'] == label, 0].astype(np.float64)
+        for hold in holds:
+            # As deep again as the hold relaxes: half of the level goes while it is held.
+            foot = hold.min() - max(5.0, np.ptp(hold))
+            rise, fall = np.linspace(foot, hold[0], 50), np.linspace(hold[-1], foot, 50)
+            rest = np.full(100, foot)
+            signal = np.concatenate([rest, rise, hold, fall, rest])
+            events = find_phases(np.arange(len(signal)) * 10_000_000, signal, config)
+            if [e.phase for e in events] == ['contact', 'hold', 'release', 'done']:
+                peak_ms = 1500 + 10 * int(np.argmax(hold[:100]))
+                early_ms.append(peak_ms - events[1].stamp_ns / 1e6)
+                off_ms.append(events[2].stamp_ns / 1e6 - (1490 + 10 * len(hold)))
+        more = {
+            'holds': len(holds),
+            'four phases': len(off_ms),
+            'hold before the peak ms': _range(early_ms),
+            'release off ms': _range(off_ms),
+        }
+        rows.append(Row(str(label), more=more))
+    return Report(
+        'phase-holds: REAL holds (BioTac pressure, counts) between made-up rises and falls',
+        'none',
+        'hold before the peak of the first second, and release after the last sample of the '
+        'recording: least and most',
+        rows,
+    )

@@ -1,0 +1,131 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One window through the model file, against scikit-learn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import tempfile
+
+import numpy as np
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import Pipeline
+
+from benchmarks.measuring import measure_ratio, Report, Row
+from tactile_classifier import CLASSIFIERS, FeatureTable, train, write_model
+from tactile_classifier.estimators.classifiers import compute_raw_scores
+from tactile_classifier.estimators.neighbours import NearestNeighbours, NEIGHBOURS
+from tactile_classifier.records import ROCKET
+from tactile_features import FeatureConfig, features_from_trials, spec_for
+
+
+def run_inference(quick: bool) -> Report:
+    """Classify one window at a time."""
+    rows = []
+    spectra, waveforms = _texture_tables()
+    for task, table, classifiers in (
+        ('texture', spectra, CLASSIFIERS),
+        ('texture waveform', waveforms, (ROCKET,)),
+        ('stiffness', _stiffness_table(), CLASSIFIERS),
+    ):
+        rng = np.random.default_rng(8)
+        first, second = rng.integers(0, len(table), (2, 100 if quick else 1000))
+        # Between two trials, where the border between two labels lies.
+        queries = table.values[first] + rng.random((len(first), 1)) * (
+            table.values[second] - table.values[first]
+        )
+        for classifier in classifiers:
+            trained = train(table, classifier)
+            with tempfile.TemporaryDirectory() as folder:
+                model = write_model(Path(folder) / 'model.onnx', trained)
+            estimator, peer = trained.estimator, _peer(trained.estimator, table)
+            row = queries[:1]
+            ratio = measure_ratio(
+                lambda model=model, row=row: model.predict(row),
+                lambda peer=peer, row=row: peer.predict(row),
+                rounds=5 if quick else 15,
+            )
+            changed = np.array(model.predict(queries)) != peer.predict(queries)
+            found, part = model.compute(queries), trained.stages[0]
+            scores = part.calibration.compute(compute_raw_scores(estimator, queries))
+            difference = np.abs(found.scores - scores).max()
+            novelty = np.abs(found.novelty - part.novelty.compute(queries)).max()
+            rows.append(
+                Row(
+                    f'{task}, {classifier}',
+                    ratio,
+                    float(difference),
+                    1e-9,
+                    more={
+                        'novelty': f'{novelty:.1e}',
+                        'changed labels': int(changed.sum()),
+                        'of': len(queries),
+                    },
+                )
+            )
+    return Report(
+        'inference: one window through TactileModel: label, probabilities and novelty',
+        "scikit-learn's predict, label alone, on the same row (480 x 91, 480 x 180, 300 x 3); of "
+        'random convolutions our own estimator',
+        'largest difference of a probability (and of the novelty), between pairs of trials',
+        rows,
+    )
+
+
+def _peer(estimator: Pipeline, table: FeatureTable) -> Pipeline:
+    """Return scikit-learn's own: the estimator, or its neighbours in place of ours."""
+    if not isinstance(estimator[-1], NearestNeighbours):
+        return estimator
+    steps = [
+        *estimator.steps[:-1],
+        ('classify', KNeighborsClassifier(NEIGHBOURS, algorithm='kd_tree')),
+    ]
+    return Pipeline(steps).fit(table.values, table.labels)
+
+
+def _texture_tables() -> tuple[FeatureTable, FeatureTable]:
+    """Return 60 trials of 8 textures, four sines each under noise: spectra and waveforms."""
+    rng = np.random.default_rng(6)
+    time_s = np.arange(180) / 60.0
+    rows = []
+    for _ in range(8):
+        frequency_hz, amplitude_n = rng.uniform(1.0, 25.0, 4), rng.uniform(0.01, 0.1, 4)
+        phase = rng.uniform(0.0, 2 * np.pi, (60, 1, 4))
+        angle = 2 * np.pi * time_s[:, np.newaxis] * frequency_hz + phase
+        rows.append(np.sin(angle) @ amplitude_n + rng.normal(3.0, 0.1, (60, 180)))
+    labels = np.repeat([f'plate {k}' for k in range(8)], 60)
+    tables = []
+    for name in ('texture_spectrum', 'glide_waveform'):
+        values, _ = features_from_trials(
+            'texture', np.concatenate(rows), 60.0, config=FeatureConfig(texture_features=name)
+        )
+        spec = spec_for('texture', FeatureConfig(texture_features=name))
+        tables.append(FeatureTable(values, labels, spec))
+    return tables[0], tables[1]
+
+
+def _stiffness_table() -> FeatureTable:
+    """Return 60 trials of 5 objects whose clouds touch."""
+    rng = np.random.default_rng(7)
+    centres = [
+        [-0.9, 12.6, -0.99],
+        [-0.6, 11, -0.97],
+        [-0.4, 10, -0.95],
+        [-0.2, 9, -0.9],
+        [-0.1, 8, -0.7],
+    ]
+    values = np.repeat(centres, 60, axis=0) * rng.normal(1.0, 0.03, (300, 3))
+    labels = np.repeat([f'object {k}' for k in range(5)], 60)
+    return FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()))

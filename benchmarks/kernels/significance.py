@@ -1,0 +1,70 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Rank-sum tests of all pairs of classes and all features, against one call a test."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import mannwhitneyu
+
+from benchmarks.measuring import measure_ratio, Report, Row
+from tactile_classifier.evaluation.significance import rank_sum_p_values
+
+Array = NDArray[np.float64]
+
+
+def run_significance(quick: bool) -> Report:
+    """Test 12 classes of 40 made-up trials by 91 features."""
+    classes, features = (6, 12) if quick else (12, 91)
+    rng = np.random.default_rng(4)
+    labels = np.repeat([f'T{index:02}' for index in range(classes)], 40)
+    shift = 0.3 * np.repeat(np.arange(classes), 40)[:, None] * rng.uniform(size=features)
+    smooth = rng.normal(size=(len(labels), features)) + shift
+    rows = []
+    for name, values in (('no ties', smooth), ('rounded to quarters', np.round(4 * smooth) / 4)):
+        ratio = measure_ratio(
+            lambda values=values: rank_sum_p_values(values, labels),
+            lambda values=values: _test_each(values, labels),
+            rounds=3 if quick else 5,
+        )
+        expected = _test_each(values, labels)
+        pairs = np.triu_indices(classes, 1)
+        found = rank_sum_p_values(values, labels).p[:, pairs[0], pairs[1]]
+        error = float((np.abs(found - expected) / expected).max())
+        more: dict[str, Any] = {'times as fast': 1.0 / ratio.median, 'tests': expected.size}
+        rows.append(Row(name, ratio, error, 1e-15, more=more))
+    return Report(
+        'significance: rank_sum_p_values',
+        "a loop of scipy.stats.mannwhitneyu(a, b, method='asymptotic') over pairs and features",
+        'largest difference of a p-value, relative to it',
+        rows,
+    )
+
+
+def _test_each(values: Array, labels: NDArray[np.str_]) -> Array:
+    groups = [values[labels == name] for name in np.unique(labels)]
+    return np.array(
+        [
+            [
+                mannwhitneyu(a[:, k], b[:, k], method='asymptotic').pvalue
+                for a, b in itertools.combinations(groups, 2)
+            ]
+            for k in range(values.shape[1])
+        ]
+    )
