@@ -47,3 +47,36 @@ def domain_of_programs():
     with domain_id() as domain:
         os.environ['ROS_DOMAIN_ID'] = str(int(domain))
         yield
+
+
+def _fixture_for(name):
+    """Return a fixture: a function that writes a file of this name and returns its path."""
+
+    @pytest.fixture
+    def write_file(tmp_path):
+        def write(text):
+            path = tmp_path / name
+            path.write_text(text)
+            return path
+
+        return write
+
+    return write_file
+
+
+parameter_file = _fixture_for('params.yaml')
+hand_file = _fixture_for('hand.yaml')
+
+
+@pytest.fixture
+def context():
+    """Return a ROS context on a domain of its own."""
+    from domain_coordinator import domain_id
+    import rclpy
+    from rclpy.context import Context
+
+    with domain_id() as domain:
+        context = Context()
+        rclpy.init(context=context, domain_id=int(domain))
+        yield context
+        rclpy.try_shutdown(context=context)

@@ -26,5 +26,5 @@ class MessageError(ValueError):
     """A message holds a value that it must not hold, or that is not known here.
 
     A conversion raises it. The node refuses that message and runs on; see
-    `tactile_ros.message_guard`.
+    `tactile_ros.node.message_guard`.
     """

@@ -28,7 +28,7 @@ from rclpy.subscription import Subscription
 from tactile_ros.bus.local_bus import depth_of, Inbox, RecordPublisher, RecordSubscription
 from tactile_ros.bus.receiver import Deliver, NotOnExecutor, receiver_of, take_waiting
 from tactile_ros.bus.worker import Periodic, Worker
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.rclpy_internals import takes_message_info
 
 

@@ -21,23 +21,28 @@ import ctypes
 from functools import cache
 import os
 
-M_MMAP_THRESHOLD = -3
-"""Option of mallopt(3)."""
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
+"""Options of mallopt(3)."""
 
 LARGE_BYTES = 128 * 1024
 """Blocks from this size on are mapped, each by itself: glibc's own initial value."""
 
 
 @cache
-def return_large_blocks() -> None:
-    """Give large blocks of memory back to the system when they are freed, from now on.
+def keep_heap_small() -> None:
+    """Give large blocks back to the system when they are freed, and keep small ones in one heap.
 
-    By itself glibc raises the size from which it maps a block to the largest that was freed. A
-    recorder's buffers then lay among the small blocks of 16 heaps, which grew by 40 MB an hour
-    while no more was in use (``benchmarks/soak.py``). What the user has set in the environment
-    stays. Without glibc this does nothing. Not for programs that only compute: their arrays would
-    be mapped anew each time, which took an evaluation 5 % longer.
+    Call it before ROS starts its threads. By itself glibc raises the size from which it maps a
+    block to the largest that was freed, and has a heap for almost every thread. A recorder's
+    buffers then lay among the small blocks of 16 heaps, which grew by 40 MB an hour while no more
+    was in use; with mapped buffers they still grew by 2 MB an hour (``benchmarks/nodes/soak.py``).
+    What the user has set in the environment stays. Without glibc this does nothing. Not for
+    programs that only compute: their arrays would be mapped anew each time, which took an
+    evaluation 5 % longer.
     """
-    if 'MALLOC_MMAP_THRESHOLD_' not in os.environ:
-        with suppress(AttributeError, OSError):
-            ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
+    with suppress(AttributeError, OSError):
+        mallopt = ctypes.CDLL(None).mallopt
+        if 'MALLOC_MMAP_THRESHOLD_' not in os.environ:
+            mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
+        if 'MALLOC_ARENA_MAX' not in os.environ:
+            mallopt(M_ARENA_MAX, 1)

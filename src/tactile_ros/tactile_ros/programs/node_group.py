@@ -29,8 +29,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_ros.lifecycle import TactileNode
-from tactile_ros.programs.memory import return_large_blocks
+from tactile_ros.node.lifecycle import TactileNode
+from tactile_ros.programs.memory import keep_heap_small
 from tactile_ros.programs.signals import hold_signals, ignore_signals, Signals, STDERR
 from tactile_ros.rclpy_internals import RCLError
 
@@ -88,7 +88,6 @@ class NodeGroup:
         context: Context | None = None,
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
-        return_large_blocks()
         self._nodes = list(nodes)
         self._on_end = on_end
         self._ending = threading.Event()
@@ -197,6 +196,7 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
     signals = hold_signals()
     try:
         try:
+            keep_heap_small()
             # No handlers of rclpy, because they take the context down at once: a node could no
             # longer tell the guide to stop.
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)

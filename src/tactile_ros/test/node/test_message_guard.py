@@ -24,10 +24,10 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Int32
 
-from tactile_ros import message_guard
-from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.errors import MessageError
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
+from tactile_ros.node import message_guard
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM
 from waiting import wait_until

@@ -20,7 +20,7 @@ from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.node import Node
 
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.programs.node_group import NodeGroup
 
 DEADLINE_S = 10.0

@@ -22,8 +22,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data, ReliabilityPolicy
 from std_msgs.msg import Empty
 
-from tactile_ros.heartbeat import HeartbeatPublisher
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.qos import STREAM
 from waiting import wait_until
 

@@ -30,7 +30,7 @@ import sys
 import time
 from dataclasses import dataclass, field
 from tactile_ros.programs import node_group, signals
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.programs.node_group import run_node
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from tactile_ros.message_guard import MessageGuard
-from tactile_ros.parameters import declare_config, read_config
+from tactile_ros.node.message_guard import MessageGuard
+from tactile_ros.node.parameters import declare_config, read_config
 from tactile_ros.qos import STREAM
 from tactile_ros.rclpy_internals import change_state_service, destroy_state_machine, RCLError
 
@@ -50,7 +50,7 @@ class TactileNode(LifecycleNode):
     name : str
         Default node name.
     config_class : type
-        Frozen dataclass; see `tactile_ros.parameters`.
+        Frozen dataclass; see `tactile_ros.node.parameters`.
     node_options
         Passed on to `rclpy.lifecycle.LifecycleNode`.
 

@@ -12,18 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A ROS context on a domain of its own for every test."""
-
-from domain_coordinator import domain_id
-import pytest
-import rclpy
-from rclpy.context import Context
-
-
-@pytest.fixture
-def context():
-    with domain_id() as domain:
-        context = Context()
-        rclpy.init(context=context, domain_id=int(domain))
-        yield context
-        rclpy.try_shutdown(context=context)
+"""What a node tells of its health, and who asks for it."""
