@@ -51,7 +51,6 @@ class Library:
 
 LIBRARIES = {
     'aiohttp': Library('python3-aiohttp', 'aiohttp'),
-    'click': Library('python3-click', 'click'),
     'distributed': Library('', 'dask[distributed]'),
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),

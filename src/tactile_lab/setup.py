@@ -28,7 +28,6 @@ setup(
     install_requires=[
         'setuptools',
         'aiohttp',
-        'click',
         'joblib',
         'matplotlib',
         'numpy',

@@ -39,13 +39,20 @@ def advance_rig(rig, seconds):
 
 
 def truth_at_rest(rig):
-    """Wait until neither guide nor tendon moves for 0.1 s of the rig's time; return its truth."""
-    before = rig.truth()
+    """Wait until neither guide nor tendon moves by 1 µm in 0.1 s; return the rig's truth.
+
+    A tendon without torque goes slack ever more slowly, and is still for no two looks.
+    """
+    keys = ('time_s', 'guide_position_m', 'tendon_displacement_m')
+    looks = [rig.truth()]
 
     def truth_if_at_rest():
-        nonlocal before
-        earlier, before = before, advance_rig(rig, 0.1)
-        keys = ('guide_position_m', 'tendon_displacement_m')
-        return before if all(earlier[key] == before[key] for key in keys) else None
+        looks.append(advance_rig(rig, 0.1))
+        earlier, now = looks[-2:]
+        return now if all(abs(earlier[key] - now[key]) < 1e-6 for key in keys[1:]) else None
 
-    return wait_until(truth_if_at_rest, 'the rig does not come to rest')
+    def describe():
+        shown = [[look[key] for key in keys] for look in (*looks[:5], *looks[-5:])]
+        return f'the rig does not come to rest: {keys}: {shown} of {len(looks)}'
+
+    return wait_until(truth_if_at_rest, describe)

@@ -33,13 +33,13 @@ from linear_guide_driver.safety.watched_topics import wait_first, WatchedTopics
 from linear_guide_driver.throttle import Throttle
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
-from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
-from tactile_ros.heartbeat import HeartbeatPublisher
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
+from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.health.readiness import ReadinessPublisher
+from tactile_ros.node.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import STREAM
-from tactile_ros.readiness import ReadinessPublisher
 from tactile_ros.strain import NOT_LIVE
 
 FEEDBACK_PERIOD_S = 0.1
@@ -57,7 +57,6 @@ class LinearGuideNode(TactileNode):
     def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
         super().__init__(node_name, LinearGuideConfig, **node_options)
         self._client: LinearGuideClient | None = None
-        self._runners: list[GoalRunner] = []
         self._topics: WatchedTopics | None = None
         self._parts: list[Any] = []  # that have a `close`
         self._joint_states: Any = None
@@ -71,10 +70,8 @@ class LinearGuideNode(TactileNode):
             config, self._on_state, self._now_ns, on_trouble=self._on_trouble
         )
         self._client.connect()
-        self._runners = [
-            GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self._accepting),
-            GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self._accepting),
-        ]
+        GoalRunner(self, MoveGuide, '~/move', self._move, accepting=self._accepting)
+        GoalRunner(self, HomeGuide, '~/home', self._home, accepting=self._accepting)
         self._topics = WatchedTopics(self)
         for topic in config.heartbeat_topics:
             self._topics.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
@@ -100,9 +97,8 @@ class LinearGuideNode(TactileNode):
 
     def tear_down(self) -> None:
         self._end_motion()
-        for runner in self._runners:
+        for runner in tuple(self.goal_runners):
             runner.close()
-        self._runners = []
         if self._client is not None:
             self._client.close()
             self._client = None
@@ -123,7 +119,7 @@ class LinearGuideNode(TactileNode):
     def _accepting(self) -> str:
         if not self.is_active:
             return 'The linear guide is not active; activate its node first.'
-        if any(runner.is_busy for runner in self._runners):
+        if any(runner.is_busy for runner in self.goal_runners):
             return 'The guide is busy with another motion; stop it first.'
         return ''
 
@@ -208,8 +204,8 @@ class LinearGuideNode(TactileNode):
     # -- the rest ----------------------------------------------------------------------------
 
     def _end_motion(self) -> bool:
-        was_busy = any(runner.is_busy for runner in self._runners)
-        for runner in self._runners:
+        was_busy = any(runner.is_busy for runner in self.goal_runners)
+        for runner in self.goal_runners:
             runner.end_goal()
         if self._client is not None:
             self._client.request_stop()

@@ -34,14 +34,14 @@ from linear_guide_driver.safety.watched_topics import wait_first, WatchedTopics
 from linear_guide_driver.throttle import Throttle
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.errors import MessageError
-from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
-from tactile_ros.heartbeat import HeartbeatPublisher
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
+from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.health.readiness import ReadinessPublisher
+from tactile_ros.node.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import STREAM
-from tactile_ros.readiness import ReadinessPublisher
 from tactile_ros.strain import NOT_LIVE, StrainStatus
 
 FEEDBACK_PERIOD_S = 0.1
@@ -61,7 +61,6 @@ class TendonActuatorNode(TactileNode):
     def __init__(self, node_name: str = 'tendon_actuator', **node_options: Any) -> None:
         super().__init__(node_name, TendonActuatorConfig, **node_options)
         self._client: TendonActuatorClient | None = None
-        self._runners: list[GoalRunner] = []
         self._parts: list[Any] = []  # that have a `close`
         self._triggers: list[Any] = []
         self._joint_states: Any = None
@@ -85,17 +84,15 @@ class TendonActuatorNode(TactileNode):
         self._strain = self.create_subscription(
             StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM
         )
-        self._runners = [
-            GoalRunner(
-                self,
-                PullTendon,
-                '~/pull',
-                self._pull,
-                accepting=self._accepting,
-                preempts=lambda request: not (request.displacement_m or request.target_tension_n),
-            ),
-            GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self._accepting),
-        ]
+        GoalRunner(
+            self,
+            PullTendon,
+            '~/pull',
+            self._pull,
+            accepting=self._accepting,
+            preempts=lambda request: not (request.displacement_m or request.target_tension_n),
+        )
+        GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self._accepting)
         self._triggers = [
             self.create_service(Trigger, '~/stop', self._on_stop),
             self.create_service(Trigger, '~/release', self._on_release),
@@ -111,9 +108,8 @@ class TendonActuatorNode(TactileNode):
         self._end_motion()
 
     def tear_down(self) -> None:
-        for runner in self._runners:
+        for runner in tuple(self.goal_runners):
             runner.close()
-        self._runners = []
         if self._client is not None:
             self._client.close()
             self._client = None
@@ -136,7 +132,7 @@ class TendonActuatorNode(TactileNode):
     def _accepting(self) -> str:
         if not self.is_active:
             return 'The actuator is not active; activate its node first.'
-        if any(runner.is_busy for runner in self._runners):
+        if any(runner.is_busy for runner in self.goal_runners):
             return 'The tendon is busy with another motion; stop it first.'
         return ''
 
@@ -260,7 +256,7 @@ class TendonActuatorNode(TactileNode):
         return ''
 
     def _end_goals(self) -> None:
-        for runner in self._runners:
+        for runner in self.goal_runners:
             runner.end_goal()
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

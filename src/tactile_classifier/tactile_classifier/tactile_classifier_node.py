@@ -31,7 +31,7 @@ from tactile_features.spec import spec_for
 from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordPublisher, RecordSubscription
-from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
+from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import RESULTS
 

@@ -29,7 +29,7 @@ from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordSubscription
-from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
+from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord

@@ -36,7 +36,7 @@ from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordSubscription
 from tactile_ros.bus.worker import Periodic
-from tactile_ros.diagnostics import Diagnostics, Health, OK, WARN
+from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord

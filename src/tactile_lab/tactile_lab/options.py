@@ -20,13 +20,29 @@ that are strings: so ``Optional[X]``, and no ``from __future__ import annotation
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import Enum
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any, Optional
 
 import typer
 
 from tactile_ros.errors import TactileError
+
+
+def choice(*values: str) -> dict[str, Any]:
+    """Return what makes an option take one of these values, and name them in the help.
+
+    Typer's own ways: an ``Enum``, whose members each command would unwrap; and ``click_type``,
+    which Typer no longer has since 0.22.
+    """
+    named = [value for value in values if value]
+
+    def parse(value: str) -> str:
+        if value not in values:
+            raise typer.BadParameter(f'{value!r} is not one of {", ".join(map(repr, named))}.')
+        return value
+
+    return {'parser': parse, 'metavar': '|'.join(named)}
+
 
 JsonOption = Annotated[
     bool, typer.Option('--json', help='Print the result as JSON on standard output.')
@@ -93,49 +109,22 @@ ParamsOption = Annotated[
 ]
 
 
-class Protocol(str, Enum):
-    """The two kinds of trial."""
-
-    texture = 'texture'
-    stiffness = 'stiffness'
-
-
-class Contact(str, Enum):
-    """How the finger touches."""
-
-    flexion = 'flexion'
-    abduction = 'abduction'
-
-
-class Phases(str, Enum):
-    """Source of the phases of a trial."""
-
-    stated = 'stated'
-    texture = 'texture'
-    stiffness = 'stiffness'
-
-
+PHASES = ('stated', 'texture', 'stiffness')
 PhasesOption = Annotated[
-    Phases,
+    str,
     typer.Option(
+        **choice(*PHASES),
         help='Source of the phases: stated by trial events, or found in the tension of texture or '
-        'stiffness trials.'
+        'stiffness trials.',
     ),
 ]
 
 
-class DetectedContact(str, Enum):
-    """How the finger touches, if known."""
-
-    unknown = ''
-    flexion = 'flexion'
-    abduction = 'abduction'
-
-
 DetectedContactOption = Annotated[
-    DetectedContact,
+    str,
     typer.Option(
         '--contact',
+        **choice('', 'flexion', 'abduction'),
         help='How the finger touches, where phases are found in the tension. Default: not known.',
         show_default=False,
     ),

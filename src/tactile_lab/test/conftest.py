@@ -12,23 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A small recording, made once a test run, and a ROS context for node tests."""
+"""A small recording, made once a test run."""
 
-from domain_coordinator import domain_id
 import pytest
 
 from tactile_bags import BagWriter, RecordedTopic, TactileBag
-from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
-
-
-@pytest.fixture
-def context():
-    with domain_id() as domain, ros_context(int(domain)) as context:
-        yield context
 
 
 @pytest.fixture(scope='session')
@@ -50,12 +42,21 @@ def rewrite():
 
 
 @pytest.fixture(scope='session')
-def stiffness_bag(tmp_path_factory):
+def simulate_bag(tmp_path_factory):
+    """Return a function that writes a bag of simulated trials and returns its path."""
+
+    def simulate_bag(protocol, contact, trials_per_label, **plan):
+        plan = SimulationPlan(protocol, contact, trials_per_label, **plan)
+        folder = tmp_path_factory.mktemp('bags')
+        return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+
+    return simulate_bag
+
+
+@pytest.fixture(scope='session')
+def stiffness_bag(simulate_bag):
     """Return a bag of simulated stiffness trials: 3 on each of the 5 objects."""
-    plan = SimulationPlan('stiffness', 'flexion', 3, seed=7)
-    folder = tmp_path_factory.mktemp('bags')
-    config = TrialConfig(simulated=True)
-    return write_simulated_bag(folder, plan, config, FeatureConfig()).path
+    return simulate_bag('stiffness', 'flexion', 3, seed=7)
 
 
 @pytest.fixture(scope='session')

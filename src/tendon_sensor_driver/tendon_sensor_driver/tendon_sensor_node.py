@@ -25,10 +25,10 @@ from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
-from tactile_ros import diagnostics
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordPublisher
 from tactile_ros.bus.worker import Periodic
+from tactile_ros.health import diagnostics
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord

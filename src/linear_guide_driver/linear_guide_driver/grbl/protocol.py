@@ -80,21 +80,15 @@ class StatusReport:
     mpos_mm, wpos_mm : tuple of float or None
         Machine and work position, one value an axis [mm]. A report holds one of
         the two; the decoder adds the other once it knows the work offset.
-    wco_mm : tuple of float or None
-        Work coordinate offset, when this report held it [mm].
     feed_mm_min : float or None
         Speed now [mm/min].
-    pins : str
-        Letters of the inputs that are active; XYZ are limit switches.
     """
 
     state: str
     substate: int | None = None
     mpos_mm: tuple[float, ...] | None = None
     wpos_mm: tuple[float, ...] | None = None
-    wco_mm: tuple[float, ...] | None = None
     feed_mm_min: float | None = None
-    pins: str = ''
 
 
 @dataclass(frozen=True)
@@ -264,7 +258,5 @@ class GrblDecoder:
             substate=None if state[2] is None else int(state[2]),
             mpos_mm=mpos,
             wpos_mm=wpos,
-            wco_mm=positions.get('WCO'),
             feed_mm_min=None if feed_text is None else float(feed_text.split(',')[0]),
-            pins=fields.get('Pn', ''),
         )

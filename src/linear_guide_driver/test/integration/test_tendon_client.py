@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from contextlib import ExitStack
 import dataclasses
 import threading
 import time
@@ -43,11 +44,35 @@ def config(servo):
 
 
 @pytest.fixture
-def tendon(config):
-    client = TendonActuatorClient(config)
-    client.connect()
-    yield client
-    client.close()
+def connect(config):
+    """Return what makes a connected client with other parameters."""
+    with ExitStack() as stack:
+
+        def make(*arguments, **changes):
+            client = TendonActuatorClient(dataclasses.replace(config, **changes), *arguments)
+            stack.callback(client.close)
+            client.connect()
+            return client
+
+        yield make
+
+
+@pytest.fixture
+def tendon(connect):
+    return connect()
+
+
+def begin_pull(tendon, servo, *arguments):
+    """Return a pull by 20 mm that is on its way."""
+    pull = Background(tendon.pull_to, 0.02, 0.01, *arguments)
+    wait_until(lambda: servo.position > 2100)
+    return pull
+
+
+def check_failure(pull, text):
+    error = pull.end()
+    assert isinstance(error, MotionFailedError)
+    assert text in str(error)
 
 
 def test_the_peers_checksum_is_the_documented_one():
@@ -101,24 +126,20 @@ def test_pull_and_release(tendon, servo):
     assert tendon.pull_to(0.0).displacement_m == pytest.approx(0.0, abs=0.0005)
 
 
-def test_a_reversed_tendon_winds_in_as_counts_fall(config, servo):
-    tendon = TendonActuatorClient(dataclasses.replace(config, reverse=True))
-    tendon.connect()
+def test_a_reversed_tendon_winds_in_as_counts_fall(connect, servo):
+    tendon = connect(reverse=True)
     states = []
     assert tendon.pull_to(0.005, 0.0, states.append).displacement_m > 0.0045
     assert servo.goal == 2048 - 326
     assert max(s.velocity_m_s for s in states) > 0
-    tendon.close()
 
 
-def test_a_servo_that_was_wound_below_zero_is_read_signed(config, servo):
+def test_a_servo_that_was_wound_below_zero_is_read_signed(connect, servo):
     servo.put(132, 4, -100)
-    tendon = TendonActuatorClient(config)
-    tendon.connect()
+    tendon = connect()
     tendon.pull_to(0.001)
     assert tendon.state.displacement_m == pytest.approx(0.001, abs=0.0005)
     assert servo.goal == -100 + 65
-    tendon.close()
 
 
 @pytest.mark.parametrize(
@@ -159,11 +180,10 @@ def test_an_unfit_servo_is_refused_and_left_without_torque(
 
 
 def test_a_servo_that_has_shut_down_is_restarted_and_refused_when_that_does_not_help(
-    config, servo
+    connect, servo
 ):
     servo.shut_down(0x24)
-    tendon = TendonActuatorClient(config)
-    tendon.connect()
+    tendon = connect()
     assert servo.table[64] == 1
     tendon.close()
     servo.lasting_error = 0x04
@@ -173,35 +193,30 @@ def test_a_servo_that_has_shut_down_is_restarted_and_refused_when_that_does_not_
     assert servo.table[64] == 0
 
 
-def test_a_servo_that_another_program_holds_is_let_go_and_must_be_homed(config, servo):
+def test_a_servo_that_another_program_holds_is_let_go_and_must_be_homed(connect, servo):
     servo.put(64, 1, 1)
     servo.put(98, 1, 255)  # and its watchdog has tripped
-    tendon = TendonActuatorClient(config)
-    tendon.connect()
+    tendon = connect()
     assert (64, 0) in servo.writes
     assert servo.table[64] == 1
     with pytest.raises(MotionRefusedError, match=r'zero is unknown.*home the tendon'):
         tendon.pull_to(0.001)
-    tendon.close()
 
 
-def test_slack_is_read_when_the_tendon_has_unwound_though_the_torque_was_off(config, servo):
+def test_slack_is_read_when_the_tendon_has_unwound_though_the_torque_was_off(connect, servo):
     # As after a close just before: the finger's spring still turns the servo.
     servo.put(132, 4, 2448)
     began_s = time.monotonic()
     servo.lose = lambda _: servo.turn_to(
         max(2048, 2448 - int(1000 * (time.monotonic() - began_s)))
     )
-    tendon = TendonActuatorClient(config)
-    tendon.connect()
+    connect()
     assert abs(servo.goal - 2048) <= 2
-    tendon.close()
 
 
 @pytest.mark.parametrize('packets', [1, 2])
 def test_lost_packets_lose_no_stop(tendon, servo, packets):
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo)
     left = {132: packets, 116: packets}  # of the present and the goal position
 
     def lose(address):
@@ -233,14 +248,12 @@ def test_a_pull_whose_watcher_fails_is_held(tendon, servo):
     assert servo.position < 2500
 
 
-def test_a_failing_consumer_of_states_does_not_end_the_poll(config, servo):
+def test_a_failing_consumer_of_states_does_not_end_the_poll(connect, servo):
     def fail(_):
         raise ZeroDivisionError
 
-    tendon = TendonActuatorClient(config, fail)
-    tendon.connect()
+    tendon = connect(fail)
     assert tendon.pull_to(0.002).displacement_m == pytest.approx(0.002, abs=0.0005)
-    tendon.close()
 
 
 def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, servo):
@@ -256,8 +269,7 @@ def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, servo):
 @pytest.mark.parametrize('way', ['should_stop', 'stop'])
 def test_a_stop_holds_the_tendon_where_it_is(tendon, servo, way):
     flag = threading.Event()
-    pull = Background(tendon.pull_to, 0.02, 0.01, lambda _: None, flag.is_set)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo, lambda _: None, flag.is_set)
     flag.set() if way == 'should_stop' else tendon.hold_here()
     assert isinstance(pull.end(), MotionStoppedError)
     wait_until(lambda: servo.position == servo.goal)
@@ -266,8 +278,7 @@ def test_a_stop_holds_the_tendon_where_it_is(tendon, servo, way):
 
 
 def test_release_during_a_pull_wins_over_it(tendon, servo):
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo)
     tendon.request_release()
     assert isinstance(pull.end(), MotionStoppedError)
     wait_until(lambda: servo.position == 2048)
@@ -285,8 +296,7 @@ def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first
         told.set()
         assert asked.wait(5.0)  # the pull has seen it, and the release is not written yet
 
-    pull = Background(tendon.pull_to, 0.02, 0.01, lambda _: None, should_stop)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo, lambda _: None, should_stop)
     tendon.request_release(end_pull)
     error = pull.end()
     assert isinstance(error, MotionStoppedError)
@@ -294,26 +304,20 @@ def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first
     wait_until(lambda: servo.position == servo.goal == 2048)
 
 
-def test_a_tripped_watchdog_ends_the_pull_and_the_goals_are_unlocked(config, servo):
-    tendon = TendonActuatorClient(dataclasses.replace(config, watchdog_s=0.3))
-    tendon.connect()
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: servo.position > 2100)
+def test_a_tripped_watchdog_ends_the_pull_and_the_goals_are_unlocked(connect, servo):
+    tendon = connect(watchdog_s=0.3)
+    pull = begin_pull(tendon, servo)
     servo.put(98, 1, 255)
-    error = pull.end()
-    assert isinstance(error, MotionFailedError)
-    assert 'watchdog has stopped it' in str(error)
+    check_failure(pull, 'watchdog has stopped it')
     stopped_at = servo.position
     wait_until(lambda: servo.table[98] == 15)
     assert (tendon.trouble, tendon.recoveries) == ('', 1)
     tendon.pull_to(COUNT_M * (stopped_at - 2048), 0.01)
-    tendon.close()
 
 
 @pytest.mark.parametrize('register', [112, 116])
-def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(config, servo, register):
-    tendon = TendonActuatorClient(config)
-    tendon.connect()
+def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(connect, servo, register):
+    tendon = connect()
     tendon.pull_to(0.01, 0.04)
     servo.trips_before = register  # later than the last poll
     tendon.pull_to(0.0)
@@ -321,7 +325,6 @@ def test_a_watchdog_that_trips_unseen_does_not_stop_a_fresh_command(config, serv
     assert servo.position == 2048
     assert servo.table[98] == 50
     assert (tendon.trouble, tendon.recoveries) == ('', 1)
-    tendon.close()
 
 
 def test_a_goal_that_is_refused_for_another_reason_says_so(tendon, servo, monkeypatch):
@@ -330,9 +333,8 @@ def test_a_goal_that_is_refused_for_another_reason_says_so(tendon, servo, monkey
         tendon.pull_to(0.01, 0.04)
 
 
-def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(config, servo):
-    tendon = TendonActuatorClient(dataclasses.replace(config, watchdog_s=0.3))
-    tendon.connect()
+def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(connect, servo):
+    tendon = connect(watchdog_s=0.3)
     polls = servo.packets
     wait_until(lambda: servo.packets > polls + 45)  # 0.7 s at 60 Hz, twice the watchdog's time
     assert servo.table[98] == 15
@@ -344,16 +346,12 @@ def test_the_poll_feeds_the_watchdog_and_its_end_trips_it(config, servo):
     wait_until(lambda: tendon.state.displacement_m < 0.02)
     tendon.pull_to(0.0)
     assert tendon.trouble == ''
-    tendon.close()
 
 
 def test_a_hardware_alert_ends_the_pull_for_good(tendon, servo):
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo)
     servo.shut_down(0x20)
-    error = pull.end()
-    assert isinstance(error, MotionFailedError)
-    assert 'shut down: overload' in str(error)
+    check_failure(pull, 'shut down: overload')
     with pytest.raises(MotionRefusedError, match=r'overload.*configure the driver again'):
         tendon.pull_to(0.0)
 
@@ -366,24 +364,18 @@ def test_a_servo_that_restarted_has_lost_its_reference(tendon, servo):
 
 
 def test_a_silent_servo_ends_the_pull_and_can_be_commanded_again(tendon, servo):
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo)
     servo.is_silent = True
-    error = pull.end()
-    assert isinstance(error, MotionFailedError)
-    assert 'silent' in str(error)
+    check_failure(pull, 'silent')
     wait_until(lambda: servo.table[98] == 255)
     servo.is_silent = False
     wait_until(lambda: servo.position == 2048, 8.0)  # nobody commands it: held, then let out
 
 
 def test_an_unplugged_bus_ends_the_pull(tendon, servo):
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo)
     servo.close()
-    error = pull.end()
-    assert isinstance(error, MotionFailedError)
-    assert 'is lost' in str(error)
+    check_failure(pull, 'is lost')
     wait_until(lambda: tendon.trouble != '')
     with pytest.raises(MotionRefusedError, match='configure the driver again'):
         tendon.pull_to(0.0)
@@ -397,8 +389,7 @@ def test_a_pull_against_the_current_limit_is_given_up_and_released(tendon, servo
 
 
 def test_one_pull_at_a_time_and_close_lets_go(tendon, servo):
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: servo.position > 2100)
+    pull = begin_pull(tendon, servo)
     with pytest.raises(MotionRefusedError, match='busy'):
         tendon.pull_to(0.01)
     tendon.close()

@@ -13,20 +13,20 @@
 # limitations under the License.
 
 import concurrent.futures
+from contextlib import contextmanager
 import threading
 
 from action_msgs.msg import GoalStatus
-from domain_coordinator import domain_id
+from diagnostic_msgs.msg import DiagnosticArray
 import pytest
-import rclpy
 from rclpy.action import ActionClient
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from tactile_ros.requests import send
+from tactile_ros.node.requests import send
+from tactile_ros.qos import STREAM
 from waiting import wait_until
 
 DEADLINE_S = 10.0
@@ -35,12 +35,10 @@ DEADLINE_S = 10.0
 class Bench:
     """One node under test and one that talks to it, spun on a thread."""
 
-    def __init__(self):
-        self._domain = domain_id()
-        self.context = Context()
-        rclpy.init(context=self.context, domain_id=int(self._domain.__enter__()))
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.peer = Node('peer', context=self.context)
+    def __init__(self, context):
+        self.context = context
+        self.executor = SingleThreadedExecutor(context=context)
+        self.peer = Node('peer', context=context)
         self.executor.add_node(self.peer)
         self.node = None
         self.feedback = []
@@ -104,6 +102,24 @@ class Bench:
         assert client.wait_for_service(timeout_sec=DEADLINE_S)
         return self.ask(lambda: client.call_async(Trigger.Request()))
 
+    @contextmanager
+    def publishing(self, topic, message):
+        """Publish a message every 50 ms."""
+        publisher = self.peer.create_publisher(type(message), topic, STREAM)
+        end = threading.Event()
+
+        def publish():
+            while not end.wait(0.05):
+                publisher.publish(message)
+
+        thread = threading.Thread(target=publish)
+        thread.start()
+        try:
+            yield
+        finally:
+            end.set()
+            thread.join()
+
     def close(self):
         self.executor.shutdown()
         if self._thread.is_alive():
@@ -111,12 +127,20 @@ class Bench:
         if self.node is not None:
             self.node.take_down()
         self.peer.destroy_node()
-        rclpy.try_shutdown(context=self.context)
-        self._domain.__exit__(None, None, None)
 
 
 @pytest.fixture
-def bench():
-    bench = Bench()
+def bench(context):
+    bench = Bench(context)
     yield bench
     bench.close()
+
+
+@pytest.fixture
+def diagnostics(bench):
+    """Return the statuses of the node, in a list that grows."""
+    statuses = []
+    bench.peer.create_subscription(
+        DiagnosticArray, '/diagnostics', lambda message: statuses.append(message.status[0]), 10
+    )
+    return statuses

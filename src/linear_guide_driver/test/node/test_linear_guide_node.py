@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-import threading
 
-from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -24,7 +22,7 @@ from std_msgs.msg import Empty
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import Readiness, StrainBlock
-from tactile_ros.qos import LATEST, STREAM
+from tactile_ros.qos import LATEST
 from waiting import wait_until
 
 
@@ -44,10 +42,11 @@ def move(bench, position_m, speed_m_s):
     return bench.send(MoveGuide, '/linear_guide/move', position_m=position_m, speed_m_s=speed_m_s)
 
 
-def test_home_and_move_succeed_with_feedback_joint_states_and_diagnostics(guide, grbl):
-    joints, diagnostics = [], []
+def test_home_and_move_succeed_with_feedback_joint_states_and_diagnostics(
+    guide, grbl, diagnostics
+):
+    joints = []
     guide.peer.create_subscription(JointState, '/linear_guide/joint_states', joints.append, 10)
-    guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
     grbl.home_s = 0.3
     result = home(guide)
     assert result.position_m == pytest.approx(0.001)
@@ -67,16 +66,15 @@ def test_home_and_move_succeed_with_feedback_joint_states_and_diagnostics(guide,
     assert joints[-1].header.frame_id == 'linear_guide_link'
     assert max(j.velocity[0] for j in joints) == pytest.approx(0.1)
     assert len(joints[-1].effort) == 0
-    wait_until(lambda: diagnostics and diagnostics[-1].status[0].level == b'\x00')
-    assert diagnostics[-1].status[0].hardware_id == 'Grbl 1.1h.20190830'
+    wait_until(lambda: diagnostics and diagnostics[-1].level == b'\x00')
+    assert diagnostics[-1].hardware_id == 'Grbl 1.1h.20190830'
 
 
-def test_no_joint_state_before_the_position_is_known(guide):
-    joints, diagnostics = [], []
+def test_no_joint_state_before_the_position_is_known(guide, diagnostics):
+    joints = []
     guide.peer.create_subscription(JointState, '/linear_guide/joint_states', joints.append, 10)
-    guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
     wait_until(lambda: diagnostics)
-    assert diagnostics[0].status[0].message.endswith('home the guide')
+    assert diagnostics[0].message.endswith('home the guide')
     assert joints == []
 
 
@@ -164,20 +162,10 @@ def test_a_move_ends_when_what_it_needs_falls_silent(
     bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, peer_wait_s=0.1, **parameters)
     status, result = bench.result(move(bench, 0.1, 0.05))
     assert (status, f'been heard on {text} yet' in result.message) == ('aborted', True)
-    publisher = bench.peer.create_publisher(type(message), topic, STREAM)
-    end = threading.Event()
-
-    def beat():
-        while not end.wait(0.05):
-            publisher.publish(message)
-
-    thread = threading.Thread(target=beat)
-    thread.start()
-    home(bench)
-    handle = move(bench, 0.19, 0.01)
-    wait_until(lambda: grbl.is_moving)
-    end.set()
-    thread.join()
+    with bench.publishing(topic, message):
+        home(bench)
+        handle = move(bench, 0.19, 0.01)
+        wait_until(lambda: grbl.is_moving)
     status, result = bench.result(handle)
     assert (status, 'the position is kept' in result.message) == ('aborted', True)
     assert f'Nothing was heard on {text} for 0.5 s' in result.message  # why, not only where
@@ -196,20 +184,10 @@ def test_a_move_ends_when_a_peer_is_lost_while_the_ros_clock_stands(bench, grbl)
     bench.node.set_parameters([Parameter('use_sim_time', value=True)])
     wait_until(lambda: clock.get_subscription_count() == 1)
     clock.publish(Clock())
-    publisher = bench.peer.create_publisher(Empty, 'heart', STREAM)
-    end = threading.Event()
-
-    def beat():
-        while not end.wait(0.05):
-            publisher.publish(Empty())
-
-    thread = threading.Thread(target=beat)
-    thread.start()
-    home(bench)
-    handle = move(bench, 0.19, 0.01)
-    wait_until(lambda: grbl.is_moving)
-    end.set()
-    thread.join()
+    with bench.publishing('heart', Empty()):
+        home(bench)
+        handle = move(bench, 0.19, 0.01)
+        wait_until(lambda: grbl.is_moving)
     assert bench.result(handle)[0] == 'aborted'
     assert not grbl.is_moving
 
@@ -223,11 +201,9 @@ def test_ready_says_what_is_missing(guide):
     wait_until(lambda: readiness[-1].ready)
 
 
-def test_a_controller_that_restarts_at_rest_is_told_at_once(guide, grbl):
-    diagnostics = []
-    guide.peer.create_subscription(DiagnosticArray, '/diagnostics', diagnostics.append, 10)
+def test_a_controller_that_restarts_at_rest_is_told_at_once(guide, grbl, diagnostics):
     home(guide)
     wait_until(lambda: diagnostics)
     grbl.lose_power()
-    wait_until(lambda: 'restarted by itself' in diagnostics[-1].status[0].message)
-    assert diagnostics[-1].status[0].message.endswith('home the guide')
+    wait_until(lambda: 'restarted by itself' in diagnostics[-1].message)
+    assert diagnostics[-1].message.endswith('home the guide')

@@ -27,12 +27,22 @@ CONFIG = TendonActuatorConfig(guard_timeout_s=0.25, slack_after_s=2.0)
 TAUT_M = 0.005
 
 
-def make(watchdogs=(), **changes):
-    """Safety with a confirmed zero and a live sensor that reads a slack tendon."""
+def sense(safety, tension_n, displacement_m=TAUT_M, now_ns=0):
+    """Add a sample and return the order that follows."""
+    safety.add_samples([tension_n], False, now_ns)
+    return safety.decide(displacement_m, now_ns)
+
+
+def make_unconfirmed(watchdogs=(), **changes):
     safety = TendonSafety(dataclasses.replace(CONFIG, **changes), watchdogs)
     safety.set_zero(Zero.UNCONFIRMED)
-    safety.add_samples([0.0], False, 0)
-    safety.decide(0.0, 0)
+    return safety
+
+
+def make(watchdogs=(), **changes):
+    """Safety with a confirmed zero and a live sensor that reads a slack tendon."""
+    safety = make_unconfirmed(watchdogs, **changes)
+    sense(safety, 0.0, 0.0)
     return safety
 
 
@@ -45,8 +55,7 @@ def hold_taut(safety, contact='flexion', now_ns=0, tension_n=1.0):
     """Bring the tendon to TAUT_M."""
     safety.admit(Pull(TAUT_M, contact), 0.0, now_ns)
     safety.finish()
-    safety.add_samples([tension_n], False, now_ns)
-    assert safety.decide(TAUT_M, now_ns) is Order.FOLLOW
+    assert sense(safety, tension_n, TAUT_M, now_ns) is Order.FOLLOW
 
 
 # -- the limit ----------------------------------------------------------------------------------
@@ -54,8 +63,7 @@ def hold_taut(safety, contact='flexion', now_ns=0, tension_n=1.0):
 
 def test_the_contact_chooses_the_limit(safety):
     hold_taut(safety, 'flexion')
-    safety.add_samples([14.9], False, 0)
-    assert safety.decide(TAUT_M, 0) is Order.FOLLOW
+    assert sense(safety, 14.9) is Order.FOLLOW
     safety.add_samples([2.0], False, 0)
     safety.admit(Pull(0.006, 'abduction'), TAUT_M, 0)
     assert safety.add_samples([3.1], False, 0)
@@ -67,8 +75,7 @@ def test_the_contact_chooses_the_limit(safety):
 @pytest.mark.parametrize('command', ['stop', 'lose', 'silence', 'partial'])
 def test_above_the_limit_nothing_turns_letting_out_into_holding(safety, command):
     hold_taut(safety)
-    safety.add_samples([20.0], False, 0)
-    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    assert sense(safety, 20.0) is Order.RELEASE
     now_ns = 100 * MS
     safety.add_samples([20.0], False, now_ns)
     if command == 'stop':
@@ -86,10 +93,8 @@ def test_above_the_limit_nothing_turns_letting_out_into_holding(safety, command)
 
 def test_letting_out_ends_at_slack_and_a_stop_below_the_limit_holds(safety):
     hold_taut(safety)
-    safety.add_samples([20.0], False, 0)
-    assert safety.decide(TAUT_M, 0) is Order.RELEASE
-    safety.add_samples([5.0], False, 0)
-    assert safety.decide(0.003, 0) is Order.RELEASE
+    assert sense(safety, 20.0) is Order.RELEASE
+    assert sense(safety, 5.0, 0.003) is Order.RELEASE
     safety.stop()
     assert safety.decide(0.003, 0) is Order.HOLD
     safety.release('The tendon was released.')
@@ -99,8 +104,7 @@ def test_letting_out_ends_at_slack_and_a_stop_below_the_limit_holds(safety):
 
 
 def test_the_limit_is_the_strictest_before_the_first_pull(safety):
-    safety.add_samples([3.1], False, 0)
-    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    assert sense(safety, 3.1) is Order.RELEASE
 
 
 def test_saturation_and_either_sign_count_as_above_the_limit(safety):
@@ -110,10 +114,17 @@ def test_saturation_and_either_sign_count_as_above_the_limit(safety):
         safety.add_samples([0.1], False, 0)
 
 
-def test_letting_out_leaves_the_limit_alone(safety):
-    hold_taut(safety, 'flexion', tension_n=10.0)
-    safety.admit(Pull(0.001, 'abduction'), TAUT_M, 0)
-    assert safety.limit_n == 15.0
+@pytest.mark.parametrize(
+    ('contact', 'tension_n', 'pull', 'limit_n'),
+    [
+        ('flexion', 10.0, Pull(0.001, 'abduction'), 15.0),
+        ('abduction', 1.0, Pull(0.0, '', stop_tension_n=99.0), 3.0),
+    ],
+)
+def test_letting_out_leaves_the_limit_alone(safety, contact, tension_n, pull, limit_n):
+    hold_taut(safety, contact, tension_n=tension_n)
+    safety.admit(pull, TAUT_M, 0)
+    assert safety.limit_n == limit_n
     assert safety.decide(TAUT_M, 0) is Order.FOLLOW
 
 
@@ -159,8 +170,7 @@ def test_a_fresh_pull_within_the_holding_time_keeps_the_tendon(safety):
     safety.admit(Pull(0.006), TAUT_M, 400 * MS)
     safety.finish()
     for now_ms in range(500, 5000, 100):
-        safety.add_samples([1.0], False, now_ms * MS)
-        assert safety.decide(TAUT_M, now_ms * MS) is Order.FOLLOW
+        assert sense(safety, 1.0, TAUT_M, now_ms * MS) is Order.FOLLOW
 
 
 def test_unguarded_pulls_need_no_samples_unless_they_ask_for_a_tension():
@@ -183,10 +193,8 @@ def test_a_lost_topic_holds_then_lets_out_and_letting_out_is_always_admitted():
     peer.beat(0)
     hold_taut(safety)
     for now_ms in (100, 200):
-        safety.add_samples([1.0], False, now_ms * MS)
-        assert safety.decide(TAUT_M, now_ms * MS) is Order.FOLLOW
-    safety.add_samples([1.0], False, 300 * MS)
-    assert safety.decide(TAUT_M, 300 * MS) is Order.HOLD
+        assert sense(safety, 1.0, TAUT_M, now_ms * MS) is Order.FOLLOW
+    assert sense(safety, 1.0, TAUT_M, 300 * MS) is Order.HOLD
     with pytest.raises(MotionRefusedError, match=r'heartbeat for 0\.2 s'):
         safety.admit(Pull(0.006), TAUT_M, 300 * MS)
     safety.admit(Pull(0.0), TAUT_M, 300 * MS)
@@ -205,8 +213,7 @@ def test_repeated_losses_and_stops_postpone_nothing(safety):
         safety.lose('The servo is silent.', now_ms * MS)
         safety.stop()
         assert 'silent' in safety.reason
-    safety.add_samples([1.0], False, 2000 * MS)
-    assert safety.decide(TAUT_M, 2000 * MS) is Order.RELEASE
+    assert sense(safety, 1.0, TAUT_M, 2000 * MS) is Order.RELEASE
 
 
 def test_a_stop_that_ends_a_letting_out_holds_for_good(safety):
@@ -215,15 +222,7 @@ def test_a_stop_that_ends_a_letting_out_holds_for_good(safety):
     safety.release('The tendon was released.')
     safety.stop()
     for now_ms in range(0, 5000, 100):
-        safety.add_samples([1.0], False, now_ms * MS)
-        assert safety.decide(TAUT_M, now_ms * MS) is Order.HOLD
-
-
-def test_letting_out_to_slack_needs_neither_contact_nor_tension(safety):
-    hold_taut(safety, 'abduction')
-    safety.admit(Pull(0.0, '', stop_tension_n=99.0), TAUT_M, 0)
-    assert safety.decide(TAUT_M, 0) is Order.FOLLOW
-    assert safety.limit_n == 3.0
+        assert sense(safety, 1.0, TAUT_M, now_ms * MS) is Order.HOLD
 
 
 def test_a_servo_that_stops_by_itself_ends_the_pull(safety):
@@ -241,8 +240,8 @@ def test_the_stop_tension_ends_the_pull_at_or_above(safety):
     assert not safety.add_samples([4.999], False, 0)
     assert safety.decide(0.002, 0) is Order.FOLLOW
     assert safety.add_samples([5.0], False, 0)
-    safety.add_samples([4.0], False, 0)
-    assert safety.decide(0.002, 0) is Order.HOLD
+    assert not safety.add_samples([5.0], False, 0)  # nothing new to act on
+    assert sense(safety, 4.0, 0.002) is Order.HOLD
     assert safety.ending is Ending.REACHED
     assert safety.reason == 'The tension reached 5.00 N.'
 
@@ -254,12 +253,6 @@ def test_a_stop_tension_that_is_passed_by_more_than_the_limit_is_no_success(safe
     assert safety.add_samples([15.2], False, 0)
     assert safety.decide(0.002, 0) is Order.RELEASE
     assert safety.ending is Ending.OVER_LIMIT
-
-
-def test_a_block_asks_for_a_poll_only_when_it_changes_something(safety):
-    safety.admit(Pull(TAUT_M, stop_tension_n=5.0), 0.0, 0)
-    assert safety.add_samples([5.0], False, 0)
-    assert not safety.add_samples([5.0], False, 0)
 
 
 @pytest.mark.parametrize(
@@ -289,20 +282,16 @@ def test_what_is_no_number_is_no_sample(safety):
 
 
 def test_a_zero_is_confirmed_by_a_slack_reading_and_refuted_by_tension():
-    safety = TendonSafety(CONFIG)
-    safety.set_zero(Zero.UNCONFIRMED)
-    safety.add_samples([0.1], False, 0)
-    safety.decide(0.0, 0)
+    safety = make_unconfirmed()
+    sense(safety, 0.1, 0.0)
     assert safety.zero is Zero.KNOWN
     safety.set_zero(Zero.UNCONFIRMED)
     safety.decide(0.0, 0)
     assert safety.zero is Zero.UNCONFIRMED  # samples from before tell nothing
-    safety.add_samples([2.0], False, 0)
-    safety.decide(0.0, 0)
+    sense(safety, 2.0, 0.0)
     with pytest.raises(MotionRefusedError, match='wait until it is slack'):
         safety.admit(Pull(TAUT_M), 0.0, 0)
-    safety.add_samples([2.0], False, 500 * MS)
-    safety.decide(0.0, 500 * MS)
+    sense(safety, 2.0, 0.0, 500 * MS)
     assert safety.zero is Zero.UNKNOWN
     with pytest.raises(MotionRefusedError, match=r'read 2\.00 N where .* home the tendon'):
         safety.admit(Pull(TAUT_M), 0.0, 500 * MS)
@@ -310,14 +299,12 @@ def test_a_zero_is_confirmed_by_a_slack_reading_and_refuted_by_tension():
 
 
 def test_a_sample_from_before_the_tendon_was_let_out_does_not_refute_the_zero():
-    safety = TendonSafety(CONFIG)
-    safety.set_zero(Zero.UNCONFIRMED)
+    safety = make_unconfirmed()
     safety.release('The driver was restarted.')
     safety.add_samples([10.9], False, 0)
     for now_ms in (0, 100, 200):  # the tendon is out already, the samples lag behind
         safety.decide(0.0, now_ms * MS)
-    safety.add_samples([0.1], False, 300 * MS)
-    safety.decide(0.0, 300 * MS)
+    sense(safety, 0.1, 0.0, 300 * MS)
     assert safety.zero is Zero.KNOWN
 
 
@@ -326,39 +313,31 @@ def test_without_a_zero_letting_out_ends_where_the_sensor_reads_slack():
     safety.set_zero(Zero.UNKNOWN, 'the servo was held')
     assert safety.slack_m == -CONFIG.max_displacement_m
     safety.release('restarted')
-    safety.add_samples([2.0], False, 0)
-    assert safety.decide(-0.001, 0) is Order.RELEASE
-    safety.add_samples([0.05], False, 0)
-    assert safety.decide(-0.003, 0) is Order.FOLLOW
+    assert sense(safety, 2.0, -0.001) is Order.RELEASE
+    assert sense(safety, 0.05, -0.003) is Order.FOLLOW
 
 
 def test_a_tendon_that_was_left_taut_is_let_out_before_anything_winds_in():
-    safety = TendonSafety(CONFIG)
-    safety.set_zero(Zero.UNCONFIRMED)
+    safety = make_unconfirmed()
     safety.release('The driver was restarted.')
-    safety.add_samples([2.0], False, 0)
-    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    assert sense(safety, 2.0) is Order.RELEASE
     with pytest.raises(MotionRefusedError, match='let it out first'):
         safety.admit(Pull(0.006), TAUT_M, 0)
-    safety.add_samples([0.0], False, 0)
-    assert safety.decide(0.0, 0) is Order.FOLLOW
+    assert sense(safety, 0.0, 0.0) is Order.FOLLOW
     assert safety.zero is Zero.KNOWN
 
 
 def test_a_zero_is_judged_at_the_zero_alone():
     safety = TendonSafety(CONFIG)
     assert (safety.zero, safety.reason) == (Zero.UNKNOWN, '')
-    safety.add_samples([0.0], False, 0)
-    safety.decide(0.0, 0)
+    sense(safety, 0.0, 0.0)
     with pytest.raises(MotionRefusedError, match='the driver is not connected; home the tendon'):
         safety.admit(Pull(TAUT_M), 0.0, 0)  # a slack reading does not make an unknown zero known
     safety.set_zero(Zero.UNCONFIRMED)
-    safety.add_samples([0.0], False, 0)
-    safety.decide(TAUT_M, 0)
+    sense(safety, 0.0)
     assert safety.zero is Zero.UNCONFIRMED
     for displacement_m, now_ms in ((0.0, 0), (TAUT_M, 400), (0.0, 500)):
-        safety.add_samples([2.0], False, now_ms * MS)
-        safety.decide(displacement_m, now_ms * MS)
+        sense(safety, 2.0, displacement_m, now_ms * MS)
     assert safety.zero is Zero.UNCONFIRMED  # 0.5 s at the zero without a break would refute it
 
 
@@ -392,11 +371,9 @@ def test_an_alarm_is_what_nobody_has_commanded(safety):
 def test_letting_out_keeps_its_first_reason_and_the_goal_that_lets_out(safety):
     hold_taut(safety)
     safety.admit(Pull(0.0), TAUT_M, 0)
-    safety.add_samples([20.0], False, 0)
-    assert safety.decide(TAUT_M, 0) is Order.RELEASE
+    assert sense(safety, 20.0) is Order.RELEASE
     assert safety.ending is None
-    safety.add_samples([21.0], False, 0)
-    safety.decide(TAUT_M, 0)
+    sense(safety, 21.0)
     assert '20.00 N' in safety.reason
 
 
@@ -416,15 +393,13 @@ def test_a_servo_that_stops_while_it_lets_out_goes_on_letting_out(safety):
 
 
 def test_a_new_zero_is_judged_anew():
-    safety = TendonSafety(CONFIG)
-    safety.set_zero(Zero.UNCONFIRMED)
+    safety = make_unconfirmed()
     safety.add_samples([2.0], False, 0)
     with pytest.raises(MotionRefusedError, match='wait until it is slack'):
         safety.admit(Pull(TAUT_M), 0.0, 0)  # though nobody has polled meanwhile
     safety.set_zero(Zero.UNCONFIRMED)
     assert safety.live_tension_n(0) is None
-    safety.add_samples([2.0], False, 500 * MS)
-    safety.decide(0.0, 500 * MS)
+    sense(safety, 2.0, 0.0, 500 * MS)
     assert safety.zero is Zero.UNCONFIRMED
     safety.set_zero(Zero.KNOWN)
     assert safety.live_tension_n(500 * MS) == 2.0

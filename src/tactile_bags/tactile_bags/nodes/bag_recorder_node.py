@@ -44,7 +44,7 @@ from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_msgs.msg import RecordingAudit
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.worker import Periodic
-from tactile_ros.diagnostics import Diagnostics, ERROR, Health, OK, WARN
+from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.message_classes import message_class
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM

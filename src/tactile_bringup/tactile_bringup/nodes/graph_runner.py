@@ -29,6 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_bringup.launch_config.graph import join_namespaces, NodeDescription
 from tactile_ros.errors import TactileError
+from tactile_ros.programs.memory import keep_heap_small
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.programs.node_program import find_node_class
 from tactile_ros.programs.signals import Signals
@@ -73,6 +74,7 @@ def create_node(
 @contextmanager
 def ros_context(domain_id: int | None = None) -> Iterator[Context]:
     """Give a ROS context of its own, which no signal takes down behind our back."""
+    keep_heap_small()
     context = Context()
     rclpy.init(
         context=context,

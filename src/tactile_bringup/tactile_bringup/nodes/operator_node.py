@@ -34,12 +34,12 @@ from tactile_classifier.conversions import classification_from_msg
 from tactile_classifier.records import ClassificationResult
 from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import Classification
-from tactile_ros.diagnostics import Diagnostics, Health, OK
 from tactile_ros.errors import TactileError
-from tactile_ros.message_guard import MessageGuard
+from tactile_ros.health.diagnostics import Diagnostics, Health, OK
+from tactile_ros.node.message_guard import MessageGuard
+from tactile_ros.node.requests import send
 from tactile_ros.programs.signals import INTERRUPT_TIMEOUT_S
 from tactile_ros.qos import RESULTS
-from tactile_ros.requests import send
 
 HOMING_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 5.0

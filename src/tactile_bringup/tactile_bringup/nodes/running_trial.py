@@ -20,7 +20,7 @@ import time
 from typing import Any
 
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_ros.goals import Goal, GoalAborted
+from tactile_ros.node.goals import Goal, GoalAborted
 
 
 class ContactLost(GoalAborted):

@@ -34,9 +34,9 @@ from std_srvs.srv import Trigger
 from linear_guide_driver.grbl.motion_track import MotionTrack
 from tactile_bringup.records import TrialConfig
 from tactile_msgs.msg import Readiness, StrainBlock
-from tactile_ros.goals import GoalAborted, GoalCanceled
+from tactile_ros.node.goals import GoalAborted, GoalCanceled
+from tactile_ros.node.requests import send
 from tactile_ros.qos import LATEST, STREAM
-from tactile_ros.requests import send
 from tactile_ros.strain import NOT_LIVE
 
 POLL_S = 0.02

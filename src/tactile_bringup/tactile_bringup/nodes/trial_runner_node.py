@@ -39,13 +39,13 @@ from tactile_bringup.trial_protocols import (
 )
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
-from tactile_ros.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
-from tactile_ros.heartbeat import HeartbeatPublisher
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.health.readiness import ReadinessPublisher
+from tactile_ros.node.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.node.lifecycle import TactileNode
+from tactile_ros.node.requests import wait_for
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS
-from tactile_ros.readiness import ReadinessPublisher
-from tactile_ros.requests import wait_for
 
 REPORT_S = 0.5
 """How long the states of a motion may come after the result of its goal."""

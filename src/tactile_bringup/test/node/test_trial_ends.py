@@ -26,8 +26,8 @@ from trial_bench import Bench, DEADLINE_S
 from tactile_bringup.nodes.trial_devices import TRACK_S
 from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
+from tactile_ros.node.requests import send
 from tactile_ros.qos import STREAM
-from tactile_ros.requests import send
 from waiting import wait_until
 
 LOSS_S = 1.0
@@ -226,6 +226,8 @@ def test_a_second_life_of_the_trial_runner_works_like_the_first(bench):
         for transition in ('cleanup', 'configure', 'activate'):
             result = getattr(bench.runner, f'trigger_{transition}')()
             assert result == TransitionCallbackReturn.SUCCESS
+            if transition == 'cleanup':  # or the next wait finds the server that is gone
+                wait_until(lambda: not bench.action.server_is_ready())
         assert len(bench.runner.goal_runners) == 1
         assert len(bench.runner._managed_entities) == 1
         assert bench.action.wait_for_server(timeout_sec=DEADLINE_S)

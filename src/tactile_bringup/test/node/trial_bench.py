@@ -28,12 +28,12 @@ from std_srvs.srv import Trigger
 from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import Readiness, StrainBlock, TrialEvent
-from tactile_ros.goals import GoalAborted, GoalRunner
-from tactile_ros.heartbeat import HeartbeatPublisher
-from tactile_ros.lifecycle import TactileNode
+from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.node.goals import GoalAborted, GoalRunner
+from tactile_ros.node.lifecycle import TactileNode
+from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
-from tactile_ros.requests import send
 from waiting import wait_until
 
 DEADLINE_S = 10.0

@@ -31,16 +31,6 @@ fingers:
 """
 
 
-@pytest.fixture
-def hand_file(tmp_path):
-    def write(text):
-        path = tmp_path / 'hand.yaml'
-        path.write_text(text)
-        return path
-
-    return write
-
-
 def test_fingers_are_read_with_paths_relative_to_the_file(hand_file, tmp_path):
     index, middle = read_hand(hand_file(HAND))
     assert index == Finger(

@@ -20,16 +20,6 @@ from tactile_ros.errors import TactileError
 NAMES = ('tendon_sensor', 'tactile_features')
 
 
-@pytest.fixture
-def parameter_file(tmp_path):
-    def write(text):
-        path = tmp_path / 'params.yaml'
-        path.write_text(text)
-        return path
-
-    return write
-
-
 @pytest.mark.parametrize(
     ('key', 'namespace', 'matches'),
     [

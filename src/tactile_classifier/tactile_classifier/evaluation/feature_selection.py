@@ -31,7 +31,7 @@ from tactile_classifier.datasets.conditions import find_cells, find_strata
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
-from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
 from tactile_classifier.evaluation.intervals import difference_interval, Interval
 from tactile_classifier.evaluation.plans import Task
 from tactile_classifier.evaluation.significance import rank_features
@@ -112,7 +112,7 @@ class SelectionPlan:
     ) -> None:
         self._table = table
         self._split = split.once()
-        self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
+        self._pairs = list_pairs(table, classifiers, scalings)
         (self._folds,) = self._split.repeats
         self._inner = [
             self._split.divide_again(train, table.labels, random_state) for train, _ in self._folds

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
-from tactile_classifier.evaluation.cross_validation import predict_folds
+from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
 from tactile_classifier.evaluation.plans import Task
 
 _FEWEST = 2  # of each class: three neighbours need three trials, and there are two classes
@@ -90,7 +90,7 @@ class LearningPlan:
     ) -> None:
         self._table = table
         self._split = split.once()
-        self._pairs = [(classifier, scaling) for classifier in classifiers for scaling in scalings]
+        self._pairs = list_pairs(table, classifiers, scalings)
         (self._folds,) = self._split.repeats
         self._drawn = [
             draw_training(table.labels, train, np.random.default_rng([random_state, i]))

@@ -28,8 +28,8 @@ from tactile_lab.commands.analysis.requests import RecordingsArgument, TrainRequ
 from tactile_lab.commands.simulate_request import SimulateRequest
 from tactile_lab.options import (
     check_paths,
+    choice,
     ClusterOption,
-    Contact,
     JsonOption,
     refusals,
     SeedOption,
@@ -101,7 +101,9 @@ def robustness(
         Path,
         typer.Option('--report', '-o', help='Report to write: a folder, or an HTML file.'),
     ],
-    contact: Annotated[Contact, typer.Option(help='How the finger touches.')] = Contact.flexion,
+    contact: Annotated[
+        str, typer.Option(**choice('flexion', 'abduction'), help='How the finger touches.')
+    ] = 'flexion',
     description: Annotated[
         Optional[Path],
         typer.Option(
@@ -129,7 +131,7 @@ def robustness(
         with on_cluster(cluster):
             run_robustness(
                 report,
-                contact=contact.value,
+                contact=contact,
                 description=description,
                 seed=seed,
                 jobs=jobs,

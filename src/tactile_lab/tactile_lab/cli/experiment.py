@@ -27,8 +27,8 @@ from typer.core import TyperGroup
 from tactile_lab.cli.request_options import spread
 from tactile_lab.commands.rig_requests import ExperimentRequest
 from tactile_lab.options import (
+    choice,
     JsonOption,
-    Protocol,
     refusals,
     SeedOption,
 )
@@ -67,7 +67,9 @@ def new(
     objects: Annotated[
         str, typer.Option(help='Labels of the plates or objects, with commas: R1,R2,C1.')
     ],
-    protocol: Annotated[Protocol, typer.Option(help='Which kind of trial.')] = Protocol.texture,
+    protocol: Annotated[
+        str, typer.Option(**choice('texture', 'stiffness'), help='Which kind of trial.')
+    ] = 'texture',
     contacts: Annotated[str, typer.Option(help='flexion, abduction, or both.')] = 'flexion',
     sessions: Annotated[int, typer.Option(help='How often the rig is set up anew.')] = 3,
     mountings: Annotated[
@@ -89,7 +91,7 @@ def new(
 
         plan = ExperimentPlan(
             name=path.stem,
-            protocol=protocol.value,
+            protocol=protocol,
             objects=_split(objects),
             contacts=_split(contacts),
             sessions=sessions,

@@ -25,7 +25,6 @@ import os
 import sys
 from typing import Annotated, Any
 
-import click
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperOption
 
@@ -42,8 +41,9 @@ from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import held_signals
 from tactile_ros.programs.transports import choose_transports
 
-# A newer Click names the likely command itself, and Typer would name it once more.
-_SUGGESTIONS = {'suggest_commands': False} if hasattr(click.exceptions, 'NoSuchCommand') else {}
+# A newer Click names the likely command itself, and a Typer that uses it would name it once more.
+_CLICK_ERRORS = getattr(getattr(typer.core, 'click', None), 'exceptions', None)
+_SUGGESTIONS = {'suggest_commands': False} if hasattr(_CLICK_ERRORS, 'NoSuchCommand') else {}
 
 app = typer.Typer(
     name='tactile',

@@ -29,9 +29,8 @@ from tactile_lab.commands.analysis.requests import (
     EvaluateRequest,
     FeaturesRequest,
     RecordingsArgument,
-    SkipBadOption,
 )
-from tactile_lab.datasets.sources.options import SourceOptions
+from tactile_lab.datasets.sources.options import SkipBadOption, SourceOptions
 from tactile_lab.options import check_paths, ClusterOption, JsonOption, refusals
 
 

@@ -26,8 +26,9 @@ from tactile_lab.options import refusals
 def spread(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options that its parameters of a dataclass' type state.
 
-    An option is a field that the class itself declares as ``Annotated``, in that order. A field
-    that is a dataclass stands for the options of its own. Other fields keep their defaults.
+    An option is a field declared as ``Annotated``: those of the class, then those that it
+    inherits. A field that is a dataclass stands for the options of its own. Other fields keep
+    their defaults.
     """
     signature = inspect.signature(command)
     stated = signature.parameters.values()
@@ -53,7 +54,7 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
 
 def _list_options(request: Any) -> Iterator[inspect.Parameter]:
     defaults = {f.name: f.default for f in fields(request) if f.default is not MISSING}
-    for name, kind in _own_types(request):
+    for name, kind in _option_types(request):
         if is_dataclass(kind):
             yield from _list_options(kind)
         else:
@@ -68,12 +69,14 @@ def _fill(request: Any, options: dict[str, Any]) -> Any:
     return request(
         **{
             name: _fill(kind, options) if is_dataclass(kind) else options.pop(name)
-            for name, kind in _own_types(request)
+            for name, kind in _option_types(request)
         }
     )
 
 
-def _own_types(request: Any) -> list[tuple[str, Any]]:
+def _option_types(request: Any) -> list[tuple[str, Any]]:
     types = get_type_hints(request, include_extras=True)
-    own = ((name, types[name]) for name in inspect.get_annotations(request))
-    return [(n, t) for n, t in own if get_origin(t) is Annotated or is_dataclass(t)]
+    names = dict.fromkeys(n for kind in request.__mro__ for n in inspect.get_annotations(kind))
+    return [
+        (n, types[n]) for n in names if get_origin(types[n]) is Annotated or is_dataclass(types[n])
+    ]

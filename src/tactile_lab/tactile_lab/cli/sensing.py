@@ -23,12 +23,10 @@ import typer
 from tactile_lab.cli.request_options import spread
 from tactile_lab.options import (
     check_paths,
-    DetectedContact,
     DetectedContactOption,
     ModelOption,
     NamespaceOption,
     ParamsOption,
-    Phases,
     PhasesOption,
     QuietOption,
     RecalibrateOption,
@@ -49,8 +47,8 @@ class SensingOptions:
     sensor_topic: SensorTopicOption = ''
     model: ModelOption = None
     recalibrate: RecalibrateOption = 0
-    phases: PhasesOption = Phases.stated
-    contact: DetectedContactOption = DetectedContact.unknown
+    phases: PhasesOption = 'stated'
+    contact: DetectedContactOption = ''
     slip: SlipOption = False
     simulated: SimulatedOption = False
     params: ParamsOption = None
@@ -70,8 +68,8 @@ class SensingOptions:
             'sensor_topic': self.sensor_topic,
             'model': str(self.model or ''),
             'recalibrate': str(self.recalibrate),
-            'phases': self.phases.value,
-            'contact': self.contact.value,
+            'phases': self.phases,
+            'contact': self.contact,
             'slip': 'true' if self.slip else 'false',
             'rig': 'simulated' if self.simulated else 'hardware',
             'params_file': str(self.params or ''),

@@ -21,10 +21,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Optional
 
-from click import Choice
 import typer
 
 from tactile_lab.options import (
+    choice,
     GuideOption,
     ModelsOption,
     NamespaceOption,
@@ -84,7 +84,7 @@ class TrialsRequest:
 
     protocol: Annotated[
         str,
-        typer.Argument(click_type=Choice(['texture', 'stiffness']), help='Which kind of trial.'),
+        typer.Argument(**choice('texture', 'stiffness'), help='Which kind of trial.'),
     ]
     label: Annotated[
         str, typer.Option('--object', help='The plate or object that lies under the finger.')
@@ -94,7 +94,7 @@ class TrialsRequest:
     ]
     contact: Annotated[
         str,
-        typer.Option(click_type=Choice(['flexion', 'abduction']), help='How the finger touches.'),
+        typer.Option(**choice('flexion', 'abduction'), help='How the finger touches.'),
     ] = 'flexion'
     count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1
     session: Annotated[

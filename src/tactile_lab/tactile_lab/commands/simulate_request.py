@@ -21,10 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Optional
 
-from click import Choice
 import typer
 
-from tactile_lab.options import SeedOption
+from tactile_lab.options import choice, SeedOption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,15 +32,13 @@ class SimulateRequest:
 
     protocol: Annotated[
         str,
-        typer.Argument(
-            click_type=Choice(['texture', 'stiffness', 'slip']), help='Which kind of trial.'
-        ),
+        typer.Argument(**choice('texture', 'stiffness', 'slip'), help='Which kind of trial.'),
     ]
     folder: Annotated[Path, typer.Option('--output', '-o', help='Folder to write the bags into.')]
     contact: Annotated[
         Optional[list[str]],
         typer.Option(
-            click_type=Choice(['flexion', 'abduction']),
+            **choice('flexion', 'abduction'),
             help='How the finger touches; give it twice for both. Default: both.',
         ),
     ] = None
@@ -63,7 +60,7 @@ class SimulateRequest:
     design: Annotated[
         str,
         typer.Option(
-            click_type=Choice(['crossed', 'as-published']),
+            **choice('crossed', 'as-published'),
             help='crossed: the plate or object is fixed anew before each trial. as-published: '
             'once, for all its trials, in one session: label and mounting coincide.',
         ),

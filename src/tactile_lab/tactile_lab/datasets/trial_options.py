@@ -16,33 +16,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tactile_lab.datasets.sources.options import SourceOptions
-from tactile_ros.errors import TactileError
+from tactile_lab.datasets.sources.options import ArchiveOptions
 
 if TYPE_CHECKING:
     from tactile_lab.datasets.selection import TrainTest
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialOptions:
-    """What `train`, `evaluate` and `features` share; see their ``--help``."""
+class TrialOptions(ArchiveOptions):
+    """What `features`, `evaluate`, `compare` and `train` share; see their ``--help``.
+
+    A command that has one of these as an option declares it anew, with its help.
+    """
 
     task: str | None = None
-    channel: str | None = None
-    where: str | None = None
     train_where: str | None = None
     test_where: str | None = None
-    crop: str | None = None
-    resample_hz: float | None = None
-    skip_bad: bool = False
     over: str | None = None
-    speed_column: str | None = None
     detrend: str | None = None
     features: str | None = None
-    sources: SourceOptions = field(default_factory=SourceOptions)
 
     @property
     def train_test(self) -> TrainTest:
@@ -52,23 +47,3 @@ class TrialOptions:
         )
 
         return TrainTest(self.train_where, self.test_where)
-
-    def check_for_bags(self) -> None:
-        """Refuse what says how to cut or read trials, which bags with trial events say.
-
-        Raises
-        ------
-        TactileError
-            When such an option is given.
-        """
-        for name in ('channel', 'where', 'crop', 'resample_hz', 'skip_bad', 'speed_column'):
-            if getattr(self, name) not in (None, False):
-                option = name.replace('_', '-')
-                raise TactileError(
-                    f'--{option} is for archives; a bag says itself what a trial is'
-                )
-        if not self.sources.is_empty:
-            raise TactileError(
-                'these are bags with trial events, which say themselves what a trial is: leave '
-                '--column, --rate-hz, --label, --label-from, --labels and --field out'
-            )

@@ -29,7 +29,7 @@ from tactile_features.conversions import feature_window_from_msg, strain_block_f
 from tactile_features.records import FeatureWindow
 from tactile_msgs.msg import StrainBlock as StrainBlockMsg
 from tactile_msgs.msg import TactileFeatures
-from tactile_ros.message_guard import MessageGuard
+from tactile_ros.node.message_guard import MessageGuard
 from tactile_ros.qos import RESULTS, STREAM
 from tactile_ros.strain import StrainBlock
 

@@ -48,7 +48,7 @@ from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordSubscription
 from tactile_ros.bus.worker import Worker
 from tactile_ros.errors import MessageError
-from tactile_ros.message_guard import MessageGuard
+from tactile_ros.node.message_guard import MessageGuard
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 
 LOOK_PERIOD_S = 0.5

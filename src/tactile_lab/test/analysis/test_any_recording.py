@@ -48,13 +48,17 @@ def invoke(*arguments):
     return done.exit_code, done.output
 
 
+def ask(*arguments):
+    """Return what a command says in JSON."""
+    done = CliRunner().invoke(app, [*map(str, arguments), '--json'])
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
 def import_json(tmp_path, *arguments):
     archive = tmp_path / 'imported.npz'
-    done = CliRunner().invoke(
-        app, ['import', *map(str, arguments), '-o', str(archive), '--force', '--json']
-    )
-    assert done.exit_code == 0, done.output
-    return json.loads(done.stdout), load_archive(archive, folds=0)
+    found = ask('import', *arguments, '-o', archive, '--force')
+    return found, load_archive(archive, folds=0)
 
 
 def refusal(tmp_path, *arguments):
@@ -77,10 +81,13 @@ def long_table(tmp_path):
     return tmp_path / 'long.csv'
 
 
-def check_holds(trials, count=6):
-    """Compare with what was written, bit for bit."""
+def check_holds(trials, count=6, *, column='', pattern=''):
+    """Compare with what was written, bit for bit: in the same order, or by name in a column."""
     assert trials.rate_hz == RATE_HZ
-    for row, (label, _, _, tension_n) in enumerate(all_holds(count)):
+    assert len(trials) == 2 * count
+    for row, (label, i, _, tension_n) in enumerate(all_holds(count)):
+        if column:
+            row = trials.columns[column].tolist().index(pattern.format(label=label, i=i))
         assert trials.label[row] == label
         np.testing.assert_array_equal(trials.x[row, 0, : trials.lengths[row]], tension_n)
 
@@ -104,12 +111,7 @@ def test_rows_of_trials_may_be_mixed(tmp_path, long_table):
     by_time = sorted(order.tolist(), key=lambda i: float(lines[i].split(',')[2]))
     long_table.write_text('\n'.join([head, *(lines[i] for i in by_time)]))
     _, trials = import_json(tmp_path, long_table)
-    rows = {}
-    for label, i, _, tension_n in all_holds():
-        rows[f'{label}/{i}'] = tension_n
-    assert set(trials.columns['trial'].tolist()) == set(rows)
-    for name, x, count in zip(trials.columns['trial'], trials.x, trials.lengths, strict=True):
-        np.testing.assert_array_equal(x[0, :count], rows[name])
+    check_holds(trials, column='trial', pattern='{label}/{i}')
 
 
 @pytest.fixture
@@ -129,12 +131,7 @@ def folders(tmp_path):
 
 def test_a_file_a_trial_in_folders_named_as_the_label(tmp_path, folders):
     found, trials = import_json(tmp_path, folders)
-    np.testing.assert_array_equal(np.unique(trials.label), ['pla', 'rubber'])
-    by_name = {name: row for row, name in enumerate(trials.columns['source'])}
-    for label, i, _, tension_n in all_holds():
-        row = by_name[f'lab/{label}/{i:02d}.csv']
-        assert trials.label[row] == label
-        np.testing.assert_array_equal(trials.x[row, 0, : len(tension_n)], tension_n)
+    check_holds(trials, column='source', pattern='lab/{label}/{i:02d}.csv')
     assert 'took signal: Kraft [N]; time: Zeit [ms] in ms' in found['notes']
     assert 'label: the folder of each file (pla, rubber)' in found['notes']
 
@@ -224,14 +221,18 @@ def number(stamp_ns, force_n):
     return STORE.types['std_msgs/msg/Float64'](force_n)
 
 
+def stamped(make, time_s, tension_n):
+    stamps = (10**18 + np.rint(time_s * 1e9)).astype(np.int64).tolist()
+    return [(t, make(t, f)) for t, f in zip(stamps, tension_n.tolist(), strict=True)]
+
+
 @pytest.mark.parametrize('plugin', list(StoragePlugin))
 @pytest.mark.parametrize(
     ('make', 'field'), [(wrench, 'force.z'), (effort, 'effort.tendon'), (number, None)]
 )
 def test_bags_of_others(tmp_path, plugin, make, field):
     for label, i, time_s, tension_n in all_holds():
-        stamps = (10**18 + np.rint(time_s * 1e9)).astype(np.int64).tolist()
-        messages = [(t, make(t, f)) for t, f in zip(stamps, tension_n.tolist(), strict=True)]
+        messages = stamped(make, time_s, tension_n)
         write_bag(tmp_path / 'bags' / label / f'run_{i}', plugin, '/ft', messages)
     if field is not None:
         assert '--field' in refusal(tmp_path, tmp_path / 'bags')
@@ -239,18 +240,13 @@ def test_bags_of_others(tmp_path, plugin, make, field):
     stated = ('--field', field) if field else ()
     found, trials = import_json(tmp_path, tmp_path / 'bags', *stated)
     assert found['labels'] == {'pla': 6, 'rubber': 6}
-    assert trials.rate_hz == RATE_HZ
-    by_name = dict(zip(trials.columns['source'].tolist(), range(12), strict=True))
-    for label, i, _, tension_n in all_holds():
-        row = by_name[f'bags/{label}/run_{i}']
-        np.testing.assert_array_equal(trials.x[row, 0, : len(tension_n)], tension_n)
+    check_holds(trials, column='source', pattern='bags/{label}/run_{i}')
     assert 'no topic /other' in refusal(tmp_path, tmp_path / 'bags', '--topic', '/other')
 
 
 def test_messages_twice_and_out_of_order_are_said(tmp_path):
     for label, i, time_s, tension_n in all_holds(2):
-        stamps = (10**18 + np.rint(time_s * 1e9)).astype(np.int64).tolist()
-        messages = [(t, wrench(t, f)) for t, f in zip(stamps, tension_n.tolist(), strict=True)]
+        messages = stamped(wrench, time_s, tension_n)
         messages = [*messages[:50], messages[51], messages[50], messages[50], *messages[52:]]
         bag = [(10**18 + k, message) for k, (_, message) in enumerate(messages)]
         write_bag(tmp_path / label / f'{i}', StoragePlugin.MCAP, '/ft', bag)
@@ -264,37 +260,35 @@ def test_messages_twice_and_out_of_order_are_said(tmp_path):
     assert any('whose stamp came before' in note for note in found['notes'])
 
 
-def write_trials(folder, times, values):
-    for label, time_s in times.items():
+EVEN_S = np.arange(200) / RATE_HZ
+
+
+def line(label, i, time_s=EVEN_S):
+    return SLOPES[label] * time_s + i
+
+
+def write_lines(folder, pla_s, rubber_s):
+    """Write three trials a label with these times [s]; return the folder."""
+    for label, time_s in (('pla', pla_s), ('rubber', rubber_s)):
         for i in range(3):
             path = folder / label / f'{i}.csv'
             path.parent.mkdir(parents=True, exist_ok=True)
-            rows = np.column_stack([time_s, values(label, i, time_s)])
+            rows = np.column_stack([time_s, line(label, i, time_s)])
             np.savetxt(path, rows, delimiter=',', header='time_s,force_n', comments='')
     return folder
 
 
-def lines_of(label, i, time_s):
-    return SLOPES[label] * time_s + i
-
-
 def test_lost_samples_and_jitter_are_filled_and_said(tmp_path):
-    even = np.arange(200) / RATE_HZ
-    folder = write_trials(
-        tmp_path / 'lost', {'pla': even, 'rubber': np.delete(even, [50, 51, 120])}, lines_of
-    )
+    folder = write_lines(tmp_path / 'lost', EVEN_S, np.delete(EVEN_S, [50, 51, 120]))
     found, trials = import_json(tmp_path, folder)
     assert any('3 of 6 trials have uneven stamps' in note for note in found['notes'])
     assert trials.lengths.tolist() == [200] * 6
     for row in range(6):  # a line stays the line
-        expected = lines_of(trials.label[row], row % 3, even)
-        np.testing.assert_allclose(trials.x[row, 0], expected, atol=1e-12)
+        np.testing.assert_allclose(trials.x[row, 0], line(trials.label[row], row % 3), atol=1e-12)
 
 
 def test_a_pause_is_refused_and_skipped_when_asked(tmp_path):
-    even = np.arange(200) / RATE_HZ
-    times = {'pla': even, 'rubber': np.delete(even, np.arange(50, 60))}
-    folder = write_trials(tmp_path / 'pause', times, lines_of)
+    folder = write_lines(tmp_path / 'pause', EVEN_S, np.delete(EVEN_S, np.arange(50, 60)))
     said = refusal(tmp_path, folder)
     assert 'no samples for 0.11 s, from 0.49 s on; --skip-bad' in said
     found, _ = import_json(tmp_path, folder, '--skip-bad')
@@ -302,11 +296,10 @@ def test_a_pause_is_refused_and_skipped_when_asked(tmp_path):
 
 
 def test_a_rate_that_does_not_fit_the_stamps_is_refused(tmp_path):
-    even = np.arange(200) / RATE_HZ
-    folder = write_trials(tmp_path / 'a', {'pla': even, 'rubber': even}, lines_of)
+    folder = write_lines(tmp_path / 'a', EVEN_S, EVEN_S)
     assert 'say 100 Hz' in refusal(tmp_path, folder, '--rate-hz', 60)
     assert import_json(tmp_path, folder, '--rate-hz', 100.2)[1].rate_hz == 100.2
-    slow = write_trials(tmp_path / 'b', {'pla': even, 'rubber': 2.0 * even}, lines_of)
+    slow = write_lines(tmp_path / 'b', EVEN_S, 2.0 * EVEN_S)
     assert 'different rates' in refusal(tmp_path, slow)
 
 
@@ -326,8 +319,7 @@ def test_oddities_are_said(tmp_path):
 @pytest.mark.filterwarnings('error:.*:RuntimeWarning')
 def test_float32_gives_no_warning(tmp_path):
     x = np.stack([tension_n[:240] for _, _, _, tension_n in all_holds()]).astype(np.float32)
-    labels = [label for label, *_ in all_holds()]
-    np.savez(tmp_path / 'f.npz', x=x, label=labels, rate_hz=100.0)
+    np.savez(tmp_path / 'f.npz', x=x, label=[hold[0] for hold in all_holds()], rate_hz=100.0)
     for task in ('texture', 'stiffness'):
         code, said = invoke('evaluate', tmp_path / 'f.npz', '--task', task, '--folds', 2)
         assert code == 0, said
@@ -337,29 +329,19 @@ def test_kinds_are_not_mixed(tmp_path, long_table):
     np.save(tmp_path / 'x.npy', np.zeros((2, 3)))
     assert 'several kinds' in refusal(tmp_path, long_table, tmp_path / 'x.npy')
     assert 'are not known' in refusal(tmp_path, __file__)
-    assert 'no recordings in it' in refusal(tmp_path, make_folder(tmp_path / 'empty'))
-
-
-def make_folder(path):
-    path.mkdir()
-    return path
+    (tmp_path / 'empty').mkdir()
+    assert 'no recordings in it' in refusal(tmp_path, tmp_path / 'empty')
 
 
 def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
-    common = ('--task', 'stiffness', '--folds', 2, '--repetitions', 1, '--json')
-    _, _ = import_json(tmp_path, long_table)
+    common = ('--task', 'stiffness', '--folds', 2, '--repetitions', 1)
+    import_json(tmp_path, long_table)
     means = []
     for source in (long_table, tmp_path / 'imported.npz'):
-        done = CliRunner().invoke(app, [str(a) for a in ('evaluate', source, *common)])
-        assert done.exit_code == 0, done.output
-        (found,) = json.loads(done.stdout)['sets']
+        (found,) = ask('evaluate', source, *common)['sets']
         means.append([score['mean'] for score in found['evaluations'][0]['scores']])
     assert means[0] == means[1]
-    done = CliRunner().invoke(
-        app, [str(a) for a in ('train', long_table, '-o', tmp_path / 'models', *common)]
-    )
-    assert done.exit_code == 0, done.output
-    (trained,) = json.loads(done.stdout)['models']
+    (trained,) = ask('train', long_table, '-o', tmp_path / 'models', *common)['models']
     assert [s['mean'] for s in trained['evaluation']['scores']] == means[0]
     model = TactileModel.load(tmp_path / 'models' / 'stiffness.onnx')
     assert model.model_id == trained['model_id']
@@ -405,9 +387,7 @@ def test_features_of_our_bags_have_a_file_for_each_kind(tmp_path):
     assert set(table['simulated'].to_pylist()) == {True}
     assert table.num_rows == 8
     assert (tmp_path / 'f_stiffness_flexion.parquet').exists()
-    assert 'takes it as it is' in refusal(tmp_path, tmp_path / 'bags').replace(
-        'take it', 'takes it'
-    )
+    assert 'take it as it is' in refusal(tmp_path, tmp_path / 'bags')
 
 
 def test_trials_numbered_anew_in_each_session_are_kept_apart(tmp_path):

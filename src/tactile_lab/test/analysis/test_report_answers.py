@@ -23,7 +23,6 @@ import pytest
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.replaying.replay import recorded_config, replay_windows
-from tactile_bringup.records import TrialConfig
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
@@ -42,8 +41,6 @@ from tactile_lab.report.components import find_components
 from tactile_lab.report.figures.significance import explain_mean_p
 from tactile_lab.report.recordings import bag_sets, RecordingSet
 from tactile_lab.report.summary import answer_rows
-from tactile_lab.simulation.simulated_bags import write_simulated_bag
-from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
 
 
@@ -67,10 +64,8 @@ def answer(table, hold_out=('session_id',)):
 
 
 @pytest.fixture(scope='module')
-def texture_bag(tmp_path_factory):
-    plan = SimulationPlan('texture', 'flexion', 4, seed=11)
-    folder = tmp_path_factory.mktemp('bags')
-    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+def texture_bag(simulate_bag):
+    return simulate_bag('texture', 'flexion', 4, seed=11)
 
 
 @pytest.fixture(scope='module')

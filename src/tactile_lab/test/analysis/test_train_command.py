@@ -24,11 +24,9 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.replaying.replay import recorded_config, replay_windows
-from tactile_bringup.records import TrialConfig
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_features.config import FeatureConfig
 from tactile_features.spec import array_spec, spec_for
 from tactile_lab.commands.analysis.requests import TrainRequest
 from tactile_lab.commands.analysis.train import (
@@ -40,16 +38,12 @@ from tactile_lab.commands.analysis.train import (
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.partial_tables import read_partial_tables
-from tactile_lab.simulation.simulated_bags import write_simulated_bag
-from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
 
 
 @pytest.fixture(scope='module')
-def bag(tmp_path_factory):
-    plan = SimulationPlan('texture', 'flexion', 3, seed=5)
-    folder = tmp_path_factory.mktemp('bags')
-    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+def bag(simulate_bag):
+    return simulate_bag('texture', 'flexion', 3, seed=5)
 
 
 @pytest.fixture(scope='module')
@@ -140,11 +134,10 @@ def test_text_that_is_no_seconds_is_refused(tmp_path):
         TrainRequest(folder=tmp_path, running='1;2').running_seconds()
 
 
-def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(bag, tmp_path):
-    plan = SimulationPlan('texture', 'flexion', 3, seed=6, sessions=2)
-    folder = tmp_path / 'more'
-    folder.mkdir()
-    path = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
+    bag, simulate_bag, tmp_path
+):
+    path = simulate_bag('texture', 'flexion', 3, seed=6, sessions=2)
     request = TrainRequest(
         folder=tmp_path / 'models',
         folds=3,

@@ -25,7 +25,7 @@ import sys
 
 import pytest
 
-RUN = Path(__file__).resolve().parents[4] / 'benchmarks' / 'run.py'
+REPOSITORY = Path(__file__).resolve().parents[4]
 
 CHEAP = {
     'spectrum': {'1 x 180': 2e-15, '480 x 180': 2e-15, 'offset 1e6 N': 2e-15},
@@ -39,7 +39,7 @@ CHEAP = {
 }
 
 needs_benchmarks = pytest.mark.skipif(
-    not RUN.is_file(),
+    not (REPOSITORY / 'benchmarks').is_dir(),
     reason='the packages are not in their own repository: no benchmarks beside them',
 )
 
@@ -48,8 +48,9 @@ needs_benchmarks = pytest.mark.skipif(
 def reports():
     only = [argument for topic in CHEAP for argument in ('--only', topic)]
     done = subprocess.run(
-        [sys.executable, str(RUN), '--quick', '--json', *only],
+        [sys.executable, '-m', 'benchmarks', '--quick', '--json', *only],
         capture_output=True,
+        cwd=REPOSITORY,
         text=True,
         timeout=120,
         check=False,
@@ -88,8 +89,8 @@ def test_every_ratio_lies_between_its_quartiles(reports):
 
 @needs_benchmarks
 def test_the_hard_plates_are_fixed_by_their_description(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(RUN.parent)
-    hard = importlib.import_module('hard_benchmark')
+    monkeypatch.syspath_prepend(REPOSITORY)
+    hard = importlib.import_module('benchmarks.accuracy.twelve_plates')
     hard.write_plates(tmp_path / 'plates.yaml')
     shipped = hard.FOLDER / 'plates.yaml'
     assert (tmp_path / 'plates.yaml').read_bytes() == shipped.read_bytes()

@@ -34,8 +34,8 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_msgs.action import RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
+from tactile_ros.node.requests import send
 from tactile_ros.qos import EVENTS
-from tactile_ros.requests import send
 from tactile_sim.rig_process import SimulatedRig
 from waiting import wait_until
 

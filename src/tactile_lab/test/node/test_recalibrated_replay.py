@@ -32,31 +32,22 @@ from tactile_bags.recorded_topics import RecordedTopic
 from tactile_bags.replaying.replay import load_models, recorded_config, replay_through_core
 from tactile_bringup.launch_config.model_folder import find_models, model_path
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
-from tactile_bringup.records import TrialConfig
 from tactile_classifier.conversions import classification_to_msg
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
-from tactile_features.config import FeatureConfig
 from tactile_features.conversions import feature_window_to_msg
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.simulation.simulated_bags import write_simulated_bag
-from tactile_lab.simulation.simulated_trials import SimulationPlan
 
 NODE = 'stiffness_flexion_classifier'
 TRIALS = 6
 NOISE = 1.0
 
 
-def simulate(folder, **plan):
-    plan = SimulationPlan('stiffness', 'flexion', **plan)
-    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
-
-
 @pytest.fixture(scope='module')
-def models(tmp_path_factory):
-    bag = simulate(tmp_path_factory.mktemp('training'), trials_per_label=4, seed=3, sessions=4)
+def models(tmp_path_factory, simulate_bag):
+    bag = simulate_bag('stiffness', 'flexion', 4, seed=3, sessions=4)
     folder = tmp_path_factory.mktemp('models')
     for key, table in read_tables([bag]).tables.items():
         write_model(model_path(folder, *key), train(table, 'knn'))
@@ -80,10 +71,12 @@ def record_answers(source, path, results):
     return path
 
 
-def test_known_trials_correct_the_nodes_and_the_replay_alike(models, tmp_path, context):
+def test_known_trials_correct_the_nodes_and_the_replay_alike(
+    models, simulate_bag, tmp_path, context
+):
     paths = find_models(models)
     before = (models / 'stiffness_flexion.onnx').read_bytes()
-    source = simulate(tmp_path, trials_per_label=2, seed=11, sessions=2)
+    source = simulate_bag('stiffness', 'flexion', 2, seed=11, sessions=2)
     with TactileBag(source) as bag:
         config = recorded_config(bag)
         core = replay_through_core(
@@ -110,10 +103,10 @@ def test_known_trials_correct_the_nodes_and_the_replay_alike(models, tmp_path, c
     assert changed == 2 * (TRIALS * [False] + 4 * [True])
 
 
-def test_raw_scores_are_the_same_live_and_replayed(tmp_path, context):
+def test_raw_scores_are_the_same_live_and_replayed(simulate_bag, tmp_path, context):
     """A model whose training kept raw scores: margins in nodes, core and replay, bit for bit."""
     (tmp_path / 'models').mkdir()
-    training = simulate(tmp_path / 'training', trials_per_label=12, seed=3, sessions=2)
+    training = simulate_bag('stiffness', 'flexion', 12, seed=3, sessions=2)
     ((key, table),) = read_tables([training]).tables.items()
     values = table.values.copy()
     noisy = table.column('session_id') == table.column('session_id')[-1]
@@ -123,7 +116,7 @@ def test_raw_scores_are_the_same_live_and_replayed(tmp_path, context):
     model = write_model(model_path(tmp_path / 'models', *key), train(table, 'svm_linear'))
     assert model.manifest.calibration['scores']['kept'] == 'raw'
     paths = find_models(tmp_path / 'models')
-    source = simulate(tmp_path / 'new', trials_per_label=2, seed=11)
+    source = simulate_bag('stiffness', 'flexion', 2, seed=11)
     with TactileBag(source) as bag:
         config = recorded_config(bag)
         core = replay_through_core(bag, load_models(paths), config)

@@ -27,18 +27,14 @@ from simulated_rigs import home_fast
 from tactile_bags import TactileBag
 from tactile_bags.replaying.replay import recorded_config, recorded_results
 from tactile_bringup.launch_config.graph import Ports
-from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
-from tactile_features.config import FeatureConfig
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.partial_tables import read_partial_tables
-from tactile_lab.simulation.simulated_bags import write_simulated_bag
-from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
 
@@ -47,10 +43,8 @@ QUICK = {'trial_runner': {'approach_speed_m_s': 0.1}}
 
 
 @pytest.fixture(scope='module')
-def table(tmp_path_factory):
-    plan = SimulationPlan('texture', 'flexion', 3, seed=5)
-    folder = tmp_path_factory.mktemp('bags')
-    bag = write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+def table(simulate_bag):
+    bag = simulate_bag('texture', 'flexion', 3, seed=5)
     (table,) = read_tables([bag]).tables.values()
     return table
 
@@ -70,19 +64,25 @@ def model(table, tmp_path):
     return path
 
 
-def test_running_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
-    bag = tmp_path / 'bag'
+def glide(rig, bag, models):
+    """Record a live trial; return it."""
     with domain_id() as domain:
         setup = LiveSetup(
             Ports(*rig.ports),
             bag,
-            models=model,
+            models=models,
             parameters=QUICK,
             simulated=True,
             domain_id=int(domain),
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
         (trial,) = run_live_trials(setup, [request], Output(as_json=True), simulated_rig=rig)
+    return trial
+
+
+def test_running_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
+    bag = tmp_path / 'bag'
+    trial = glide(rig, bag, model)
     assert trial.answer.scores  # whatever it is: one window in twenty may be unknown
     with TactileBag(bag) as recording:
         assert recorded_config(recording).running_samples == (30, 90)
@@ -101,16 +101,6 @@ def test_a_model_for_any_contact_answers_a_live_trial(rig, table, tmp_path):
     contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
     mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
     model = write_model(tmp_path / 'texture.onnx', train(mixed, 'knn'))
-    with domain_id() as domain:
-        setup = LiveSetup(
-            Ports(*rig.ports),
-            tmp_path / 'bag',
-            models=tmp_path,
-            parameters=QUICK,
-            simulated=True,
-            domain_id=int(domain),
-        )
-        request = TrialRequest('texture', 'flexion', 'R1', 'glide')
-        (trial,) = run_live_trials(setup, [request], Output(as_json=True), simulated_rig=rig)
+    trial = glide(rig, tmp_path / 'bag', tmp_path)
     assert trial.answer is not None
     assert trial.answer.model_id == model.model_id

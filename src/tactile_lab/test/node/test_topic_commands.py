@@ -71,7 +71,7 @@ def tactile(*arguments):
     return done.exit_code, json.loads(out[out.index('{\n') : out.rindex('}') + 1])
 
 
-def check(*arguments, seconds=3):
+def check(*arguments, seconds=5):
     code, document = tactile('check', '--seconds', seconds, *arguments)
     (report,) = document['devices']
     return code, report['facts'], ' '.join(p['what'] + p['remedy'] for p in report['problems'])

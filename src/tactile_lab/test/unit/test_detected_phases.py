@@ -29,20 +29,14 @@ from tactile_bags import (
 )
 from tactile_bags.auditing.auditor import audit_bag
 from tactile_bags.replaying.replay import recorded_config, replay_windows
-from tactile_bringup.records import TrialConfig
-from tactile_features.config import FeatureConfig
 from tactile_features.records import Outcome
-from tactile_lab.simulation.simulated_bags import write_simulated_bag
-from tactile_lab.simulation.simulated_trials import SimulationPlan
 
 WITHIN_NS = 50_000_000
 
 
 @pytest.fixture(scope='module')
-def texture_bag(tmp_path_factory):
-    plan = SimulationPlan('texture', 'abduction', 1, seed=8)
-    folder = tmp_path_factory.mktemp('bags')
-    return write_simulated_bag(folder, plan, TrialConfig(simulated=True), FeatureConfig()).path
+def texture_bag(simulate_bag):
+    return simulate_bag('texture', 'abduction', 1, seed=8)
 
 
 def windows(path, phases):

@@ -21,11 +21,11 @@ import sys
 import numpy as np
 import pytest
 
-BENCHMARKS = Path(__file__).resolve().parents[4] / 'benchmarks'
-if not BENCHMARKS.is_dir():
+REPOSITORY = Path(__file__).resolve().parents[4]
+if not (REPOSITORY / 'benchmarks').is_dir():
     pytest.skip('the packages are not in their own repository', allow_module_level=True)
-sys.path.insert(0, str(BENCHMARKS))
-rolling = importlib.import_module('rolling')
+sys.path.insert(0, str(REPOSITORY))
+rolling = importlib.import_module('benchmarks.events.rolling')
 
 
 def test_bend_is_the_parabola_over_the_deviation_of_its_noise():

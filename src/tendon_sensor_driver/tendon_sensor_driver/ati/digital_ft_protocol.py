@@ -81,7 +81,7 @@ class DigitalCalibration:
 
     Attributes
     ----------
-    serial, part_number : str
+    serial : str
         Of the transducer.
     matrix : ndarray
         Newtons and newton metres of the gauges' counts, float64, shape (6, 6).
@@ -90,7 +90,6 @@ class DigitalCalibration:
     """
 
     serial: str
-    part_number: str
     matrix: NDArray[np.float64]
     gauge_settings: tuple[int, ...]
 
@@ -120,7 +119,6 @@ def decode_calibration(registers: tuple[int, ...]) -> DigitalCalibration:
     )
     return DigitalCalibration(
         serial=_text(data[:8]),
-        part_number=_text(data[8:40]),
         matrix=matrix * si[:, np.newaxis],
         gauge_settings=registers[121:133],
     )

@@ -76,6 +76,8 @@ def describe_publishers(topic: str, publishers: Sequence[Publisher], type_name: 
             '"ros2 topic list -t"'
         )
     fitting = [publisher for publisher in publishers if publisher.type_name == type_name]
+    if not fitting and choose_type(publishers):
+        return f'{topic} was found just now and is not subscribed to yet; listen longer'
     if not fitting:
         types = ', '.join(sorted({publisher.type_name for publisher in publishers}))
         known = ', '.join(READERS)

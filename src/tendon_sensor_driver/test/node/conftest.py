@@ -17,11 +17,8 @@
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
-from domain_coordinator import domain_id
 from geometry_msgs.msg import WrenchStamped
 import pytest
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -32,15 +29,6 @@ from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros.qos import STREAM
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 from waiting import wait_until
-
-
-@pytest.fixture
-def context():
-    with domain_id() as domain:
-        context = Context()
-        rclpy.init(context=context, domain_id=int(domain))
-        yield context
-        rclpy.try_shutdown(context=context)
 
 
 class Graph:

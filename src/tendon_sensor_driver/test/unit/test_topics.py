@@ -266,6 +266,7 @@ def test_a_topic_that_nobody_publishes_or_with_a_wrong_type_says_what_to_do():
     sentence = describe_publishers('/force', [image], '')
     assert 'sensor_msgs/msg/Image, which holds no tension' in sentence
     assert WRENCH in sentence
+    assert 'found just now' in describe_publishers('/force', [Publisher('/ft', WRENCH)], '')
     assert describe_publishers('/force', [Publisher('/ft', WRENCH)], WRENCH) == ''
     refused = Publisher('/ft', WRENCH, 'ERROR: Best effort publisher')
     assert 'another quality of service: ERROR' in describe_publishers('/f', [refused], WRENCH)

@@ -18,16 +18,14 @@ Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into an
 that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Optional
 
-from click import Choice
 import typer
 
-from tactile_lab.datasets.sources.options import SourceOptions
 from tactile_lab.datasets.trial_options import TrialOptions
-from tactile_lab.options import SeedOption
+from tactile_lab.options import choice, SeedOption
 from tactile_ros.errors import TactileError
 
 RecordingsArgument = Annotated[
@@ -48,42 +46,8 @@ RepetitionsOption = Annotated[
 TaskOption = Annotated[
     Optional[str],
     typer.Option(
-        click_type=Choice(['texture', 'stiffness']),
+        **choice('texture', 'stiffness'),
         help='Which features to compute. Bags with trial events say it themselves.',
-    ),
-]
-ChannelOption = Annotated[
-    Optional[str],
-    typer.Option(help='Channel of the recordings, "mean" of all, or "all"; default: 0.'),
-]
-WhereOption = Annotated[
-    Optional[str],
-    typer.Option(
-        help='Only trials of which a column of the archive is true, as in --where balanced, '
-        'or has a value, as in --where direction=1.'
-    ),
-]
-CropOption = Annotated[
-    Optional[str],
-    typer.Option(
-        '--crop',
-        '--static-phase',
-        help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
-        'Default: all of it.',
-    ),
-]
-ResampleOption = Annotated[
-    Optional[float],
-    typer.Option(
-        help='Resample the archive to this rate first, with a low-pass against aliasing.'
-    ),
-]
-SkipBadOption = Annotated[
-    bool,
-    typer.Option(
-        '--skip-bad',
-        help='Leave out trials of the archive that cannot be used, and list them: values '
-        'that are not finite, too short, no features.',
     ),
 ]
 OverOption = Annotated[
@@ -93,17 +57,10 @@ OverOption = Annotated[
         'sliding speed: length of the window and finest scale in mm, as in --over 45:0.5.'
     ),
 ]
-SpeedColumnOption = Annotated[
-    Optional[str],
-    typer.Option(
-        help='Column of the archive with the sliding speeds, for --over; its name ends in '
-        'the unit, _mm_s or _m_s. A bag states them itself.'
-    ),
-]
 DetrendOption = Annotated[
     Optional[str],
     typer.Option(
-        click_type=Choice(['none', 'mean', 'linear']),
+        **choice('none', 'mean', 'linear'),
         help='Texture: what is subtracted before the Fourier transform: nothing, the mean, as in '
         'the paper, or the least-squares line. Default: as recorded; for an archive as the '
         'features node does.',
@@ -132,16 +89,9 @@ class FeaturesRequest(TrialOptions):
             'events: mounting_id.'
         ),
     ] = None
-    channel: ChannelOption = None
-    where: WhereOption = None
-    crop: CropOption = None
-    resample_hz: ResampleOption = None
-    skip_bad: SkipBadOption = False
     over: OverOption = None
     detrend: DetrendOption = None
-    speed_column: SpeedColumnOption = None
     force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False
-    sources: SourceOptions = field(default_factory=SourceOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,8 +100,6 @@ class EvaluateRequest(TrialOptions):
 
     recordings: RecordingsArgument
     task: TaskOption = None
-    channel: ChannelOption = None
-    where: WhereOption = None
     train_where: Annotated[
         Optional[str],
         typer.Option(
@@ -162,12 +110,8 @@ class EvaluateRequest(TrialOptions):
     test_where: Annotated[
         Optional[str], typer.Option(help='Trials to test on; see --train-where.')
     ] = None
-    crop: CropOption = None
-    resample_hz: ResampleOption = None
-    skip_bad: SkipBadOption = False
     over: OverOption = None
     detrend: DetrendOption = None
-    speed_column: SpeedColumnOption = None
     groups: Annotated[
         Optional[list[str]],
         typer.Option(
@@ -204,7 +148,6 @@ class EvaluateRequest(TrialOptions):
         ),
     ] = False
     seed: SeedOption = 0
-    sources: SourceOptions = field(default_factory=SourceOptions)
     is_experiment: bool = False
 
     @property
@@ -236,13 +179,6 @@ class CompareRequest(TrialOptions):
         bool,
         typer.Option('--unseen', help='Leave out trials that one of the models was trained on.'),
     ] = False
-    channel: ChannelOption = None
-    where: WhereOption = None
-    crop: CropOption = None
-    resample_hz: ResampleOption = None
-    skip_bad: SkipBadOption = False
-    speed_column: SpeedColumnOption = None
-    sources: SourceOptions = field(default_factory=SourceOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,14 +192,14 @@ class TrainRequest(TrialOptions):
     classifier: Annotated[
         str,
         typer.Option(
-            click_type=Choice(['knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket']),
+            **choice('knn', 'svm_linear', 'svm_rbf', 'tree', 'rocket'),
             help='Which one goes into the model file.',
         ),
     ] = 'knn'
     scaling: Annotated[
         Optional[str],
         typer.Option(
-            click_type=Choice(['standard', 'none']),
+            **choice('standard', 'none'),
             help='Scaling in the model file. Default: none for texture, whose features share '
             'one unit; standard for stiffness, whose features do not.',
         ),
@@ -318,13 +254,6 @@ class TrainRequest(TrialOptions):
     folds: Annotated[int, typer.Option(min=2, help='Folds of the cross-validation.')] = 6
     repetitions: RepetitionsOption = None
     seed: SeedOption = 0
-    channel: ChannelOption = None
-    where: WhereOption = None
-    crop: CropOption = None
-    resample_hz: ResampleOption = None
-    skip_bad: SkipBadOption = False
-    speed_column: SpeedColumnOption = None
-    sources: SourceOptions = field(default_factory=SourceOptions)
 
     def running_seconds(self) -> list[float]:
         """Return ``running`` as numbers.

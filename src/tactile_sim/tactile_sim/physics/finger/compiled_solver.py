@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+import inspect
 from pathlib import Path
 from typing import Any
 import zlib
@@ -33,19 +34,6 @@ import numpy as np
 
 from tactile_sim.physics.finger import bent_line, mechanics, row_operations, steps
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.row_operations import (
-    begin_creep,
-    begin_object,
-    begin_step,
-    end_object,
-    end_step,
-    find_cell,
-    improve,
-    leave_object,
-    locate,
-    press_object,
-    press_rigid,
-)
 from tactile_sim.physics.finger.steps import MAX_HALVINGS, split_inputs
 
 _OPTIONS: Any = {'error_model': 'numpy', 'boundscheck': False, 'fastmath': False}
@@ -59,38 +47,10 @@ def _select(condition: Any, yes: Any, no: Any) -> Callable[..., Any]:
     return choose
 
 
-for _module, _names in (
-    (bent_line, ('compute_sine_cosine', 'bend_node', 'curve_line', 'compute_line')),
-    (
-        mechanics,
-        (
-            'larger',
-            'shorten',
-            'compute_rigid_contact',
-            'compute_object_contact',
-            'compute_balance',
-        ),
-    ),
-    (
-        row_operations,
-        (
-            'begin_creep',
-            'begin_object',
-            'begin_step',
-            'end_object',
-            'end_step',
-            'find_cell',
-            'improve',
-            'leave_object',
-            'locate',
-            'press_object',
-            'press_rigid',
-        ),
-    ),
-    (steps, ('split_inputs',)),
-):
-    for _name in _names:
-        register_jitable(forceinline=True, **_OPTIONS)(getattr(_module, _name))
+for _module in (bent_line, mechanics, row_operations, steps):
+    for _, _function in inspect.getmembers(_module, inspect.isfunction):
+        if _function.__module__ == _module.__name__ and _function is not mechanics.select:
+            register_jitable(forceinline=True, **_OPTIONS)(_function)
 
 
 def _hash_sources() -> int:
@@ -125,45 +85,49 @@ def make_advance(width: int) -> Callable[..., None]:
         tendon_m = inputs[at.TENDON_INPUT]
         present = inputs[at.PRESENT_INPUT] > 0.0
         for t in range(width):
-            begin_step(z, t, row, second)
+            row_operations.begin_step(z, t, row, second)
         for t in range(width):
-            begin_creep(z, t, row, constants)
+            row_operations.begin_creep(z, t, row, constants)
         if yields:
             for t in range(width):
-                begin_object(z, t, row, springs)
+                row_operations.begin_object(z, t, row, springs)
         if not present:
             for t in range(width):
                 z[at.NEW_FORCE, t] = 0.0
                 z[at.FORCE_SLOPE, t] = 0.0
             if yields:
                 for t in range(width):
-                    leave_object(z, t)
+                    row_operations.leave_object(z, t)
         for _ in range(iterations):
             for t in range(width):
-                locate(z, t, guide_m, constants)
+                row_operations.locate(z, t, guide_m, constants)
             if len(table) > 1:
                 for t in range(width):
-                    find_cell(z, t, inputs[at.SHAPE_INPUT], grid[0], grid[1], grid[2])
+                    row_operations.find_cell(
+                        z, t, inputs[at.SHAPE_INPUT], grid[0], grid[1], grid[2]
+                    )
                 find_surface(z, table, grid[1])
             if present:
                 if yields:
                     for t in range(width):
-                        press_object(z, t, constants)
+                        row_operations.press_object(z, t, constants)
                 else:
                     for t in range(width):
-                        press_rigid(z, t, constants)
+                        row_operations.press_rigid(z, t, constants)
             for t in range(width):
-                improve(z, t, row, tendon_m, material_m, grip, tolerance, trusted, constants)
+                row_operations.improve(
+                    z, t, row, tendon_m, material_m, grip, tolerance, trusted, constants
+                )
             going = 0.0
             for t in range(width):
                 going += z[at.OPEN, t]
             if going == 0.0:
                 break
         for t in range(width):
-            end_step(z, t, row, grip, constants)
+            row_operations.end_step(z, t, row, grip, constants)
         if yields:
             for t in range(width):
-                end_object(z, t, row)
+                row_operations.end_object(z, t, row)
 
     def advance(
         state: Any,

@@ -25,19 +25,7 @@ from typing import Any
 import numpy as np
 
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.row_operations import (
-    begin_creep,
-    begin_object,
-    begin_step,
-    end_object,
-    end_step,
-    find_cell,
-    improve,
-    leave_object,
-    locate,
-    press_object,
-    press_rigid,
-)
+from tactile_sim.physics.finger import row_operations
 from tactile_sim.physics.finger.steps import MAX_HALVINGS, split_inputs
 
 _ALL = slice(None)
@@ -112,15 +100,15 @@ def _solve_in_parts(
 def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, springs, _, _, yields = scene
     second, grip, _, _, iterations = control
-    begin_step(z, _ALL, row, second)
-    begin_creep(z, _ALL, row, constants)
+    row_operations.begin_step(z, _ALL, row, second)
+    row_operations.begin_creep(z, _ALL, row, constants)
     if yields:
-        begin_object(z, _ALL, row, springs)
+        row_operations.begin_object(z, _ALL, row, springs)
     if inputs[at.PRESENT_INPUT] <= 0.0:
         z[at.NEW_FORCE] = 0.0
         z[at.FORCE_SLOPE] = 0.0
         if yields:
-            leave_object(z, _ALL)
+            row_operations.leave_object(z, _ALL)
     work, columns = z, None
     for _ in range(iterations):
         _iterate(work, row, inputs, scene, control)
@@ -136,17 +124,17 @@ def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: A
             work = z[:, columns]
     if columns is not None:
         z[:, columns] = work
-    end_step(z, _ALL, row, grip, constants)
+    row_operations.end_step(z, _ALL, row, grip, constants)
     if yields:
-        end_object(z, _ALL, row)
+        row_operations.end_object(z, _ALL, row)
 
 
 def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, _, table, grid, yields = scene
     _, grip, tolerance, trusted, _ = control
-    locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
+    row_operations.locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
     if len(table) > 1:
-        find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)
+        row_operations.find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)
         cell = z[at.CELL]
         index = cell.astype(np.intp)
         part = cell - index
@@ -156,8 +144,8 @@ def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control:
         z[at.BEND] = bend * grid[1]
     if inputs[at.PRESENT_INPUT] > 0.0:
         if yields:
-            press_object(z, _ALL, constants)
+            row_operations.press_object(z, _ALL, constants)
         else:
-            press_rigid(z, _ALL, constants)
+            row_operations.press_rigid(z, _ALL, constants)
     tendon_m, material_m = inputs[at.TENDON_INPUT], inputs[at.MATERIAL_INPUT]
-    improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, trusted, constants)
+    row_operations.improve(z, _ALL, row, tendon_m, material_m, grip, tolerance, trusted, constants)

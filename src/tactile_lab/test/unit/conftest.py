@@ -12,18 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A ROS context on a domain of its own for every test."""
+"""What the tests of launch plans share."""
 
-from domain_coordinator import domain_id
 import pytest
-import rclpy
-from rclpy.context import Context
+
+from tactile_bringup.launch_config.launch_plans import plan_launch
 
 
 @pytest.fixture
-def context():
-    with domain_id() as domain:
-        context = Context()
-        rclpy.init(context=context, domain_id=int(domain))
-        yield context
-        rclpy.try_shutdown(context=context)
+def launch(tmp_path):
+    """Return what gives the plan of a launch file, and its nodes by path."""
+
+    def plan(name, **arguments):
+        made = plan_launch(name, {key: str(value) for key, value in arguments.items()}, tmp_path)
+        return made, {node.path: node for node in made.nodes}
+
+    return plan
