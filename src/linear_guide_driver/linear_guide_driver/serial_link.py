@@ -45,7 +45,8 @@ class SerialLink:
     on_tick : callable
         Called on the reader thread after each read, at least every 20 ms.
     on_lost : callable
-        Called once, on the reader thread, with a sentence, when the line is lost.
+        Called once with a sentence when the line is lost, on the thread that notices it: the
+        reader's, or that of the writer before `write` raises.
 
     Raises
     ------
@@ -75,6 +76,8 @@ class SerialLink:
         self._on_bytes, self._on_tick, self._on_lost = on_bytes, on_tick, on_lost
         self._write_lock = threading.Lock()
         self._closing = threading.Event()
+        self._losing = threading.RLock()
+        self._is_lost = False
         self._thread = threading.Thread(target=self._read, name='serial reader', daemon=True)
 
     def start(self) -> None:
@@ -93,7 +96,9 @@ class SerialLink:
             with self._write_lock:
                 self._serial.write(data)
         except LINE_ERRORS as error:
-            raise DeviceConnectionError(f'the line to {self._port} is lost: {error}') from error
+            reason = f'the line to {self._port} is lost: {error}'
+            self._lose(reason)
+            raise DeviceConnectionError(reason) from error
 
     def close(self) -> None:
         """Stop reading and close the port. Harmless when called twice."""
@@ -111,10 +116,16 @@ class SerialLink:
                     self._on_bytes(data)
                 self._on_tick()
         except DeviceConnectionError as error:
-            self._on_lost(str(error))
+            self._lose(str(error))
         except Exception as error:  # nobody reads on, so the line is as good as lost
-            self._on_lost(f'reading {self._port} failed: {error!r}')
+            self._lose(f'reading {self._port} failed: {error!r}')
             raise
+
+    def _lose(self, reason: str) -> None:
+        with self._losing:  # who comes second returns when the first has told
+            if not self._is_lost and not self._closing.is_set():
+                self._is_lost = True
+                self._on_lost(reason)
 
     def _read_available(self) -> bytes:
         try:

@@ -1,0 +1,93 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import os
+import threading
+
+import pytest
+
+from linear_guide_driver.errors import DeviceConnectionError
+from linear_guide_driver.serial_link import SerialLink
+
+
+@pytest.fixture
+def make_line():
+    """Return a function that makes a link whose reader does not run, and how to unplug it."""
+    links = []
+
+    def make(on_lost):
+        ours, theirs = os.openpty()
+        link = SerialLink(
+            os.ttyname(theirs),
+            115_200,
+            on_bytes=lambda _: None,
+            on_tick=lambda: None,
+            on_lost=on_lost,
+        )
+        links.append(link)
+        os.close(theirs)
+        return link, lambda: os.close(ours)
+
+    yield make
+    for link in links:
+        link.close()
+
+
+def test_a_writer_tells_of_the_loss_before_it_raises(make_line):
+    losses = []
+    link, unplug = make_line(losses.append)
+    unplug()
+    with pytest.raises(DeviceConnectionError, match='is lost') as raised:
+        link.write(b'?')
+    assert losses == [str(raised.value)]
+
+
+def test_reader_and_writer_tell_of_one_loss_once(make_line):
+    losses = []
+    link, unplug = make_line(losses.append)
+    unplug()
+    link.start()
+    with pytest.raises(DeviceConnectionError, match='is lost'):
+        link.write(b'?')
+    assert len(losses) == 1
+    with pytest.raises(DeviceConnectionError, match='is lost'):
+        link.write(b'?')
+    assert len(losses) == 1
+
+
+def test_a_writer_waits_until_the_reader_has_told(make_line):
+    losses = []
+    is_telling, may_go_on = threading.Event(), threading.Event()
+
+    def tell(reason):
+        is_telling.set()
+        may_go_on.wait(5.0)
+        losses.append(reason)
+
+    link, unplug = make_line(tell)
+    unplug()
+    link.start()
+    assert is_telling.wait(5.0)
+    seen = []
+
+    def write():
+        with pytest.raises(DeviceConnectionError):
+            link.write(b'?')
+        seen.extend(losses)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    may_go_on.set()
+    writer.join(5.0)
+    assert len(seen) == 1
