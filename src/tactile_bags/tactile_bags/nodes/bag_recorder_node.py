@@ -53,7 +53,7 @@ SAVE_PERIOD_S = 0.5
 """How often what came is brought into the file, and from there to the disk: at most so much
 is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
 
-MAX_AUDITS = 1000
+MAX_AUDITS = 500
 """Audits of trials that are kept for who runs the node; the summary in the bag counts all."""
 
 
