@@ -90,11 +90,16 @@ class DynamixelBus:
     def ping(self) -> int:
         """Return the servo's model number.
 
+        Asks twice: a driver that was killed may have left a question, and its answer comes first.
+
         Raises
         ------
         SilentServoError, DeviceConnectionError
         """
-        return int(self._insist(self._ping_once))
+        with self.lock:
+            self._insist(self._ping_once)
+            time.sleep(LATE_S)
+            return int(self._insist(self._ping_once))
 
     def read_block(self, block: Register) -> bytes:
         """Return the bytes of a register or of a run of registers, asking once.

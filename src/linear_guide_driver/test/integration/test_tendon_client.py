@@ -160,6 +160,14 @@ def test_a_bad_command_moves_nothing(tendon, servo, displacement_m, speed_m_s, t
     assert len(servo.writes) == count
 
 
+def test_an_answer_to_a_driver_that_was_killed_is_not_taken_for_the_model(config, servo):
+    servo.owed = b'\x01\x00\x00\x00'
+    client = TendonActuatorClient(config)
+    client.connect()
+    client.close()
+    assert servo.owed == b''
+
+
 @pytest.mark.parametrize(
     ('address', 'size', 'value', 'text'),
     [

@@ -59,6 +59,7 @@ class ScriptedServo:
         self.lose = lambda address: False  # whether the packet for this register is lost
         self.lost_answers = 0  # how many of the next answers are lost
         self.late_s = 0.0  # how late the next answer is
+        self.owed = b''  # the data of an answer to an earlier question, which comes first
         self.trips_before = None  # register before whose next write the watchdog trips
         self.stuck_at = None  # counts beyond which the load does not yield
         self._part = 0.0  # of a count, turned already
@@ -189,6 +190,9 @@ class ScriptedServo:
     def _answer(self, error, data=b''):
         if self.is_mute:
             return
+        if self.owed:
+            owed, self.owed = self.owed, b''
+            self._answer(0, owed)
         if self.lost_answers:
             self.lost_answers -= 1
             return
