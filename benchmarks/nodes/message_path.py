@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 import multiprocessing
 import time
 from typing import Any
@@ -25,14 +23,12 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from domain_coordinator import domain_id
 import numpy as np
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
 
 from benchmarks.measuring import Report, Row
+from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
@@ -76,7 +72,7 @@ def run_messages(quick: bool) -> Report:
 def _receive(who: str, domain: int, rate_hz: int, count: int) -> list[float]:
     """Return the latencies of one run [s]."""
     latencies: list[float] = []
-    with _context(domain) as context:
+    with ros_context(domain) as context:
         if who == 'bare':
             node = Node('bare', context=context)
             node.create_subscription(
@@ -126,7 +122,7 @@ def _age_s(stamp: Any) -> float:
 
 def publish(domain: int, rate_hz: int, count: int, is_over: Any) -> None:
     """Publish blocks of one sample at a rate; runs in a process of its own."""
-    with _context(domain) as context:
+    with ros_context(domain) as context:
         node = Node('publisher', context=context)
         publisher = node.create_publisher(StrainBlock, TOPIC, STREAM)
         deadline_s = time.monotonic() + STARTUP_S
@@ -150,13 +146,3 @@ def publish(domain: int, rate_hz: int, count: int, is_over: Any) -> None:
             )
         is_over.wait(STARTUP_S)  # what was published last may still have to be sent again
         node.destroy_node()
-
-
-@contextmanager
-def _context(domain: int) -> Iterator[Context]:
-    context = Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield context
-    finally:
-        context.try_shutdown()

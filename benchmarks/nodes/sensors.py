@@ -30,14 +30,12 @@ from typing import Any
 
 from domain_coordinator import domain_id
 import numpy as np
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 
 from benchmarks.measuring import Report, Row
+from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
 from tendon_sensor_driver.lines.line_protocol import encode_reading
@@ -161,7 +159,7 @@ class _Subscriber:
 
     def __enter__(self) -> _Subscriber:
         self._stack = ExitStack()
-        context = self._stack.enter_context(_context(self._domain))
+        context = self._stack.enter_context(ros_context(self._domain))
         self._node = Node('subscriber', context=context)
         for i in range(self._sensors):
             self._node.create_subscription(
@@ -235,7 +233,7 @@ def _child(
 
 
 def _serve_nodes(domain: int, parameters: list[dict[str, Any]], load: Any, is_over: Any) -> None:
-    with _context(domain) as context:
+    with ros_context(domain) as context:
         nodes = [
             TendonSensorNode(
                 context=context,
@@ -261,7 +259,7 @@ def _serve_nodes(domain: int, parameters: list[dict[str, Any]], load: Any, is_ov
 
 def _serve_bare(domain: int, parameters: list[dict[str, Any]], load: Any, is_over: Any) -> None:
     (values,) = parameters
-    with _context(domain) as context:
+    with ros_context(domain) as context:
         node = Node('tendon_sensor', namespace='s0', context=context)
         publisher = node.create_publisher(StrainBlock, '~/strain', STREAM)
         port = os.open(values['port'], os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
@@ -290,13 +288,3 @@ def _serve_boxes(sensors: int, ports: Any, is_over: Any) -> None:
         ]
         ports.put([(device.rdt_port, device.http_port) for device in devices])
         is_over.wait()
-
-
-@contextmanager
-def _context(domain: int) -> Iterator[Context]:
-    context = Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield context
-    finally:
-        context.try_shutdown()

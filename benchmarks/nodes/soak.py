@@ -35,9 +35,11 @@ from itertools import pairwise
 import json
 import math
 import multiprocessing
+import os
 from pathlib import Path
 import sys
 import tempfile
+import threading
 import time
 from typing import Any
 
@@ -75,6 +77,7 @@ def run_nodes(
     folder: Path, fingers: tuple[str, ...], model: str, domain: int, orders: Any, is_up: Any
 ) -> None:
     """Run the nodes of some fingers, and the recorder with the first four; obey orders."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     descriptions = [
         NodeDescription(*what, parameters=parameters, namespace=finger)
         for finger in fingers
@@ -108,6 +111,14 @@ def run_nodes(
         for name in iter(orders.get, None):
             for step in ('deactivate', 'cleanup', 'configure', 'activate'):
                 getattr(nodes[name], f'trigger_{step}')()
+
+
+def _end_with_parent() -> None:
+    """End this process when the soak is killed: it would hold the ports for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 class Running:
