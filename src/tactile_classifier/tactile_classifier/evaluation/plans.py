@@ -16,8 +16,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+import threading
+import time
 from typing import Any, Protocol, TypeVar
+import warnings
 
 from joblib import delayed, Parallel
 
@@ -26,6 +29,9 @@ from tactile_classifier.estimators.threads import on_one_thread
 Result = TypeVar('Result', covariant=True)
 Task = tuple[Callable[..., Any], tuple[Any, ...]]
 """A function and its arguments."""
+
+INTERRUPTED_S = 10.0
+"""How long the parts that are under way at an interrupt are waited for."""
 
 
 class Plan(Protocol[Result]):
@@ -63,11 +69,31 @@ def run_plans(
     total = sum(map(len, parts))
     work = (delayed(function)(*arguments) for tasks in parts for function, arguments in tasks)
     answers = []
-    for answer in Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work):
-        answers.append(answer)
-        progress(len(answers), total)
+    before = set(threading.enumerate())
+    coming = Parallel(n_jobs=jobs, prefer='threads', return_as='generator')(work)
+    try:
+        for answer in coming:
+            answers.append(answer)
+            progress(len(answers), total)
+    except BaseException:
+        _end_pool(coming, before)
+        raise
     results, first = [], 0
     for plan, tasks in zip(plans, parts, strict=True):
         results.append(plan.finish(answers[first : first + len(tasks)]))
         first += len(tasks)
     return results
+
+
+def _end_pool(coming: Generator[Any, None, None], before: set[threading.Thread]) -> None:
+    """End joblib's generator, and wait for the threads that were not there before.
+
+    When Python ends, it ends its daemon threads by force; one that is in C++ code then aborts
+    the process.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')  # joblib tells that parts were cancelled
+        coming.close()
+    until_s = time.monotonic() + INTERRUPTED_S
+    for thread in set(threading.enumerate()) - before:
+        thread.join(max(0.0, until_s - time.monotonic()))
