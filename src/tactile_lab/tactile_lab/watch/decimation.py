@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ BUCKET_NS = 10_000_000
 
 
 class Point(NamedTuple):
-    """One point of a plot. Without a tension, the line breaks there: samples were lost."""
+    """One point of a plot. Without a tension, the line breaks: samples were lost or no numbers."""
 
     stamp_ns: int
     tension_n: float | None
@@ -77,15 +78,20 @@ class Decimator:
         return points
 
     def _take(self, stamps_ns: NDArray[np.int64], tension_n: NDArray[np.float64]) -> None:
-        """Add samples of one bucket; keep two of those that it has."""
+        """Add samples of one bucket; keep two of those that it has, and one that is no number."""
         known = [*self._open, *zip(stamps_ns.tolist(), tension_n.tolist(), strict=True)]
-        if len(known) > 2:
-            smallest = min(known, key=lambda sample: sample[1])
-            largest = max(known, key=lambda sample: sample[1])
-            known = sorted({smallest, largest})
-        self._open = known
+        numbers = [sample for sample in known if math.isfinite(sample[1])]
+        breaks = [sample for sample in known if not math.isfinite(sample[1])][:1]
+        if len(numbers) > 2:
+            smallest = min(numbers, key=lambda sample: sample[1])
+            largest = max(numbers, key=lambda sample: sample[1])
+            numbers = [*{smallest, largest}]
+        self._open = sorted(numbers + breaks)
 
     def _close(self) -> list[Point]:
-        points = [Point(*sample) for sample in self._open]
+        points = [
+            Point(stamp_ns, tension_n if math.isfinite(tension_n) else None)
+            for stamp_ns, tension_n in self._open
+        ]
         self._open = []
         return points

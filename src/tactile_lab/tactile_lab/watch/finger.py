@@ -160,6 +160,9 @@ class Finger:
         new = block.tension_n[-MOST_SAMPLES:]
         if block.lost_before:
             self._sample_end = 0  # a spectrum over a gap would be wrong
+        if len(breaks := np.flatnonzero(~np.isfinite(new))):
+            new = new[breaks[-1] + 1 :]
+            self._sample_end = 0
         if self._sample_end + len(new) > len(self._samples):
             kept = self._samples[self._sample_end - MOST_SAMPLES : self._sample_end].copy()
             self._samples[: len(kept)] = kept

@@ -127,6 +127,7 @@ class WatchServer:
         self.frame_count = 0
         self._pages: set[_Page] = set()
         self._tasks: set[asyncio.Task[Any]] = set()
+        self._sending: asyncio.Task[Any] | None = None
         self._loop = asyncio.new_event_loop()
         self._started = threading.Event()
         self._thread = threading.Thread(target=self._serve, name='watch server', daemon=True)
@@ -195,8 +196,8 @@ class WatchServer:
         page = _Page()
         await page.socket.prepare(request)
         self._pages.add(page)
-        if len(self._pages) == 1:
-            self._keep(self._send_frames())
+        if self._sending is None or self._sending.done():
+            self._sending = self._keep(self._send_frames())
         try:
             async for message in page.socket:
                 if message.type == WSMsgType.TEXT:
@@ -219,8 +220,8 @@ class WatchServer:
                     self._send_to_all(frame)
                 await asyncio.sleep(1.0 / FRAMES_HZ)
         finally:
-            for page in list(self._pages):
-                await page.socket.close(code=1011)
+            while self._pages:  # one that comes meanwhile would wait for frames
+                await self._pages.pop().socket.close(code=1011)
 
     def _send_to_all(self, frame: dict[str, Any] | None, *, begin: bool = False) -> None:
         """Send a frame to all pages that keep up; the others begin anew when they are ready."""

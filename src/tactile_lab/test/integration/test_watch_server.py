@@ -242,6 +242,26 @@ def test_a_page_that_comes_late_gets_everything(served):
         assert len(frame['live']['']['y']) == 100
 
 
+def test_a_page_that_is_loaded_again_at_once_gets_each_point_once(served):
+    state, _, server = served
+
+    async def work():
+        for _ in range(3):
+            async with page(server) as socket:
+                await until(socket, lambda f: f.get('begin'))
+        async with page(server) as socket:
+            await until(socket, lambda f: f.get('begin'))
+            times = []
+            for number in range(30):
+                state.take_block('', block(number))
+                frame = await until(socket, lambda f: f.get('live'))
+                times += frame['live']['']['x']
+        return times
+
+    times = run(work())
+    assert times == sorted(set(times))
+
+
 def test_pages_are_limited(served):
     async def work():
         async with contextlib.AsyncExitStack() as stack:

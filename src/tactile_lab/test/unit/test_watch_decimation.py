@@ -19,6 +19,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
+import pytest
 
 from tactile_lab.watch.decimation import BUCKET_NS, Decimator
 from tactile_ros.strain import StrainBlock
@@ -96,3 +97,15 @@ def test_an_older_block_gives_nothing():
     new = StrainBlock(10**9, 60, 16_666_667, np.array([1.0]))
     assert len(decimator.add(new)) == 1
     assert decimator.add(StrainBlock(10**9 - 16_666_667, 59, 16_666_667, np.array([1.0]))) == []
+
+
+@pytest.mark.parametrize('rate_hz', [60.0, 1000.0])
+@pytest.mark.parametrize('value', [math.nan, math.inf])
+def test_the_line_breaks_where_a_sample_is_no_number(rate_hz, value):
+    tension_n = [1.0, 2.0, 3.0] * 20
+    tension_n[31] = value
+    points = points_of(blocks_of(tension_n, round(1e9 / rate_hz), [10, 32, 40]))
+    breaks = [p for p in points if p.tension_n is None]
+    assert [p.stamp_ns for p in breaks] == [31 * round(1e9 / rate_hz)]
+    assert {p.tension_n for p in points} - {None} <= {1.0, 2.0, 3.0}
+    assert [p.stamp_ns for p in points] == sorted(p.stamp_ns for p in points)

@@ -338,3 +338,16 @@ def test_a_sparkline_shows_the_largest_of_each_part():
     assert sparkline([], 10) == ''
     assert sparkline([0.0, 0.0], 10) == '  '
     assert sparkline([0.0] * 50 + [1.0] + [0.0] * 49, 10) == ' ' * 5 + '█' + ' ' * 4
+
+
+def test_a_sample_that_is_no_number_breaks_the_line_and_keeps_the_spectrum_away(state):
+    for number in range(200):
+        value = np.nan if number == 100 else 1.0 + 0.1 * (number % 5)
+        state.take_block('', block(number, (value,)))
+        if number in (100, 103):
+            assert state.finger('').spectrum() is None
+            draw(state, 80)
+    frame = json.loads(json.dumps(Frames(state).next(), allow_nan=False))
+    assert frame['live']['']['y'].count(None) == 1
+    assert state.finger('').spectrum()
+    draw(state, 80)

@@ -28,6 +28,8 @@ from rclpy.task import Future
 def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future[Any]:
     """Have the executor's thread send a request of ``node``; return its answer to be.
 
+    It cannot be cancelled: an answer that comes after its time-out finds a place.
+
     An action client of rclpy notes a request only after it is sent: were it sent from
     another thread, the executor could take in the answer before that, and drop it.
 
@@ -44,6 +46,7 @@ def send(node: Node, request: Callable[[], Future]) -> concurrent.futures.Future
         When no executor spins the node any more.
     """
     answer: concurrent.futures.Future[Any] = concurrent.futures.Future()
+    answer.set_running_or_notify_cancel()
 
     def pass_on(future: Future) -> None:
         try:
