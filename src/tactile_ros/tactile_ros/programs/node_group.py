@@ -31,7 +31,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.programs.memory import keep_heap_small
-from tactile_ros.programs.signals import hold_signals, ignore_signals, Signals, STDERR
+from tactile_ros.programs.signals import (
+    hold_signals,
+    ignore_signals,
+    Signals,
+    STDERR,
+    uninterrupted,
+)
 from tactile_ros.rclpy_internals import RCLError
 
 REST_TIMEOUT_S = 3.0
@@ -127,7 +133,14 @@ class NodeGroup:
                 self._on_end()
 
     def close(self) -> None:
-        """End goals, stop spinning, take the nodes down. Harmless when called twice."""
+        """End goals, stop spinning, take the nodes down. Harmless when called twice.
+
+        Ctrl-C does not interrupt it.
+        """
+        with uninterrupted():
+            self._close()
+
+    def _close(self) -> None:
         for node in self._nodes:
             if isinstance(node, TactileNode):
                 node.ending.set()

@@ -148,6 +148,17 @@ class Signals:
             self._raises = False
             over.set()
 
+    def pause(self) -> bool:
+        """Let signals wait until `go_on`; return whether they would raise. See `uninterrupted`."""
+        raises, self._raises = self._raises, False
+        return raises
+
+    def go_on(self) -> None:
+        """End a `pause`, and raise KeyboardInterrupt if a signal has come in it."""
+        self._raises = True
+        if self.received:
+            self._take(self.received, None)
+
     def _repeat(self, over: threading.Event) -> None:
         main = threading.main_thread().ident
         assert main is not None
@@ -176,6 +187,20 @@ def hold_signals() -> Signals:
 def held_signals() -> Signals | None:
     """Return what `hold_signals` has returned in this process; None before."""
     return _signals
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Within `Signals.raising`, let a signal wait until this block has brought things to rest."""
+    signals = _signals
+    is_main = threading.current_thread() is threading.main_thread()
+    if signals is None or not is_main or not signals.pause():
+        yield
+        return
+    try:
+        yield
+    finally:
+        signals.go_on()
 
 
 def ignore_signals() -> None:

@@ -13,6 +13,9 @@
 # limitations under the License.
 
 from dataclasses import dataclass
+from pathlib import Path
+import subprocess
+import sys
 import threading
 
 from lifecycle_msgs.msg import Transition
@@ -88,3 +91,40 @@ def test_a_node_that_ends_badly_does_not_keep_the_others_from_it(context, step):
         pass
     assert first.is_torn_down
     assert last.is_torn_down
+
+
+INTERRUPTED = """
+import os, signal, sys
+from rclpy.context import Context
+import rclpy
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.programs.signals import hold_signals
+from test_node_group import Probe
+
+class Interrupting(Probe):
+    def tear_down(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        super().tear_down()
+
+signals, context = hold_signals(), Context()
+rclpy.init(context=context)
+nodes = [Probe('first', context=context), Interrupting('last', context=context)]
+try:
+    with signals.raising(), NodeGroup(nodes, context=context):
+        for node in nodes:
+            assert node.bring_up()
+except KeyboardInterrupt:
+    print([node.is_torn_down for node in nodes])
+rclpy.try_shutdown(context=context)
+"""
+
+
+def test_ctrl_c_while_nodes_are_taken_down_lets_all_of_them_end():
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        cwd=Path(__file__).parent,
+    )
+    assert done.stdout == '[True, True]\n', done.stderr

@@ -102,6 +102,29 @@ def test_a_signal_that_came_before_interrupts_at_once():
     assert done.stdout == 'interrupted\n', done.stderr
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_waits_for_the_end_of_what_must_not_be_interrupted(number):
+    done = run(
+        'import os, signal, sys, time\n'
+        'from tactile_ros.programs.signals import hold_signals, uninterrupted\n'
+        'signals = hold_signals()\n'
+        'try:\n'
+        '    with signals.raising():\n'
+        '        with uninterrupted():\n'
+        '            print("quiet")\n'
+        '        with uninterrupted():\n'
+        '            os.kill(os.getpid(), int(sys.argv[1]))\n'
+        '            time.sleep(0.2)  # for an interrupt that must not come\n'
+        '            with uninterrupted():\n'
+        '                print("at rest")\n'
+        '        print("not reached")\n'
+        'except KeyboardInterrupt:\n'
+        '    print("interrupted")\n',
+        str(int(number)),
+    )
+    assert done.stdout == 'quiet\nat rest\ninterrupted\n', done.stderr
+
+
 def test_a_forked_child_has_the_usual_handlers_and_does_not_disturb_its_parent():
     done = run(
         'import os, signal, time\n'
