@@ -114,6 +114,7 @@ class RunningLiveBench:
         except StoppedError as error:  # a person said so: it is not offered again by itself
             raise ExperimentError(f'{error}; run the same command to continue') from error
         finally:
+            observer.stop()
             self._save()
         return judge(trial, window, summarise_tension(tension_n))
 

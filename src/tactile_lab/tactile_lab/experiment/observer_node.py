@@ -70,13 +70,17 @@ class ObserverNode(Node):  # type: ignore[misc]
         with self._arrived:
             self._blocks, self._windows, self._is_on = [], {}, True
 
+    def stop(self) -> None:
+        """Forget what came, and keep no more: a person may take hours to answer."""
+        with self._arrived:
+            self._blocks, self._windows, self._is_on = [], {}, False
+
     def end(self, trial_id: str) -> tuple[FeatureWindow | None, NDArray[np.float64]]:
         """Return the feature window of a trial, once it has come, and the tension in it [N]."""
         deadline = time.monotonic() + WINDOW_TIMEOUT_S
         with self._arrived:
             while trial_id not in self._windows and (left_s := deadline - time.monotonic()) > 0:
                 self._arrived.wait(left_s)
-            self._is_on = False
             window = self._windows.get(trial_id)
             values = [
                 block.tension_n[i]

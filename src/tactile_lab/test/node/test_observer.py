@@ -1,0 +1,52 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What an experiment keeps of a trial, and what it does not."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from tactile_lab.experiment.bench import RunningLiveBench
+from tactile_lab.experiment.loop import TrialOrder
+from tactile_lab.experiment.observer_node import ObserverNode
+from tactile_msgs.msg import StrainBlock
+from tactile_ros.errors import TactileError
+
+
+def test_nothing_is_kept_while_a_person_thinks_about_a_failed_trial(context):
+    observer = ObserverNode(context)
+    block = StrainBlock(period_ns=10**7, tension_n=[1.0])
+
+    def fail(request):
+        observer._on_block(block)
+        assert observer._blocks
+        raise TactileError('the guide is not homed')
+
+    plan = SimpleNamespace(
+        protocol='texture', contacts=('flexion',), glide_speed_m_s=0.0, hold_s=0.0
+    )
+    planned = SimpleNamespace(session_id='s', contact='flexion', object_label='R1')
+    rig = SimpleNamespace(
+        recorder=SimpleNamespace(has_failed=False, save=lambda: None),
+        operator=SimpleNamespace(tell_progress=lambda *_: None),
+        others=[observer],
+        run=fail,
+    )
+    bench = RunningLiveBench(SimpleNamespace(simulated_rig=None, plan=plan), rig)
+    with pytest.raises(TactileError, match='not homed'):
+        bench.run(TrialOrder(planned, 't', 'm', 1, 1))
+    observer._on_block(block)
+    assert not observer._blocks
+    observer.destroy_node()
