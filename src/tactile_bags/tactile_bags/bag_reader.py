@@ -146,7 +146,7 @@ class TactileBag:
     def _open(self) -> BagMetadata:
         if not self.path.exists():
             raise BagError('it does not exist')
-        self._has_metadata = self.path.is_dir() and (self.path / FILE_NAME).exists()
+        self._has_metadata = self.path.is_dir() and not _is_blank(self.path / FILE_NAME)
         metadata = read_metadata(self.path / FILE_NAME) if self._has_metadata else _EMPTY
         self._packing = metadata.packing
         for path in self._data_files(metadata):
@@ -238,8 +238,8 @@ class TactileBag:
             )
         if self.path.is_dir() and not self._has_metadata:
             return (
-                f'{self.path} has no {FILE_NAME}, so it was not closed in order; its data files '
-                'are whole. `tactile repair` writes a closed copy.'
+                f'{self.path} has no {FILE_NAME}, or an empty one, so it was not closed in order; '
+                'its data files are whole. `tactile repair` writes a closed copy.'
             )
         return ''
 
@@ -357,6 +357,14 @@ def _unpack_message(data: bytes) -> bytes:
     if len(unpacked) > MAX_CHUNK_BYTES:
         raise BagError(f'a message of more than {MAX_CHUNK_BYTES} bytes is in it')
     return unpacked
+
+
+def _is_blank(path: Path) -> bool:
+    """Return whether a file is missing, or holds nothing as after a power failure."""
+    if not path.is_file():
+        return not path.exists()
+    with path.open('rb') as file:
+        return not file.read(65536).strip(b'\0 \t\r\n')
 
 
 def _read_metadata(custom: dict[str, str]) -> dict[str, Any]:

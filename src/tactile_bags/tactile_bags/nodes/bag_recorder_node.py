@@ -88,6 +88,7 @@ class BagRecorderNode(DataNode):
         self._audit_publisher: Any = None
         self._audit_topic = ''
         self._started_ns = 0
+        self._arrived_ns = self._set_back_ns = 0
         self._has_said_missing = False
         self.message_count = 0
         self.audits: deque[Audit] = deque(maxlen=MAX_AUDITS)
@@ -100,6 +101,7 @@ class BagRecorderNode(DataNode):
         if not config.bag:
             raise ValueError('parameter bag is empty; name the folder of the bag to write')
         self.failure = ''
+        self._arrived_ns = self._set_back_ns = 0
         self.is_finished = self.has_failed = False
         self.audits.clear()
         self._summary = AuditSummary()
@@ -140,7 +142,7 @@ class BagRecorderNode(DataNode):
             if self.failure:
                 return  # it came before the subscription was gone
             try:
-                writer.write_raw(name, self.get_clock().now().nanoseconds, data)
+                writer.write_raw(name, self._arrival_ns(), data)
                 self.message_count += 1
                 if topic in (STRAIN_TOPIC, EVENT_TOPIC):
                     self._audit(self._auditors[finger], topic, data, writer)
@@ -154,6 +156,16 @@ class BagRecorderNode(DataNode):
             EVENTS if topic.latched else STREAM,
             raw=True,
         )
+
+    def _arrival_ns(self) -> int:
+        """Return the time of an arrival [ns], which never decreases: readers go by its order.
+
+        When the clock is set back, the times run on from where they were.
+        """
+        now_ns = self.get_clock().now().nanoseconds
+        self._set_back_ns = max(self._set_back_ns, self._arrived_ns - now_ns)
+        self._arrived_ns = now_ns + self._set_back_ns
+        return self._arrived_ns
 
     def stop(self) -> None:
         recording, self._recording = self._recording, {}
@@ -258,9 +270,7 @@ class BagRecorderNode(DataNode):
         self.audits.append(audit)
         self._summary.add(audit)
         message = audit_to_msg(audit, str(writer.path))
-        writer.write_raw(
-            self._audit_topic, self.get_clock().now().nanoseconds, serialize_message(message)
-        )
+        writer.write_raw(self._audit_topic, self._arrival_ns(), serialize_message(message))
         self._audit_publisher.publish(message)
         if not audit.passed:
             self.get_logger().warning(audit.describe())

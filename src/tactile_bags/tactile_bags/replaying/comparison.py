@@ -42,15 +42,15 @@ class Comparison:
         Empty when equal; otherwise one sentence.
     window_count, classification_count : int
         How many were compared.
-    tail : str
-        Empty, or a sentence on what at the end of the recording is in one pass alone, because
-        the recording was interrupted. It was not compared.
+    left_out : str
+        Empty, or sentences on what was not compared: it began before the recording, or is at its
+        end in one pass alone because the recording was interrupted.
     """
 
     first_difference: str
     window_count: int
     classification_count: int
-    tail: str = ''
+    left_out: str = ''
 
     @property
     def is_equal(self) -> bool:
@@ -58,13 +58,14 @@ class Comparison:
 
 
 def compare_with_recorded(
-    recorded: TactileResults, core: TactileResults, end_ns: int
+    recorded: TactileResults, core: TactileResults, end_ns: int, begin_ns: int = 0
 ) -> Comparison:
     """Compare what was recorded with what the core makes of the recorded samples and events.
 
     At its end, a recording that is interrupted can lack what became complete just then, or the
     last samples of what was recorded. This tail is left out: it lies within `TAIL_S` of the end,
-    and nothing of its kind comes after it. What lacks before it is a difference.
+    and nothing of its kind comes after it. What lacks before it is a difference. Also left out is
+    a phase that had begun when the recording did: its first samples are not there.
 
     Parameters
     ----------
@@ -72,14 +73,28 @@ def compare_with_recorded(
         With ``made_at_ns``.
     end_ns : int
         When the last message of the recording arrived [ns].
+    begin_ns : int
+        Time of the first sample of the recording [ns].
     """
+    names = 'the recording', 'the core'
+    whole = compare(recorded, core, names)
+    if whole.is_equal:
+        return whole
+    begun = {
+        (_kind(result), result.trial_id): result
+        for result in (*core.all(), *recorded.all())
+        if result.window_start_ns < begin_ns
+    }
+    one, other = (
+        _without(results, [r for r in results.all() if (_kind(r), r.trial_id) in begun])
+        for results in (recorded, core)
+    )
     from_ns = end_ns - round(TAIL_S * 1e9)
-    late = _tail(core, recorded, from_ns), _tail(recorded, core, from_ns)
-    one, other = _without(recorded, late[1]), _without(core, late[0])
-    comparison = compare(one, other, ('the recording', 'the core'))
+    late = _tail(other, one, from_ns), _tail(one, other, from_ns)
+    comparison = compare(_without(one, late[1]), _without(other, late[0]), names)
     if not comparison.is_equal:
-        return compare(recorded, core, ('the recording', 'the core'))
-    return replace(comparison, tail=_describe_tail(*late))
+        return whole
+    return replace(comparison, left_out=_describe_left_out([*begun.values()], *late))
 
 
 def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Result]:
@@ -97,11 +112,14 @@ def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Res
 def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
     """Return results by the topic that each is published on."""
     kinds: dict[tuple[object, ...], list[Result]] = {}
-    for window in results.windows:
-        kinds.setdefault(('windows', window.running), []).append(window)
-    for answer in results.classifications:
-        kinds.setdefault((answer.model_id, answer.running), []).append(answer)
+    for result in results.all():
+        kinds.setdefault(_kind(result), []).append(result)
     return kinds
+
+
+def _kind(result: Result) -> tuple[object, ...]:
+    source = 'windows' if isinstance(result, FeatureWindow) else result.model_id
+    return source, result.running
 
 
 def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResults:
@@ -109,11 +127,18 @@ def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResu
     return TactileResults(
         [window for window in results.windows if id(window) not in gone],
         [answer for answer in results.classifications if id(answer) not in gone],
+        results.made_at_ns,
     )
 
 
-def _describe_tail(unrecorded: Sequence[Result], unfounded: Sequence[Result]) -> str:
+def _describe_left_out(
+    begun: Sequence[Result], unrecorded: Sequence[Result], unfounded: Sequence[Result]
+) -> str:
     sentences = []
+    if begun:
+        sentences.append(
+            f'{_count(begun)} began before the recording, which lacks the first samples'
+        )
     if unrecorded:
         sentences.append(
             f'{_count(unrecorded)} became complete within {TAIL_S:g} s before the recording was '

@@ -21,12 +21,14 @@ through real nodes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from tactile_bags.bag_reader import TactileBag
+import numpy as np
+
+from tactile_bags.bag_reader import BagMessage, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
 from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
@@ -36,11 +38,19 @@ from tactile_classifier.model_file.live_recalibration import LiveRecalibration
 from tactile_classifier.names import parse_classifier_name
 from tactile_classifier.records import ClassificationResult, ClassifierConfig
 from tactile_features.config import FeatureConfig
+from tactile_features.conversions import event_from_msg
 from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.feature_sets.registry import unstated_options
-from tactile_features.records import FeatureWindow, PHASES_STATED, TrialEvent
+from tactile_features.records import (
+    FeatureWindow,
+    PHASE_ABORTED,
+    PHASE_DONE,
+    PHASES_STATED,
+    TrialEvent,
+)
 from tactile_features.spec import spec_for
+from tactile_ros.errors import MessageError
 
 
 @dataclass
@@ -59,6 +69,10 @@ class TactileResults:
     windows: list[FeatureWindow] = field(default_factory=list)
     classifications: list[ClassificationResult] = field(default_factory=list)
     made_at_ns: dict[int, int] = field(default_factory=dict)
+
+    def all(self) -> list[FeatureWindow | ClassificationResult]:
+        """Return windows and classifications."""
+        return [*self.windows, *self.classifications]
 
     def sort(self) -> TactileResults:
         """Bring the results into the order of time, whatever order they arrived in."""
@@ -93,6 +107,51 @@ def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
         results.classifications.append(answer)
         results.made_at_ns[id(answer)] = message.received_at_ns
     return results.sort()
+
+
+def first_sample_ns(bag: TactileBag, namespace: str = '') -> int | None:
+    """Return the time of a finger's first sample in the recording [ns]; None: there is none."""
+    first = next(read_records(bag.messages(STRAIN, namespace=namespace)), None)
+    return None if first is None else int(first[1].stamp_ns)
+
+
+def sensed_messages(bag: TactileBag, namespace: str = '') -> Iterator[BagMessage]:
+    """Yield samples and events in the order of their arrival, as nodes are to take them.
+
+    The topic of the events gives its last ones to those who come late. Those of trials that were
+    over when the recorder came are left out: their samples are not in the recording.
+    """
+    over = _trials_before(bag, namespace)
+    for message in bag.messages(STRAIN, EVENT, namespace=namespace):
+        if message.type_name != EVENT or not over or not over.pop(0):
+            yield message
+
+
+def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
+    """Return, of the first events, whether the trial of each was over before the recording.
+
+    It ended before the first sample, and its events arrived faster than they happened.
+    """
+    begin_ns = first_sample_ns(bag, namespace)
+    stamps_ns: dict[str, list[int]] = {}
+    arrivals_ns: dict[str, list[int]] = {}
+    trials, ended = [], set()
+    for message in bag.messages(EVENT, namespace=namespace):
+        try:
+            event = event_from_msg(message.decode())
+        except MessageError:
+            break
+        if begin_ns is None or event.stamp_ns >= begin_ns:
+            break
+        trials.append(event.trial_id)
+        stamps_ns.setdefault(event.trial_id, []).append(event.stamp_ns)
+        arrivals_ns.setdefault(event.trial_id, []).append(message.received_at_ns)
+        if event.phase in (PHASE_DONE, PHASE_ABORTED):
+            ended.add(event.trial_id)
+    return [
+        trial in ended and 2 * np.ptp(arrivals_ns[trial]) < np.ptp(stamps_ns[trial])
+        for trial in trials
+    ]
 
 
 @dataclass
@@ -131,7 +190,7 @@ def replay_phases(
         replayed.windows += windows
         replayed.completed_at_ns += [arrived_ns] * len(windows)
 
-    for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=namespace)):
+    for message, record in read_records(sensed_messages(bag, namespace)):
         arrived_ns = message.received_at_ns
         if message.type_name == STRAIN:
             take(extractor.add_block(record))

@@ -29,6 +29,7 @@ from tactile_bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
+from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 
 
@@ -144,6 +145,22 @@ def test_a_bag_cut_off_later_says_what_is_missing(bag_path, tmp_path, keep, miss
         assert f'{missing} that it once held are missing' in bag.recovered
         assert bag.metadata['simulated'] is True
         assert len(list(bag.messages())) == 6 - missing
+
+
+@pytest.mark.parametrize('content', [b'', b'\0' * 400, b'\n'])
+def test_empty_metadata_as_after_a_power_failure_keeps_no_message_back(
+    bag_path, tmp_path, content
+):
+    with TactileBag(bag_path) as bag:
+        messages = [message.data for message in bag.messages()]
+    (bag_path / 'metadata.yaml').write_bytes(content)
+    with TactileBag(bag_path) as bag:
+        assert 'or an empty one' in bag.recovered
+        assert bag.metadata['simulated'] is True
+        assert [message.data for message in bag.messages()] == messages
+    repair_bag(bag_path, tmp_path / 'copy')
+    with TactileBag(tmp_path / 'copy') as bag:
+        assert bag.recovered == ''
 
 
 def test_a_whole_bag_says_nothing_of_recovery(bag_path):

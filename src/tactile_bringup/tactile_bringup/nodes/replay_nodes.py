@@ -37,7 +37,7 @@ from tactile_bags.recorded_topics import (
     STRAIN,
     STRAIN_TOPIC,
 )
-from tactile_bags.replaying.replay import TactileResults
+from tactile_bags.replaying.replay import sensed_messages, TactileResults
 from tactile_bringup.launch_config.graph import NodeDescription, sensing_graph
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_classifier.conversions import classification_from_msg
@@ -135,7 +135,7 @@ def replay_through_nodes(
             taken = {STRAIN: features.extractor.block_count, EVENT: features.extractor.event_count}
             return f'the nodes lag behind, with {taken} taken of {sent}'
 
-        for message in bag.messages(STRAIN, EVENT, namespace=namespace):
+        for message in sensed_messages(bag, namespace):
             publishers[message.type_name].publish(message.data)
             sent[message.type_name] += 1
             # The latched topic is short: an event must be taken before the next one.

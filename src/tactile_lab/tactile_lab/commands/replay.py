@@ -27,6 +27,7 @@ from tactile_bags.auditing.auditor import audit_open_bag
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.replaying.comparison import compare, compare_with_recorded, Comparison
 from tactile_bags.replaying.replay import (
+    first_sample_ns,
     load_models,
     recorded_config,
     recorded_recalibration,
@@ -138,8 +139,8 @@ def print_report(report: ReplayReport, output: Output) -> None:
             f'{finger}{name}: {verdict} ({comparison.window_count} feature windows, '
             f'{comparison.classification_count} classifications)'
         )
-        if comparison.tail:
-            output.say(f'{finger}{name}, interrupted: {comparison.tail}')
+        if comparison.left_out:
+            output.say(f'{finger}{name}, not compared: {comparison.left_out}')
     print_audits(report.audits, output)
 
 
@@ -179,7 +180,7 @@ def replay_and_compare(
                 count += 1
                 core = replay_through_core(bag, models, config, namespace, known)
                 comparisons['recorded and plain core'] = compare_with_recorded(
-                    recorded, core, bag.end_ns
+                    recorded, core, bag.end_ns, first_sample_ns(bag, namespace) or 0
                 )
                 if through_nodes:
                     nodes = _replay_in_own_domain(bag, paths, config, core, namespace, known)

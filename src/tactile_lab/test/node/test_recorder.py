@@ -18,6 +18,7 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
@@ -141,6 +142,30 @@ def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
         assert bag.metadata['audit']['failed_trials'] == 1
         assert bag.metadata['audit']['whole'][0]['lost_count'] == 1
         assert [m.decode().trial_id for m in bag.messages(AUDIT)] == ['t', '']
+
+
+def test_messages_keep_their_order_when_the_clock_is_set_back(context, tmp_path, monkeypatch):
+    source = Node('source', context=context)
+    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    path = tmp_path / 'bag'
+    graph = [recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)]
+    with running_graph(graph, context, others=[source]) as nodes:
+        recorder = nodes['bag_recorder']
+        wait_until(lambda: strain.get_subscription_count() == 1)
+        wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
+        real, set_back = recorder.get_clock(), []
+        late = SimpleNamespace(now=lambda: real.now() - Duration(seconds=5.0 * len(set_back)))
+        monkeypatch.setattr(recorder, 'get_clock', lambda: late)
+        for i in range(30):
+            if i in (10, 20):
+                wait_until(lambda i=i: recorder.message_count == i)
+                set_back.append(i)
+            strain.publish(strain_block(i, i * 10**7))
+        wait_until(lambda: recorder.message_count == 30)
+    with TactileBag(path) as bag:
+        messages = list(bag.messages(STRAIN))
+    assert [message.decode().sequence for message in messages] == list(range(30))
+    assert messages[-1].received_at_ns - messages[0].received_at_ns < 5e9
 
 
 def test_what_a_hand_has_not_is_not_waited_for(context, tmp_path):

@@ -17,10 +17,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_bags import TactileBag
+from tactile_bags import BagWriter, EVENT, TactileBag
 from tactile_bags.errors import BagError
+from tactile_bags.message_records import read_records
 from tactile_bags.replaying.comparison import compare, compare_with_recorded
 from tactile_bags.replaying.replay import (
+    first_sample_ns,
     load_models,
     recorded_config,
     replay_through_core,
@@ -146,13 +148,13 @@ def test_what_became_complete_at_the_end_need_not_be_recorded(results):
         comparison = compare_with_recorded(without(core, *places), core, end_ns)
         assert comparison.is_equal, comparison
         assert comparison.window_count == 15 - len(places)
-        assert f'{len(places)} feature windows and {len(places)} class' in comparison.tail
-        assert results.windows[14].trial_id in comparison.tail
-        assert 'could not be recorded any more' in comparison.tail
+        assert f'{len(places)} feature windows and {len(places)} class' in comparison.left_out
+        assert results.windows[14].trial_id in comparison.left_out
+        assert 'could not be recorded any more' in comparison.left_out
         # The other way round: its samples are not in the recording.
         comparison = compare_with_recorded(core, without(core, *places), end_ns)
         assert comparison.is_equal
-        assert 'last samples' in comparison.tail
+        assert 'last samples' in comparison.left_out
 
 
 def test_what_lacks_before_the_end_is_a_difference(results):
@@ -162,12 +164,53 @@ def test_what_lacks_before_the_end_is_a_difference(results):
     for core, place in ((early, 14), (early, 3), (late, 13), (late, 3)):
         comparison = compare_with_recorded(without(core, place), core, end_ns)
         assert not comparison.is_equal
-        assert comparison.tail == ''
-    assert compare_with_recorded(late, late, end_ns).tail == ''
+        assert comparison.left_out == ''
+    assert compare_with_recorded(late, late, end_ns).left_out == ''
     broken = late.windows[3] = dataclasses.replace(late.windows[3], frame_id='elsewhere')
     late.made_at_ns[id(broken)] = end_ns - 10**11
     comparison = compare_with_recorded(without(early, 14), late, end_ns)
     assert not comparison.is_equal
+
+
+def record_from(source, target, begin_ns):
+    """Record again, later: the latched events of before come first, all at once."""
+    with TactileBag(source) as bag, BagWriter(target, bag.metadata) as writer:
+        for topic in bag.stored_topics:
+            writer.add_stored_topic(topic)
+        for message in bag.messages():
+            if message.type_name == EVENT or message.received_at_ns >= begin_ns:
+                at_ns = max(message.received_at_ns, begin_ns)
+                writer.write_raw(message.topic, at_ns, message.data)
+    return target
+
+
+@pytest.mark.parametrize(
+    ('phase', 'after_ns'),
+    # A block of samples that was under way in the fourth trial; and within its hold.
+    [('done', 2 * 10**8), ('hold', 2 * 10**9)],
+)
+def test_a_recording_that_begins_after_some_trials_replays_equal(
+    stiffness_bag, trained, tmp_path, phase, after_ns
+):
+    models = load_models(find_models(trained))
+    with TactileBag(stiffness_bag) as bag:
+        whole = replay_through_core(bag, models, recorded_config(bag))
+        events = [e for _, e in read_records(bag.messages(EVENT)) if e.phase == phase]
+    begin_ns = events[3].stamp_ns + after_ns
+    bag = record_from(stiffness_bag, tmp_path / 'later', begin_ns)
+    live = TactileResults(
+        *(
+            [r for r in kind if whole.made_at_ns[id(r)] > begin_ns + 5 * 10**8]
+            for kind in (whole.windows, whole.classifications)
+        ),
+        whole.made_at_ns,
+    )
+    with TactileBag(bag) as later:
+        core = replay_through_core(later, models, recorded_config(later))
+        found = compare_with_recorded(live, core, later.end_ns, first_sample_ns(later))
+    assert found.is_equal, found
+    assert 'began before the recording' in found.left_out
+    assert found.window_count == found.classification_count == 11
 
 
 def test_a_bag_knows_when_its_last_message_came(stiffness_bag):
