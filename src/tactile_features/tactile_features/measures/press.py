@@ -39,6 +39,7 @@ _ITERATIONS = 30
 _LONGEST_SHARE = 5.0  # of the hold: a slower relaxation cannot be told from a straight line
 _LEAST_SIGMAS = 10.0
 _WHITE_SIGMAS = 6.0
+_RELAXATION_UNKNOWNS = 3  # a constant, a size and a rate
 
 
 class Value(NamedTuple):
@@ -166,8 +167,11 @@ def measure_relaxation(elapsed_s: FloatArray, tension_n: FloatArray) -> Value:
     Raises
     ------
     UndefinedFeatureError
-        When nothing relaxes, the relaxation is too slow for the hold, or it is more than one.
+        When nothing relaxes, the relaxation is too slow for the hold, or it is more than one; or
+        when there are fewer than four samples.
     """
+    if len(elapsed_s) <= _RELAXATION_UNKNOWNS:
+        raise UndefinedFeatureError(f'{len(elapsed_s)} samples are too few for a relaxation')
     time, values = average_samples(elapsed_s, tension_n)
     time = time - time[0]
     span_s = float(time[-1])
@@ -181,7 +185,7 @@ def measure_relaxation(elapsed_s: FloatArray, tension_n: FloatArray) -> Value:
         slope = -size * time * decay
         lever = _fit_decay(decay, slope)[1]
         weight = float(np.sum(lever * lever))
-        scatter = math.sqrt(float(np.sum(left * left)) / (len(time) - 3))
+        scatter = math.sqrt(float(np.sum(left * left)) / (len(time) - _RELAXATION_UNKNOWNS))
         if weight == 0.0 or abs(size) < _LEAST_SIGMAS * scatter / math.sqrt(len(time)):
             raise UndefinedFeatureError('the tension does not relax while the tendon is held')
         step = float(np.sum(lever * left)) / weight

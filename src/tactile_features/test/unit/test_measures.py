@@ -44,6 +44,15 @@ def dips(frequency_hz, depth_n=0.3, width=0.2):
     return -depth_n * np.exp(-((phase - 0.5) ** 2) / (2 * (width / 2) ** 2))
 
 
+@pytest.mark.parametrize('count', [1, 2, 3])
+def test_too_few_samples_have_no_relaxation(count):
+    generator = np.random.default_rng(0)
+    for _ in range(50):
+        time_s = np.cumsum(generator.uniform(0.01, 2.0, count))
+        with pytest.raises(UndefinedFeatureError, match=f'{count} samples are too few'):
+            measure_relaxation(time_s, 3.0 + generator.normal(size=count))
+
+
 @pytest.mark.parametrize('frequency_hz', [1.7, 2.5, 3.75, 5.0, 8.0, 12.0])
 def test_the_frequency_of_a_ripple_lies_within_its_uncertainty(frequency_hz):
     ripple = find_ripple(TIME_S, CREEP_N + dips(frequency_hz) + noise())

@@ -136,7 +136,11 @@ class SerialTransport:
 def find_serial_number(port: str) -> str:
     """Return the serial number of the USB adapter behind a port, empty when it has none."""
     device = os.path.realpath(port)
-    for found in list_ports.comports():
+    try:
+        ports = list_ports.comports()
+    except (OSError, TypeError, ValueError):  # of pyserial, while a device is being unplugged
+        return ''
+    for found in ports:
         if os.path.realpath(found.device) == device:
             return found.serial_number or ''
     return ''

@@ -27,6 +27,7 @@ from tendon_sensor_driver import (
     TendonSensorConfig,
     TendonSensorError,
 )
+from tendon_sensor_driver.lines import transport
 from waiting import wait_until
 
 
@@ -137,6 +138,30 @@ def test_garbage_is_counted_and_told_but_never_a_sample(sensor, make_client, blo
     assert {block.status for block in blocks} == {StrainStatus.RESYNCHRONISED}
     assert client.health().rejected_lines == 3
     assert client.health().last_rejected == '1,nan,kg,'
+
+
+def test_ports_that_vanish_while_they_are_listed_keep_no_sensor_away(
+    sensor, make_client, blocks, monkeypatch
+):
+    """Pyserial raises a TypeError for a port that is unplugged while it is looked at."""
+    real, vanishing = transport.list_ports.comports, []
+
+    def comports():
+        if vanishing:
+            vanishing.pop()
+            int(None)
+        return real()
+
+    monkeypatch.setattr(transport.list_ports, 'comports', comports)
+    client = make_client()
+    sensor.unplug()
+    wait_until(lambda: not client.health().is_connected)
+    vanishing.append(True)
+    sensor.plug_in()
+    wait_until(lambda: client.health().reconnects == 1)
+    assert not vanishing
+    sensor.write(b'\n' + encode_reading(0, 0.5))
+    wait_until(lambda: blocks)
 
 
 def test_a_lost_line_is_a_gap(sensor, make_client, blocks):
