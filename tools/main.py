@@ -32,7 +32,7 @@ USAGE = """\
 usage: ./tactile COMMAND [ARGUMENT ...]
 
   demo            the whole chain on the simulated rig: train, run trials, record, replay
-  test [PACKAGE ...] [--unit | --nodes] [-k EXPRESSION]
+  test [PACKAGE ...] [--unit | --nodes] [-k EXPRESSION] [--workers N]
                   the house rules and the tests of all packages, or of some packages
   run PROGRAM [ARGUMENT ...]
                   any program in the workspace's environment, as in

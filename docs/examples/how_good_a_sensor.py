@@ -16,7 +16,7 @@
 # # How good must my sensor be?
 #
 # Simulated trials answer before anything is bought: the same glides are sensed with more and more noise. All numbers
-# here are SIMULATED. `tactile robustness` does this for nine properties of sensor and rig.
+# here are SIMULATED. `tactile robustness` does this for eight conditions of sensor and rig.
 from dataclasses import replace
 
 from matplotlib import pyplot as plt

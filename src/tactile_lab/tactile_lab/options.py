@@ -71,7 +71,7 @@ SensorTopicOption = Annotated[
     typer.Option(
         metavar='TOPIC[:AXIS|:JOINT]',
         help='Topic of a force that another node publishes, instead of a port: WrenchStamped, '
-        'Float64 or JointState, such as /ft/wrench:fx.',
+        'Wrench, Float64, Float32 or JointState, such as /ft/wrench:fx.',
     ),
 ]
 SimulatedOption = Annotated[
@@ -138,8 +138,8 @@ RecalibrateOption = Annotated[
         metavar='TRIALS',
         min=0,
         max=1000,
-        help='Correct the models by the first trials of each session that name their object: how '
-        'many, 5 or more. 0: do not.',
+        help='Number of trials that name their object, at the start of each session, that correct '
+        'the models: 5 or more. 0: none.',
     ),
 ]
 

@@ -53,9 +53,9 @@ RIG = LaunchArgument(
 )
 SENSOR_PORT = LaunchArgument(
     'sensor_port',
-    'serial port of the load cell; none: no sensor node is started, unless params_file names a '
-    'sensor with an address (net_ft) or a topic, and another node publishes '
-    'tendon_sensor/strain; empty: the port in params_file, or /dev/tactile/sensor',
+    'serial port of the load cell; none: no sensor node is started, another node publishes '
+    'tendon_sensor/strain. If params_file names a sensor with an address (net_ft) or a topic, the '
+    'sensor node is started. Empty: the port in params_file, or /dev/tactile/sensor',
 )
 SENSOR_TOPIC = LaunchArgument(
     'sensor_topic',

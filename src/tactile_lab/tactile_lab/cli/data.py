@@ -46,7 +46,7 @@ def simulate(
 
     Writes one bag for each kind of contact, with plates or objects times sessions times trials in
     it. The bags hold the same messages as live recordings, marked as simulated. The same
-    seed gives the same bytes, whatever the number of processes.
+    seed gives the same bytes with the same NumPy, whatever the number of processes.
 
     Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
     the bag up to that time, end as aborted, and give no features. **slip** trials, in which

@@ -53,8 +53,8 @@ def import_recordings(
     """Make one archive of recordings that other programs made.
 
     Prints how it understood each column, array or message. On a terminal it asks for missing
-    information; elsewhere it fails and names the option. `train`, `evaluate` and `features` take
-    the archive. They also take the same recordings directly, with the same options.
+    information; elsewhere it fails and names the option. `train`, `evaluate`, `compare` and
+    `features` take the archive, and the same recordings directly, with the same options.
     """
     with refusals():
         check_paths(*sources)

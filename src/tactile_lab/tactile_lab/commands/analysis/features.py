@@ -154,8 +154,9 @@ def _read_all(
             if np.array_equal(table.column('trial_id'), first.column('trial_id')):
                 others.setdefault(table.spec.feature_set, table)
             else:
+                reason = f'; {found.left_out[0]}' if found.left_out else ''
                 output.say(
                     f'{table.spec.feature_set} is left out: it gives features of {len(table)} '
-                    f'trials, {first.spec.feature_set} of {len(first)}; {found.left_out[:1]}'
+                    f'trials, {first.spec.feature_set} of {len(first)}{reason}'
                 )
     return tables
