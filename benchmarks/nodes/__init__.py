@@ -13,3 +13,7 @@
 # limitations under the License.
 
 """Nodes and programs over ptys, UDP and DDS: cost, loss, latency, faults."""
+
+from tactile_ros.programs.memory import share_one_heap
+
+share_one_heap()  # as the nodes' programs do before their imports

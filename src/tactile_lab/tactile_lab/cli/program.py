@@ -16,6 +16,7 @@
 
 import os
 
+from tactile_ros.programs.memory import share_one_heap
 from tactile_ros.programs.signals import hold_signals, ignore_signals
 
 
@@ -23,6 +24,7 @@ def main() -> int:
     """Run the ``tactile`` command; return its exit code."""
     # Matrices are small, and OpenBLAS's threads would wait for each other. Before NumPy is loaded.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    share_one_heap()
     hold_signals()  # before the imports, so that a signal that comes early is not lost
     from tactile_lab.cli import main as cli
 

@@ -12,10 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A signal ends the programs of nodes and the `tactile` command from their first moment on."""
+"""The programs of nodes and the `tactile` command: how they begin and end."""
 
+import ctypes
 from importlib.metadata import entry_points
 import itertools
+import os
 from pathlib import Path
 import signal
 import subprocess
@@ -28,6 +30,7 @@ from tactile_ros.programs.node_program import find_node_class, GROUP
 from waiting import wait_until
 
 DEADLINE_S = 60.0
+HEAP_BYTES = 64 * 2**20
 EXECUTABLES = sorted({entry.name for entry in entry_points(group=GROUP)})
 TACTILE = str(Path(get_package_prefix('tactile_lab'), 'bin', 'tactile'))
 NUMBERS = [signal.SIGINT, signal.SIGTERM]
@@ -92,6 +95,37 @@ def test_a_command_that_works_is_interrupted_and_says_so_by_its_code(number, tmp
     _, errors = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 128 + number, errors
     assert 'Traceback' not in errors
+
+
+def count_thread_heaps(pid):
+    """Return how many heaps glibc has made for threads: writable from a multiple of 64 MB on, with
+    the rest of the 64 MB reserved."""
+    rows = [row.split() for row in Path(f'/proc/{pid}/maps').read_text().splitlines()]
+    ranges = [tuple(int(end, 16) for end in row[0].split('-')) for row in rows]
+    return sum(
+        begin % HEAP_BYTES == 0
+        and row[1].startswith('rw')
+        and following[1].startswith('---')
+        and next_end == begin + HEAP_BYTES
+        for (begin, _), row, (_, next_end), following in zip(
+            ranges, rows, ranges[1:], rows[1:], strict=False
+        )
+    )
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), 'malloc_info'), reason='needs glibc')
+@pytest.mark.parametrize(
+    'arguments',
+    [(program('tactile_features', 'slip_detector_node'),), (TACTILE, 'sense', '--simulated')],
+    ids=['node', 'sense'],
+)
+def test_no_thread_of_a_program_has_a_heap_of_its_own(arguments):
+    process = start(*arguments)
+    wait_until(lambda: len(os.listdir(f'/proc/{process.pid}/task')) > 8, timeout_s=DEADLINE_S)
+    heaps = count_thread_heaps(process.pid)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, heaps) == (0, 0), errors
 
 
 def test_an_executable_without_a_node_is_refused():

@@ -29,8 +29,19 @@ LARGE_BYTES = 128 * 1024
 
 
 @cache
+def share_one_heap() -> None:
+    """Let all threads that begin later take small blocks from one heap.
+
+    Call it before NumPy and rclpy are imported: a thread that they start has a heap of its own
+    otherwise, and later threads share that one, too. What the user has set in the environment
+    stays. Without glibc this does nothing.
+    """
+    _set_option('MALLOC_ARENA_MAX', M_ARENA_MAX, 1)
+
+
+@cache
 def keep_heap_small() -> None:
-    """Give large blocks back to the system when they are freed, and keep small ones in one heap.
+    """Share one heap, and give large blocks back to the system when they are freed.
 
     Call it before ROS starts its threads. By itself glibc raises the size from which it maps a
     block to the largest that was freed, and has a heap for almost every thread. A recorder's
@@ -40,9 +51,12 @@ def keep_heap_small() -> None:
     programs that only compute: their arrays would be mapped anew each time, which took an
     evaluation 5 % longer.
     """
-    with suppress(AttributeError, OSError):
-        mallopt = ctypes.CDLL(None).mallopt
-        if 'MALLOC_MMAP_THRESHOLD_' not in os.environ:
-            mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
-        if 'MALLOC_ARENA_MAX' not in os.environ:
-            mallopt(M_ARENA_MAX, 1)
+    share_one_heap()
+    _set_option('MALLOC_MMAP_THRESHOLD_', M_MMAP_THRESHOLD, LARGE_BYTES)
+
+
+def _set_option(variable: str, option: int, value: int) -> None:
+    """Set an option of malloc that the user has not set in the environment."""
+    if variable not in os.environ:
+        with suppress(AttributeError, OSError):
+            ctypes.CDLL(None).mallopt(option, value)

@@ -26,6 +26,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from tactile_ros.programs.memory import share_one_heap
 from tactile_ros.programs.signals import hold_signals, ignore_signals
 from tactile_ros.programs.transports import choose_transports
 
@@ -51,6 +52,7 @@ def main() -> int:
     os.environ.update(choose_transports(os.environ, 'SUBNET'))
     # Matrices are small, and a thread of OpenBLAS has memory of its own. Before NumPy is loaded.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    share_one_heap()
     from tactile_ros.programs.node_group import run_node
 
     node_class = find_node_class(Path(sys.argv[0]).name)
