@@ -192,6 +192,8 @@ class GoalRunner:
             if not reason:
                 goal = self._goal = Goal(handle, self._type.Feedback)
                 self._ended = Future()
+        if not reason and handle.is_cancel_requested:  # while it waited for its turn
+            goal.request_end()
         if reason:
             handle.abort()
             return self._type.Result(message=reason)

@@ -48,6 +48,7 @@ class Server(TactileNode):
             work,
             accepting=lambda: self.refusal,
             on_cancel=self.count_cancel,
+            preempts=lambda request: request.position_m == 0.0,
         )
 
     def count_cancel(self):
@@ -169,6 +170,27 @@ def test_a_goal_that_fails_while_it_is_cancelled_counts_as_cancelled(rig):
     status, result = client.result(handle)
     assert status == GoalStatus.STATUS_CANCELED
     assert result.message == 'the motor has stopped'
+
+
+def test_a_goal_that_is_cancelled_while_it_waits_for_its_turn_ends_at_once(rig):
+    release = threading.Event()
+
+    def work(goal):
+        if goal.request.position_m == 0.0:
+            goal.check()
+            return MoveGuide.Result(message='it worked all the same')
+        release.wait(DEADLINE_S)
+        return MoveGuide.Result()
+
+    server, client = rig(work)
+    first = client.send()
+    wait_until(lambda: server.runner.is_busy)
+    handle = client.send(0.0)
+    client.ask(handle.cancel_goal_async)
+    release.set()
+    status, result = client.result(handle)
+    assert (status, result.message) == (GoalStatus.STATUS_CANCELED, 'cancelled')
+    assert client.result(first)[0] == GoalStatus.STATUS_SUCCEEDED
 
 
 def test_second_goal_is_aborted_and_the_first_goes_on(rig):
