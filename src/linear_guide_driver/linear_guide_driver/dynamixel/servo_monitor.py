@@ -88,6 +88,11 @@ class ServoMonitor:
         self.needs_connect = False
         self._thread = threading.Thread(target=self._poll, name='tendon poll', daemon=True)
 
+    @property
+    def is_reading(self) -> bool:
+        """Whether states may still come: it is not closed, and there is no fault."""
+        return not (self.trouble or self._closing.is_set())
+
     def start(self) -> None:
         """Start to poll."""
         self._thread.start()
@@ -159,6 +164,9 @@ class ServoMonitor:
                     continue
                 self.fail(str(error), needs_connect=True)
                 return
+            except Exception as error:  # nobody reads on, and no order is carried out
+                self.fail(f'reading the servo failed: {error!r}', needs_connect=True)
+                raise
             if state is not None:
                 self._tell(self._on_state, state)
 

@@ -75,6 +75,8 @@ class TensionKeeper:
         try:
             while True:
                 state = self._monitor.wait_poll(1.0)
+                if state is None and self._monitor.is_reading:
+                    continue  # this computer was busy, or asleep; a later command is seen below
                 if state is None:  # a fault, which the servo's own watchdog or the poll has seen
                     return
                 tension_n = self._read_tension()

@@ -217,7 +217,7 @@ class LinearGuideClient:
                     f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
                     f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
                 )
-            return self._position.to_state(report)
+            return self._to_rest_state(report)
 
     def move_to(
         self,
@@ -298,7 +298,7 @@ class LinearGuideClient:
                 raise
             finally:
                 self._position.direction = 0
-            return self._position.to_state(report)
+            return self._to_rest_state(report)
 
     def request_stop(self) -> bool:
         """Begin to stop at once and return; the running motion ends when at rest.
@@ -377,6 +377,15 @@ class LinearGuideClient:
         raise MotionStoppedError(
             f'Stopped at {position:.4f} m on the way to {target_m:.4f} m; the position is kept.'
         ) from None
+
+    def _to_rest_state(self, report: grbl.StatusReport) -> GuideState:
+        """Return the state after a motion; a fault may have come since its last report."""
+        state = self._position.to_state(report)
+        if state.position_m is None:
+            raise MotionFailedError(
+                f'The motion ended, then its position was lost: {self.trouble}; home the guide.'
+            )
+        return state
 
     def _give_up(self, connection: GrblConnection, reason: str) -> None:
         self._position.lose(reason)

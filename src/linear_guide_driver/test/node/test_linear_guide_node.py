@@ -19,6 +19,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 
+from linear_guide_driver.grbl.connection import GrblConnection
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import Readiness, StrainBlock
@@ -88,6 +89,25 @@ def test_a_cancel_brakes_and_the_guide_can_go_on(guide, grbl):
     assert 'the position is kept' in result.message
     assert not grbl.is_moving
     assert guide.result(move(guide, 0.002, 0.1))[0] == 'succeeded'
+
+
+@pytest.mark.parametrize('motion', ['home', 'move'])
+def test_a_fault_right_after_the_last_report_is_told(guide, monkeypatch, motion):
+    home(guide)
+    wait_report = GrblConnection.wait_report
+
+    def wait_report_then_fail(connection, timeout_s):
+        report = wait_report(connection, timeout_s)
+        connection._fail('the controller restarted by itself')
+        return report
+
+    monkeypatch.setattr(GrblConnection, 'wait_report', wait_report_then_fail)
+    goal = (
+        guide.send(HomeGuide, '/linear_guide/home') if motion == 'home' else move(guide, 0.01, 0.1)
+    )
+    status, result = guide.result(goal)
+    assert status == 'aborted'
+    assert result.message.endswith('lost: the controller restarted by itself; home the guide.')
 
 
 def test_the_stop_service_ends_the_goal(guide, grbl):

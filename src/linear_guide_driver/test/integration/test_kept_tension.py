@@ -1,0 +1,98 @@
+# Copyright 2026 Tendon Tactile maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import threading
+import time
+
+from background import Background
+import pytest
+
+from linear_guide_driver import MotionFailedError, TendonActuatorClient, TendonActuatorConfig
+from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel.bus import DynamixelBus
+from waiting import wait_until
+
+TARGET_N = 3.0
+
+
+class Finger:
+    """Feeds the tension of a linear finger to the actuator's safety, a hundred times a second."""
+
+    def __init__(self, client):
+        self.stiffness_n_m = 10000.0
+        self.tension_n = 0.0
+        self._client, self._ended = client, threading.Event()
+        self._thread = threading.Thread(target=self._feed)
+        self._thread.start()
+
+    def _feed(self):
+        while not self._ended.wait(0.01):
+            self.tension_n = self.stiffness_n_m * max(0.0, self._client.state.displacement_m)
+            self._client.safety.add_samples([self.tension_n], False, time.monotonic_ns())
+
+    def is_at_target(self):
+        return abs(self.tension_n - TARGET_N) < 0.3
+
+    def end(self):
+        self._ended.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def tendon(servo):
+    client = TendonActuatorClient(
+        TendonActuatorConfig(port=servo.port, watchdog_s=1.0, speed_m_s=0.04, unguarded=True)
+    )
+    client.connect()
+    yield client
+    client.close()
+
+
+@pytest.fixture
+def finger(tendon):
+    finger = Finger(tendon)
+    wait_until(lambda: tendon.safety.tension_n is not None)
+    yield finger
+    finger.end()
+
+
+def test_a_tension_is_kept_after_this_computer_was_asleep(tendon, finger, monkeypatch):
+    read_block, slept = DynamixelBus.read_block, threading.Event()
+
+    def read_late(bus, block):
+        if not slept.is_set():
+            time.sleep(1.2)
+            slept.set()
+        return read_block(bus, block)
+
+    tendon.pull_to_tension(TARGET_N, 0.02)
+    monkeypatch.setattr(DynamixelBus, 'read_block', read_late)
+    assert slept.wait(5.0)
+    finger.stiffness_n_m = 7000.0
+    wait_until(lambda: not finger.is_at_target())
+    wait_until(finger.is_at_target)
+
+
+@pytest.mark.filterwarnings('ignore::pytest.PytestUnhandledThreadExceptionWarning')
+def test_a_fault_of_the_reading_itself_is_trouble(tendon, monkeypatch):
+    def fail(_):
+        raise ValueError('a bug')
+
+    pull = Background(tendon.pull_to, 0.02, 0.01)
+    wait_until(lambda: tendon.state.displacement_m > 0.001)
+    monkeypatch.setattr(registers, 'decode_state', fail)
+    error = pull.end()
+    assert isinstance(error, MotionFailedError)
+    assert "Reading the servo failed: ValueError('a bug')" in str(error)
+    assert 'a bug' in tendon.trouble
