@@ -15,11 +15,8 @@
 import threading
 import time
 
-from background import Background
 import pytest
 
-from linear_guide_driver import MotionFailedError, TendonActuatorClient, TendonActuatorConfig
-from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import DynamixelBus
 from waiting import wait_until
 
@@ -50,16 +47,6 @@ class Finger:
 
 
 @pytest.fixture
-def tendon(servo):
-    client = TendonActuatorClient(
-        TendonActuatorConfig(port=servo.port, watchdog_s=1.0, speed_m_s=0.04, unguarded=True)
-    )
-    client.connect()
-    yield client
-    client.close()
-
-
-@pytest.fixture
 def finger(tendon):
     finger = Finger(tendon)
     wait_until(lambda: tendon.safety.tension_n is not None)
@@ -82,17 +69,3 @@ def test_a_tension_is_kept_after_this_computer_was_asleep(tendon, finger, monkey
     finger.stiffness_n_m = 7000.0
     wait_until(lambda: not finger.is_at_target())
     wait_until(finger.is_at_target)
-
-
-@pytest.mark.filterwarnings('ignore::pytest.PytestUnhandledThreadExceptionWarning')
-def test_a_fault_of_the_reading_itself_is_trouble(tendon, monkeypatch):
-    def fail(_):
-        raise ValueError('a bug')
-
-    pull = Background(tendon.pull_to, 0.02, 0.01)
-    wait_until(lambda: tendon.state.displacement_m > 0.001)
-    monkeypatch.setattr(registers, 'decode_state', fail)
-    error = pull.end()
-    assert isinstance(error, MotionFailedError)
-    assert "Reading the servo failed: ValueError('a bug')" in str(error)
-    assert 'a bug' in tendon.trouble
