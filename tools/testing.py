@@ -18,6 +18,10 @@ import xml.etree.ElementTree as ElementTree
 from workspace import ROOT, Workspace
 
 COMPUTING = ('unit', 'analysis')
+"""Folders of tests that compute. All others wait for devices and nodes, in real time."""
+
+IN_IDLE_TIME = ['nice', '-n', '19']
+"""Before a command that takes what the others leave of the processor."""
 
 
 @dataclass
@@ -50,8 +54,8 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         type=int,
         default=os.cpu_count() or 1,
         metavar='N',
-        help='processes for tests that wait for devices and nodes (default: one a core); tests '
-        'that compute follow, with one a core',
+        help='processes for tests that wait for devices and nodes, and as many for those that '
+        'compute (default: one a core)',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
@@ -59,14 +63,25 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         parser.error(f'no package {", ".join(unknown)}; there are {", ".join(packages)}')
     kind = 'unit' if options.unit else 'node' if options.nodes else '*'
     is_all = not (options.packages or options.expression) and kind == '*'
-    outcomes = check_rules(workspace) if is_all else []
     folders = [
         folder
         for package in options.packages or packages
         for folder in sorted((ROOT / 'src' / package / 'test').glob(kind))
         if any(folder.rglob('test_*.py'))
     ]
-    return summarise(outcomes + run_pytest(workspace, folders, options))
+    computing = [folder for folder in folders if folder.name in COMPUTING]
+    waiting = [folder for folder in folders if folder.name not in COMPUTING]
+    # A simulated rig that waits for the processor is a failed trial: what computes steps back.
+    with ThreadPoolExecutor(2) as pool:
+        rules = pool.submit(check_rules, workspace) if is_all else None
+        computed = pool.submit(
+            run_pytest, workspace, 'computing', computing, options, is_behind=bool(waiting)
+        )
+        outcomes = run_pytest(workspace, 'waiting', waiting, options)
+        if waiting and not computed.done():
+            print('The tests that compute still run ...', flush=True)
+    outcomes += computed.result()
+    return summarise((rules.result() if rules else []) + merge(outcomes))
 
 
 def site_command(workspace: Workspace) -> list[str]:
@@ -110,7 +125,7 @@ def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
     command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
     started = time.monotonic()
     done = subprocess.run(
-        command,
+        [*IN_IDLE_TIME, *command],
         cwd=ROOT,
         env=workspace.environment(),
         stdout=subprocess.PIPE,
@@ -128,42 +143,46 @@ def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
 
 
 def run_pytest(
-    workspace: Workspace, folders: list[Path], options: argparse.Namespace
+    workspace: Workspace,
+    name: str,
+    folders: list[Path],
+    options: argparse.Namespace,
+    *,
+    is_behind: bool = False,
 ) -> list[Outcome]:
     """Run the tests in some folders in several processes; return an outcome a package.
 
-    Tests of devices and nodes wait, in real time, and run first: a simulated rig without its share
-    of a core is a failed trial. Tests of units and analyses compute, a process a core.
+    Behind other tests they print nothing and take what these leave of the processor.
     """
-    computing = [folder for folder in folders if folder.name in COMPUTING]
-    others = [folder for folder in folders if folder.name not in COMPUTING]
-    groups = [('others', others, options.workers), ('computing', computing, os.cpu_count() or 1)]
-    codes, written = [], []
-    for name, group, workers in groups:
-        if not group:
-            continue
-        results = workspace.base / f'test_results_{name}.xml'
-        results.unlink(missing_ok=True)
-        command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
-        command += ['--disable-warnings', '--tb=long', '--no-summary']
-        command += [f'--junit-xml={results}', '-n', str(workers), '--dist=worksteal']
-        command += ['-k', options.expression] if options.expression else []
-        done = subprocess.run([*command, *map(str, group)], cwd=ROOT, env=workspace.environment())
-        codes.append(done.returncode)
-        written += [results] if results.exists() else []
-    outcomes = read_results(written)
+    if not folders:
+        return []
+    results = workspace.base / f'test_results_{name}.xml'
+    results.unlink(missing_ok=True)
+    command = [*IN_IDLE_TIME] if is_behind else []
+    command += ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
+    command += ['--disable-warnings', '--tb=long', '--no-summary', f'--junit-xml={results}']
+    command += ['-n', str(options.workers), '--dist=worksteal']
+    command += ['-k', options.expression] if options.expression else []
+    done = subprocess.run(
+        [*command, *map(str, folders)],
+        cwd=ROOT,
+        env=workspace.environment(),
+        stdout=subprocess.PIPE if is_behind else None,
+        text=True,
+    )
+    outcomes = read_results(results) if results.exists() else []
     # 5: no test is called as the expression says.
-    if any(code not in (0, 5) for code in codes) and not any(o.failed for o in outcomes):
-        outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
+    if done.returncode not in (0, 5) and not any(o.failed for o in outcomes):
+        text = f'FAILED pytest of the tests that are {name}\n{done.stdout or "see above"}'
+        outcomes.append(Outcome('pytest', failed=1, remarks=[text]))
     return outcomes
 
 
-def read_results(paths: list[Path]) -> list[Outcome]:
-    """Sum up JUnit files by package."""
+def read_results(path: Path) -> list[Outcome]:
+    """Sum up a JUnit file by package."""
     outcomes: dict[str, Outcome] = {}
     skips: Counter[tuple[str, str]] = Counter()
-    cases = [case for path in paths for case in ElementTree.parse(path).iter('testcase')]
-    for case in cases:
+    for case in ElementTree.parse(path).iter('testcase'):
         place = (case.get('classname') or case.get('name', '')).removeprefix('src.')
         package = place.partition('.')[0]
         outcome = outcomes.setdefault(package, Outcome(package))
@@ -184,7 +203,17 @@ def read_results(paths: list[Path]) -> list[Outcome]:
     for (place, reason), count in skips.items():
         remark = f'{place} ({count}): {reason}'
         outcomes[place.removeprefix('skipped ').partition('.')[0]].remarks.append(remark)
-    return [outcomes[package] for package in sorted(outcomes)]
+    return list(outcomes.values())
+
+
+def merge(outcomes: list[Outcome]) -> list[Outcome]:
+    """Return one outcome a package."""
+    merged: dict[str, Outcome] = {}
+    for outcome in outcomes:
+        whole = merged.setdefault(outcome.name, Outcome(outcome.name))
+        for name in ('passed', 'failed', 'skipped', 'seconds', 'remarks'):
+            setattr(whole, name, getattr(whole, name) + getattr(outcome, name))
+    return [merged[name] for name in sorted(merged)]
 
 
 def summarise(outcomes: list[Outcome]) -> int:
