@@ -119,7 +119,7 @@ def work(
     seconds: float,
     sent: Any,
 ) -> None:
-    """Run the nodes of some fingers until it is over; report CPU time, memory and losses."""
+    """Run the nodes of some fingers until it is over; report CPU time and memory."""
     make = _our_nodes if what.who == 'ours' else _bare_nodes
     with ros_context(what.domain) as context:
         nodes = [node for finger in fingers for node in make(what, finger, context)]
@@ -142,7 +142,6 @@ def work(
                 {
                     'cpu_s': time.process_time() - before_s,
                     'rss_mb': _resident_mb(),
-                    'lost': sum(_count_lost(node) for node in nodes),
                 }
             )
 
@@ -199,14 +198,6 @@ def _bare_nodes(what: Work, finger: str, context: Context) -> list[Any]:
     features.create_subscription(StrainBlock, STRAIN, on_block, STREAM)
     classifier.create_subscription(TactileFeatures, FEATURES, on_features, RESULTS)
     return [features, classifier]
-
-
-def _count_lost(node: Any) -> int:
-    """Return how many samples of the ever rising numbering a feature node has missed."""
-    extractor = getattr(node, 'extractor', None)
-    if extractor is None or not extractor.sample_count:
-        return 0
-    return int(extractor._buffer.samples['sequence'][-1]) + 1 - extractor.sample_count  # noqa: SLF001
 
 
 def _resident_mb() -> float:
@@ -299,7 +290,8 @@ def collect(what: Work, fingers: Sequence[str], ready: Any, over: Any, sunk: Any
         for finger in fingers:
 
             def on_answer(message: Any, finger: str = finger) -> None:
-                arrived[finger, _to_ns(message.window_end)] = time.time_ns()
+                if message.outcome != Classification.OUTCOME_NO_FEATURES:
+                    arrived[finger, _to_ns(message.window_end)] = time.time_ns()
 
             node.create_subscription(Classification, f'{finger}/{ANSWER}', on_answer, RESULTS)
         executor = EventsExecutor(context=context)  # it adds least to the latency
