@@ -71,7 +71,7 @@ def run_phases(quick: bool) -> Report:
                 rows.append(Row(f'{protocol} {contact}, {name}', more=found.columns()))
     return Report(
         'phases: found in the tension of SIMULATED trials, against those stated',
-        'none',
+        '',
         'found: all four phases, hold or glide and release within 50 ms; errors: found minus '
         'stated, median and 99 % of their sizes; missed: no hold or glide, and said so; '
         'wrong: all else',
@@ -146,7 +146,7 @@ def run_phase_features(quick: bool) -> Report:
     return Report(
         'phase-features: accuracy % with phases stated and detected, on SIMULATED sessions '
         'that training did not see',
-        'none',
+        '',
         f'trained on {SESSIONS - TEST_SESSIONS} sessions, tested on {TEST_SESSIONS}; texture not '
         'scaled, stiffness scaled; no window: wrong. Columns: phases in training > in testing',
         rows,

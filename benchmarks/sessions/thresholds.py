@@ -3,8 +3,7 @@
 
 """Unknown objects in sessions that training never saw, over many seeds. SIMULATED.
 
-Features are those of the feature node's defaults. Other seeds were used to choose between ways
-to recalibrate.
+Features are those of the feature node's defaults.
 """
 
 from __future__ import annotations

@@ -53,8 +53,9 @@ def run_paths(quick: bool) -> Report:
     rows += [_run_plant(quick), _run_rig(quick)]
     return Report(
         'paths: compiled unless it says NumPy; the default step',
-        'none: trials a second of one core, the best of several runs; core: share of one core '
-        'that the live rig takes in real time, with steps of 1 ms',
+        '',
+        'trials a second of one core, the best of several runs; core: share of one core that the '
+        'live rig takes in real time, with steps of 1 ms; '
         f'stiffness: largest over the trials, against {REFERENCE_STEPS} steps a sample, of the '
         'deviations of slope and intercept [% of the value] and of the correlation (absolute); '
         'NumPy: trials whose bytes differ from the compiled ones',

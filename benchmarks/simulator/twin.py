@@ -159,7 +159,7 @@ def run_twin(quick: bool) -> Report:
                 rows.append(Row(f'{plate}, {hinges} hinges, {name}', error=tension, more=more))
     return Report(
         'twin: tension of the simulator against a chain of hinges in MuJoCo',
-        'none; the goals set before: mean within 0.2 %, alternating part within 5 %',
+        '',
         'rms deviation of the alternating part of the tension in the window over its rms, '
         'in %; sensed: the same behind crosstalk and low pass; flexion, without tendon friction '
         'and creep',
