@@ -128,7 +128,7 @@ def run_rest(quick: bool) -> Report:
     return Report(
         'from a fault to rest [s]',
         '',
-        'the longer of guide and tendon [s], from the truth of the simulated rig; 0 is a device that '
+        'the longer of guide and tendon [s], from the truth of the simulated rig; 0: the device '
         'did not move when the fault came',
         rows,
     )
