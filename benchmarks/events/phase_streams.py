@@ -85,6 +85,8 @@ class Disturbance:
     ----------
     noise_n : float
         Standard deviation of the noise, that of the simulated sensor included [N].
+    drift_n_rt_s : float
+        Random walk of the zero [N per root second].
     lost : float
         Share of samples that are lost, each by itself.
     cut_share : float
@@ -92,6 +94,7 @@ class Disturbance:
     """
 
     noise_n: float = 0.004
+    drift_n_rt_s: float = 0.0
     lost: float = 0.0
     cut_share: float = 1.0
 
@@ -100,8 +103,10 @@ class Disturbance:
         random = np.random.default_rng(seed)
         own_n = default_catalogue().rig().load_cell.noise_n
         count = len(session.tension_n)
+        step_n = self.drift_n_rt_s * np.sqrt(session.period_ns / 1e9)
+        tension_n = session.tension_n + np.cumsum(step_n * random.standard_normal(count))
         added_n = np.sqrt(max(0.0, self.noise_n**2 - own_n**2))
-        tension_n = session.tension_n + added_n * random.standard_normal(count)
+        tension_n += added_n * random.standard_normal(count)
         top_n = self.cut_share * session.tension_n.max()
         kept = random.random(count) >= self.lost
         return kept, tension_n if self.cut_share == 1.0 else np.minimum(tension_n, top_n)

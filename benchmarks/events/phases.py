@@ -43,6 +43,7 @@ CONDITIONS: dict[str, tuple[Disturbance, dict[str, float]]] = {
     'noise 20 mN': (Disturbance(0.020), {}),
     'noise 40 mN': (Disturbance(0.040), {}),
     'noise 120 mN': (Disturbance(0.120), {}),
+    'drift 20 mN/sqrt(s)': (Disturbance(drift_n_rt_s=0.02), {}),
     '1 % lost': (Disturbance(lost=0.01), {}),
     '5 % lost, noise 10 mN': (Disturbance(0.010, lost=0.05), {}),
     'sensor ends at 70 %': (Disturbance(cut_share=0.7), {}),
