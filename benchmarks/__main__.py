@@ -18,21 +18,19 @@ from rich.table import Table
 from benchmarks.measuring import Report
 from benchmarks.topics import TOPICS
 
-DESCRIPTION = """Measure the speed and the error of the numerical kernels, the
-model file, the simulator and the message path.
+DESCRIPTION = """Measure speed, error and accuracy. docs/benchmarks.md explains the results.
 
-Speed is a ratio: the time of ours over the time of a floor, measured in turns in
-the same run. The floor is the least that could do the work (a bare transform, a
-bare loop) or a peer that does the same; each table names it. A ratio of 3 says
-that ours takes three times as long. Seconds appear nowhere as a claim: they are
-the machine's, not the code's.
+Speed is a ratio: our time over the time of a floor, measured in turns in the same
+run. The floor is the least work that could do the task (a bare transform, a bare
+loop), or a peer that does the same; each table names it.
 
 Error is measured against a reference of higher precision, or as a count of
-answers that differ. Where a bound is stated, exceeding it is a failure.
+answers that differ. An error above its bound is a failure.
 """
 
 EPILOG = """exit status:
-  0 when every error is within its bound, 1 otherwise, 2 for a wrong argument.
+  0 when every topic ran and every error is within its bound, 1 otherwise,
+  2 for a wrong argument.
 
 examples:
   ./tactile run python -m benchmarks
@@ -48,12 +46,16 @@ def main() -> int:
     progress = Console(stderr=True)
     documents = {}
     within = True
-    chosen = arguments.only
     for topic in TOPICS:
-        if topic.name not in chosen if chosen else topic.is_long:
+        if topic.name not in arguments.only if arguments.only else topic.is_long:
             continue
         start_s = time.perf_counter()
-        report = topic.run(arguments.quick)
+        try:
+            report = topic.run(arguments.quick)
+        except ModuleNotFoundError as error:
+            progress.print(f'{topic.name} needs {error.name}: pip install {error.name}')
+            within = False
+            continue
         progress.print(f'{topic.name}: {time.perf_counter() - start_s:.0f} s', style='dim')
         within &= all(row.bound is None or row.error <= row.bound for row in report.rows)
         documents[topic.name] = dataclasses.asdict(report)
@@ -121,8 +123,10 @@ def _print(report: Report, out: Console) -> None:
     for row in rows:
         table.add_row(row.case, *(cell(row) for _, cell in columns))
     out.print(table)
-    out.print(f'floor: {report.floor}', highlight=False)
-    out.print(f'error: {report.error}\n', highlight=False)
+    for name in ('floor', 'error'):
+        if text := getattr(report, name):
+            out.print(f'{name}: {text}', highlight=False)
+    out.print()
 
 
 def _ratio(ratio: Any) -> str:

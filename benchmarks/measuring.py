@@ -54,7 +54,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """The table of one topic, with what its columns mean."""
+    """The table of one topic, with what its columns mean; empty: it has no such column."""
 
     title: str
     floor: str

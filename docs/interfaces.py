@@ -16,8 +16,8 @@ _PARTS = {'msg': ('',), 'action': ('goal', 'result', 'feedback')}
 INTRODUCTION = """\
 # Messages and actions of `tactile_msgs`
 
-Made from the definitions in `src/tactile_msgs` by `docs/generate.py`. SI units throughout; what
-stands in brackets is the unit.
+Made from the definitions in `src/tactile_msgs` by `docs/generate.py`. Units are SI; the
+unit of a field is in brackets.
 """
 
 

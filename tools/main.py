@@ -5,11 +5,9 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import shutil
 import sys
-import textwrap
 
 from testing import build_site, run_tests
 from workspace import ROOT, SetupError, Workspace
@@ -30,8 +28,9 @@ usage: ./tactile COMMAND [ARGUMENT ...]
   build           set up and build, and nothing else
   clean           remove everything that this command has set up
 
-{commands}
-                  ./tactile COMMAND --help says what each does
+  simulate, import, train, evaluate, compare, features, robustness, replay, repair, show, trials,
+  experiment, rig, sense, hand, watch, devices, check, calibrate
+                  the commands of `tactile`; ./tactile COMMAND --help explains each
 
   --version       the version of the packages
   --distro kilted before or behind the command takes ROS 2 Kilted instead of Jazzy.
@@ -39,26 +38,6 @@ usage: ./tactile COMMAND [ARGUMENT ...]
 The first call sets up a virtual environment with ROS 2 and builds the workspace
 in .tactile/; later calls start at once.
 """
-
-
-CLI = ROOT / 'src' / 'tactile_lab' / 'tactile_lab' / 'cli' / 'main.py'
-
-
-def list_commands() -> list[str]:
-    """Return the names of the commands of `tactile`, read from its source: it may not run yet."""
-    found = []
-    for node in ast.walk(ast.parse(CLI.read_text('utf-8'))):
-        if isinstance(node, ast.For) and getattr(node.target, 'id', '') == 'command':
-            found += [e.id for e in getattr(node.iter, 'elts', ()) if isinstance(e, ast.Name)]
-        elif isinstance(node, ast.Call) and getattr(node.func, 'attr', '') == 'add_typer':
-            found += [k.value.value for k in node.keywords if k.arg == 'name']
-    return [name.partition('_')[0] for name in found]  # import_recordings is called import
-
-
-def print_usage() -> None:
-    names = ', '.join(name for name in list_commands() if name != 'demo')
-    lines = textwrap.wrap(names, 96, initial_indent='  ', subsequent_indent='  ')
-    print(USAGE.format(commands='\n'.join(lines)))
 
 
 def take_distro(arguments: list[str]) -> str:
@@ -77,11 +56,11 @@ def main(arguments: list[str]) -> int:
     try:
         workspace = Workspace(take_distro(arguments))
         if not arguments or arguments[0] in ('-h', '--help', 'help'):
-            print_usage()
+            print(USAGE)
             return 0 if arguments else 2
         command, rest = arguments[0], arguments[1:]
         if command in OURS and command != 'test' and rest[:1] in (['-h'], ['--help']):
-            print_usage()
+            print(USAGE)
             return 0
         if command in ('build', 'clean', 'docs') and rest:
             raise SetupError(f'{command} takes no arguments.')

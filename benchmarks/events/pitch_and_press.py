@@ -51,7 +51,7 @@ def run_pitch(quick: bool) -> Report:
     ]
     return Report(
         'pitch: SIMULATED glides of 45 mm, 3 sessions, 60 Hz; the speed is the commanded one',
-        'none: the table is about answers',
+        '',
         'root mean square of the error in mm; within: share of errors below 1 and 2 of the stated '
         'standard uncertainty (0.68 and 0.95 are right), and beside them with the true speed',
         rows,
@@ -108,7 +108,7 @@ def run_press(quick: bool) -> Report:
                 )
     return Report(
         'press: SIMULATED presses, 3 sessions',
-        'none: the table is about answers',
+        '',
         'root mean square, against the same trial without noise; within: as above',
         rows,
     )

@@ -65,7 +65,7 @@ def run_slip(quick: bool) -> Report:
                 rows.append(Row(case, more=more))
     return Report(
         'slip: SIMULATED grips, 3 sessions, seeds apart from those of the design',
-        'none: the table is about answers',
+        '',
         f'latency from {1e6 * MOVED_M:g} micrometres of slip; early: alarms before, or without',
         rows,
     )

@@ -192,7 +192,7 @@ def _relative(got: list[float], exact: list[Fraction]) -> float:
 
 def run_extractor(quick: bool) -> Report:
     """Feed a stream with trials in it, against a loop that keeps the arrays."""
-    duration_s = 30 if quick else 120
+    duration_s = 18 if quick else 120
     rng = np.random.default_rng(3)
     tension_n = 5.0 + rng.normal(0.0, 0.05, 60 * duration_s)
     events = list(_trial_events(duration_s))

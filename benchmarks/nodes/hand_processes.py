@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import threading
 import time
@@ -15,7 +14,6 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
@@ -35,12 +33,6 @@ from tendon_sensor_driver.conversions import to_strain_msg
 
 STRAIN, TRIALS = 'tendon_sensor/strain', 'trial_runner/events'
 FEATURES, ANSWER = 'tactile_features/features', 'tactile_classifier/classification'
-A_NODE = 'one a node'
-EXECUTORS = {
-    A_NODE: SingleThreadedExecutor,  # ours
-    'one for all': SingleThreadedExecutor,
-    'events': EventsExecutor,
-}
 STARTUP_S = 60.0
 DRAIN_S = 1.0
 
@@ -87,14 +79,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Work:
-    """What a process is to do: ours or the bare chain, on which executor.
+    """What a process is to do: ours or the bare chain.
 
     ``within``: the sources of the samples are nodes of the same process, as a driver is.
     """
 
     domain: int
     who: str
-    executor: str
     case: Case
     model: str
     within: bool = False
@@ -118,34 +109,6 @@ class Source(DataNode):
         self.strain.close()
 
 
-@contextmanager
-def spun(nodes: Sequence[Any], executor: str, context: Context) -> Iterator[None]:
-    """Spin nodes: one executor for all, or as ours are, one a node."""
-    if executor == A_NODE:
-        with NodeGroup(nodes, context=context):
-            yield
-        return
-    one = EXECUTORS[executor](context=context)
-    for node in nodes:
-        one.add_node(node)
-    ending = threading.Event()
-
-    def spin() -> None:
-        while not ending.is_set():
-            one.spin_once(timeout_sec=0.2)
-
-    thread = threading.Thread(target=spin)
-    thread.start()
-    try:
-        yield
-    finally:
-        ending.set()
-        thread.join()
-        one.shutdown()
-        for node in nodes:
-            node.take_down() if hasattr(node, 'take_down') else node.destroy_node()
-
-
 def work(
     what: Work,
     fingers: Sequence[str],
@@ -156,7 +119,7 @@ def work(
     seconds: float,
     sent: Any,
 ) -> None:
-    """Run the nodes of some fingers until it is over; report CPU time, memory and losses."""
+    """Run the nodes of some fingers until it is over; report CPU time and memory."""
     make = _our_nodes if what.who == 'ours' else _bare_nodes
     with ros_context(what.domain) as context:
         nodes = [node for finger in fingers for node in make(what, finger, context)]
@@ -164,7 +127,7 @@ def work(
         if what.within and what.who == 'ours':
             sources = {f: Source(namespace=f, context=context) for f in fingers}
             assert all(source.bring_up() for source in sources.values())
-        with spun([*nodes, *sources.values()], what.executor, context):
+        with NodeGroup([*nodes, *sources.values()], context=context):
             ready.release()
             if what.within:
                 threading.Thread(
@@ -179,7 +142,6 @@ def work(
                 {
                     'cpu_s': time.process_time() - before_s,
                     'rss_mb': _resident_mb(),
-                    'lost': sum(_count_lost(node) for node in nodes),
                 }
             )
 
@@ -236,14 +198,6 @@ def _bare_nodes(what: Work, finger: str, context: Context) -> list[Any]:
     features.create_subscription(StrainBlock, STRAIN, on_block, STREAM)
     classifier.create_subscription(TactileFeatures, FEATURES, on_features, RESULTS)
     return [features, classifier]
-
-
-def _count_lost(node: Any) -> int:
-    """Return how many samples of the ever rising numbering a feature node has missed."""
-    extractor = getattr(node, 'extractor', None)
-    if extractor is None or not extractor.sample_count:
-        return 0
-    return int(extractor._buffer.samples['sequence'][-1]) + 1 - extractor.sample_count  # noqa: SLF001
 
 
 def _resident_mb() -> float:
@@ -336,13 +290,18 @@ def collect(what: Work, fingers: Sequence[str], ready: Any, over: Any, sunk: Any
         for finger in fingers:
 
             def on_answer(message: Any, finger: str = finger) -> None:
-                arrived[finger, _to_ns(message.window_end)] = time.time_ns()
+                if message.outcome != Classification.OUTCOME_NO_FEATURES:
+                    arrived[finger, _to_ns(message.window_end)] = time.time_ns()
 
             node.create_subscription(Classification, f'{finger}/{ANSWER}', on_answer, RESULTS)
-        with spun([node], 'events', context):
-            ready.release()
-            over.wait()
-            sunk.put(arrived)
+        executor = EventsExecutor(context=context)  # it adds least to the latency
+        executor.add_node(node)
+        ready.release()
+        while not over.is_set():
+            executor.spin_once(timeout_sec=0.2)
+        sunk.put(arrived)
+        executor.shutdown()
+        node.destroy_node()
 
 
 def _to_ns(stamp: Any) -> int:

@@ -127,8 +127,9 @@ def run_rest(quick: bool) -> Report:
             rows += [_measure(rig, phase, fault) for fault in FAULTS]
     return Report(
         'from a fault to rest [s]',
-        'none; 0 is a device that did not move when the fault came',
-        'the longer of guide and tendon [s], from the truth of the simulated rig',
+        '',
+        'the longer of guide and tendon [s], from the truth of the simulated rig; 0: the device '
+        'did not move when the fault came',
         rows,
     )
 

@@ -4,19 +4,19 @@
 """The texture scene in MuJoCo: the finger as a chain of hinges, for one trial.
 
 What it shares with `tactile_sim`: geometry, elasticity, damping, weight, tendon and the law of
-contact. What it does not: its finger has inertia and bends at hinges alone. Tendon friction
-and creep are left out, so the other side of a comparison must be simulated without them.
+contact. What it does not: its finger bends at hinges alone. Tendon friction and creep are left
+out, so the other side of a comparison must be simulated without them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-import importlib
 import math
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,16 +27,8 @@ from tactile_sim.physics.surface import Surface
 FloatArray = NDArray[np.float64]
 Positions = Callable[[FloatArray], FloatArray]
 
-# MuJoCo's own recommendation first. RK4 is not among them: it evaluates forces within a step,
-# where a contact that is set once a step from outside cannot follow.
-INTEGRATORS = ('implicitfast', 'implicit', 'Euler', 'discrete')
-
 _NEVER_M = 1e3  # upper end of the tendon's dead band: a tendon never pushes
 _POINT_KG_M2 = 1e-12  # MuJoCo wants moments of inertia above zero
-
-
-class MujocoMissingError(RuntimeError):
-    """MuJoCo is not installed."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +82,6 @@ class TwinResult:
         Start of each step, at which the values hold [s].
     tension_n, contact_force_n : ndarray of float
         Tension of the tendon and vertical force on the tip [N].
-    tip_drop_m, tip_reach_m : ndarray of float
-        The tip below and before the clamp [m].
     elapsed_s
         The whole loop, with the contact computed in Python [s of one core].
     step_elapsed_s
@@ -101,35 +91,11 @@ class TwinResult:
     times_s: FloatArray
     tension_n: FloatArray
     contact_force_n: FloatArray
-    tip_drop_m: FloatArray
-    tip_reach_m: FloatArray
     elapsed_s: float
     step_elapsed_s: float
 
 
-def import_mujoco() -> Any:
-    """Import MuJoCo.
-
-    Raises
-    ------
-    MujocoMissingError
-        It is not installed.
-    """
-    try:
-        return importlib.import_module('mujoco')
-    except ImportError:
-        raise MujocoMissingError(
-            'mujoco is not installed; install it with: python -m pip install mujoco'
-        ) from None
-
-
-def write_finger_mjcf(
-    finger: Finger,
-    step_s: float,
-    hinges: int = 11,
-    integrator: str = 'implicitfast',
-    inertia_scale: float = 1.0,
-) -> str:
+def write_finger_mjcf(finger: Finger, step_s: float, hinges: int) -> str:
     """Describe the finger as a chain of hinges in MuJoCo's format.
 
     The hinges stand in the middle of equal segments, so that the end links are half as long
@@ -142,30 +108,14 @@ def write_finger_mjcf(
         Time step [s].
     hinges
         How many.
-    integrator
-        One of `INTEGRATORS`.
-    inertia_scale
-        Inertia is multiplied by it and weight is not: masses grow as gravity shrinks.
-
-    Raises
-    ------
-    ValueError
-        An argument is out of range, or no such integrator.
     """
-    _check_hinges(hinges)
-    if not step_s > 0.0:
-        raise ValueError(f'step_s is {step_s}; it must be above 0')
-    if not inertia_scale > 0.0:
-        raise ValueError(f'inertia_scale is {inertia_scale}; it must be above 0')
-    if integrator not in INTEGRATORS:
-        raise ValueError(f'integrator is {integrator!r}; it must be one of {INTEGRATORS}')
     segment_m = finger.length_m / hinges
-    tip = _write_inertial(0.0, finger.tip_mass_kg * inertia_scale, 0.0)
+    tip = _write_inertial(0.0, finger.tip_mass_kg, 0.0)
     chain = f'<body name="tip" pos="{segment_m / 2!r} 0 0">{tip}</body>'
     for index in reversed(range(hinges)):
         last = index == hinges - 1
         length_m = segment_m / 2 if last else segment_m
-        mass_kg = finger.mass_kg * inertia_scale * length_m / finger.length_m
+        mass_kg = finger.mass_kg * length_m / finger.length_m
         place_m = segment_m / 2 if index == 0 else segment_m
         chain = (
             f'<body pos="{place_m!r} 0 0">'
@@ -179,17 +129,12 @@ def write_finger_mjcf(
     )
     return (
         f'<mujoco><compiler angle="radian" boundmass="0" boundinertia="0"/>'
-        f'<option timestep="{step_s!r}" integrator="{integrator}"'
-        f' gravity="0 0 {-GRAVITY_M_S2 / inertia_scale!r}"/>'
+        f'<option timestep="{step_s!r}" integrator="implicitfast"'
+        f' gravity="0 0 {-GRAVITY_M_S2!r}"/>'
         f'<worldbody>{chain}</worldbody>'
         f'<tendon><fixed name="tendon" stiffness="{finger.tendon_stiffness_n_m!r}"'
         f' springlength="0 {_NEVER_M!r}">{joints}</fixed></tendon></mujoco>'
     )
-
-
-def _check_hinges(hinges: int) -> None:
-    if hinges < 1:
-        raise ValueError(f'hinges is {hinges}; it must be at least 1')
 
 
 def _write_inertial(place_m: float, mass_kg: float, inertia_kg_m2: float) -> str:
@@ -200,20 +145,14 @@ def _write_inertial(place_m: float, mass_kg: float, inertia_kg_m2: float) -> str
     )
 
 
-def compute_chain_tip(finger: Finger, bend_rad: float, hinges: int = 11) -> tuple[float, float]:
+def compute_chain_tip(finger: Finger, bend_rad: float, hinges: int) -> tuple[float, float]:
     """Drop and reach of the chain's tip where all hinges are bent alike [m].
 
     Their distance from the tip of the arc falls with 1 / hinges^2. For a comparison, put
     the plate under the chain as it lies under the arc: with 11 hinges it is 9 micrometres in
     drop and 25 in reach, and on steep grooves these change samples of the tension by up to a
     fifth of their alternating part.
-
-    Raises
-    ------
-    ValueError
-        ``hinges`` is below 1.
     """
-    _check_hinges(hinges)
     slope_rad = bend_rad * np.arange(hinges + 1) / hinges
     share_m = np.full(hinges + 1, finger.length_m / hinges)
     share_m[[0, -1]] /= 2
@@ -274,9 +213,7 @@ def simulate_twin(
     tendon_positions: Positions,
     duration_s: float,
     step_s: float,
-    hinges: int = 11,
-    integrator: str = 'implicitfast',
-    inertia_scale: float = 1.0,
+    hinges: int,
 ) -> TwinResult:
     """Simulate one texture trial; the finger starts straight and at rest.
 
@@ -293,23 +230,16 @@ def simulate_twin(
         Positions [m] at an array of times [s].
     duration_s
         Of the trial [s].
-    step_s, hinges, integrator, inertia_scale
+    step_s, hinges
         As in `write_finger_mjcf`.
 
     Raises
     ------
-    MujocoMissingError
-        MuJoCo is not installed.
-    ValueError
-        As in `write_finger_mjcf`.
     FloatingPointError
         The motion diverged: the step is far too long. A step that is merely too long to be
         right raises nothing.
     """
-    mujoco = import_mujoco()
-    model = mujoco.MjModel.from_xml_string(
-        write_finger_mjcf(finger, step_s, hinges, integrator, inertia_scale)
-    )
+    model = mujoco.MjModel.from_xml_string(write_finger_mjcf(finger, step_s, hinges))
     data = mujoco.MjData(model)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, 'tip')
     steps = round(duration_s / step_s)
@@ -318,7 +248,7 @@ def simulate_twin(
     windings_m = tendon_positions(times_s).tolist()
     spring, length = model.tendon_lengthspring[0], data.ten_length
     tip_place, tip_force = data.xpos[body], data.xfrc_applied[body]
-    out = np.zeros((4, steps))
+    out = np.zeros((2, steps))
     tip = TipState(0.0, 0.0, places_m[0] + finger.length_m, 0.0)
     start_s = time.process_time()
     for step in range(steps):
@@ -332,7 +262,7 @@ def simulate_twin(
         tip_force[2] = tip.normal_n - tip.friction_n * slope
         mujoco.mj_step2(model, data)
         tension_n = finger.tendon_stiffness_n_m * max(windings_m[step] - float(length[0]), 0.0)
-        out[:, step] = tension_n, tip.normal_n, drop_m, reach_m
+        out[:, step] = tension_n, tip.normal_n
     elapsed_s = time.process_time() - start_s
     # MuJoCo does not raise: it warns and starts again from rest.
     if any(warning.number for warning in data.warning) or not np.isfinite(out).all():
@@ -342,4 +272,4 @@ def simulate_twin(
     start_s = time.process_time()
     mujoco.mj_step(model, data, nstep=steps)
     step_elapsed_s = time.process_time() - start_s
-    return TwinResult(times_s, out[0], out[1], out[2], out[3], elapsed_s, step_elapsed_s)
+    return TwinResult(times_s, *out, elapsed_s, step_elapsed_s)

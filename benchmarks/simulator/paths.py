@@ -1,31 +1,25 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The other ways through the simulator: readings, stiffness, NumPy, the live rig; aliasing."""
+"""The other ways through the simulator: readings, stiffness, NumPy, the live rig."""
 
 from __future__ import annotations
 
-import dataclasses
 import time
-from typing import Any
 
 import numpy as np
 
 from benchmarks.measuring import Report, Row
 from benchmarks.simulator.trials import (
-    compare,
     CONTACTS,
     draw_trials,
     FloatArray,
-    PLATES,
-    remove_line,
     time_best,
     TrialSet,
 )
 from tactile_features.feature_sets.stiffness_regression import compute_regression
-from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.physics.fast_trials import simulate_motion, simulate_trials, STEPS_PER_SAMPLE
+from tactile_sim.physics.fast_trials import simulate_trials, STEPS_PER_SAMPLE
 from tactile_sim.physics.finger.steps import BDF2
 from tactile_sim.physics.plant import Plant
 from tactile_sim.physics.timeline import plan_timeline
@@ -34,7 +28,6 @@ from tactile_sim.rig import PalpationRig, STEP_S
 
 PLATE = 'R3'
 REFERENCE_STEPS = 160
-DENSE_FACTOR = 40
 
 
 def run_paths(quick: bool) -> Report:
@@ -60,8 +53,9 @@ def run_paths(quick: bool) -> Report:
     rows += [_run_plant(quick), _run_rig(quick)]
     return Report(
         'paths: compiled unless it says NumPy; the default step',
-        'none: trials a second of one core, the best of several runs; core: share of one core '
-        'that the live rig takes in real time, with steps of 1 ms',
+        '',
+        'trials a second of one core, the best of several runs; core: share of one core that the '
+        'live rig takes in real time, with steps of 1 ms; '
         f'stiffness: largest over the trials, against {REFERENCE_STEPS} steps a sample, of the '
         'deviations of slope and intercept [% of the value] and of the correlation (absolute); '
         'NumPy: trials whose bytes differ from the compiled ones',
@@ -131,67 +125,3 @@ def _run_rig(quick: bool) -> Row:
 
     best_s = time_best(work, 1 if quick else 3)
     return Row('live rig: all, at rest', more={'core %': 100 * best_s / 2.0})
-
-
-def run_aliasing(quick: bool) -> Report:
-    """What sampling folds into the amplitudes, and what the plate's place does to them."""
-    count = 8 if quick else 32
-    folded: dict[str, list[FloatArray]] = {}
-    for plate in PLATES:
-        for contact in CONTACTS:
-            for name, errors in _measure_folding(plate, contact, count).items():
-                folded.setdefault(name, []).append(errors)
-    rows = []
-    for name, parts in folded.items():
-        errors = np.concatenate(parts)
-        more = {'median': float(np.median(errors)), 'p95': float(np.quantile(errors, 0.95))}
-        rows.append(Row(name, more=more))
-    return Report(
-        f'aliasing: the 91 amplitudes of {", ".join(PLATES)}, flexion and abduction; in %',
-        f'none; sampling: against the same amplitudes from {DENSE_FACTOR} times the rate',
-        'norm of the difference of the 91 amplitudes over their norm, each window without its '
-        'straight line; place: against the mean of trials that differ in the place of the plate '
-        'under the finger alone (0.5 mm) or in the sampling phase alone',
-        rows,
-    )
-
-
-def _measure_folding(plate: str, contact: str, count: int) -> dict[str, FloatArray]:
-    trials = draw_trials('texture', plate, contact, count)
-    cell = trials.scene.rig.load_cell
-    fast = dataclasses.replace(cell, rate_hz=cell.rate_hz * DENSE_FACTOR)
-    rig = dataclasses.replace(trials.scene.rig, load_cell=fast)
-    scene = dataclasses.replace(trials.scene, rig=rig)
-    still = dataclasses.replace(trials.variation, phase=np.zeros(count))
-    motion = simulate_motion(scene, trials.planned.timeline, still, steps_per_sample=4)
-    window = slice(DENSE_FACTOR * trials.window.start, DENSE_FACTOR * trials.window.stop)
-    raw = motion.truth['tension_n'] + cell.crosstalk * motion.truth['contact_force_n']
-    found = {}
-    for name, signal in (
-        ('60 Hz without a low pass', raw),
-        (f'60 Hz behind the low pass of {cell.low_pass_hz:g} Hz', motion.sensed_n),
-    ):
-        dense = remove_line(signal[:, window])
-        # Components up to 30 Hz; the one at 30 Hz is halved in a window sampled at 60 Hz alone.
-        inside = compute_spectrum(dense)[:, :91]
-        inside[:, -1] /= 2
-        found[name] = compare(compute_spectrum(remove_line(dense[:, ::DENSE_FACTOR])), inside)
-    for name, varied in (
-        ('place of the plate, 0.5 mm (assumed)', 'placement_m'),
-        ('sampling phase', 'phase'),
-    ):
-        found[name] = _measure_place(trials, varied)
-    return found
-
-
-def _measure_place(trials: TrialSet, varied: str) -> FloatArray:
-    count = len(trials.variation.phase)
-    spread: dict[str, Any] = {
-        'placement_m': 5e-4 * np.random.default_rng(1).standard_normal(count),
-        'phase': np.arange(STEPS_PER_SAMPLE).repeat(-(-count // STEPS_PER_SAMPLE))[:count]
-        / STEPS_PER_SAMPLE,
-    }
-    variation = dataclasses.replace(Variation.none(count), **{varied: spread[varied]})
-    motion = simulate_motion(trials.scene, trials.planned.timeline, variation)
-    amplitudes = compute_spectrum(remove_line(motion.sensed_n[:, trials.window]))
-    return compare(amplitudes, amplitudes.mean(axis=0))

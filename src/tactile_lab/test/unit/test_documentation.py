@@ -1,19 +1,29 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the documents say must be what the code does."""
+"""The documents agree with the code, and their links hold."""
 
 import importlib
 from pathlib import Path
 import re
 
-from ament_index_python.packages import get_package_share_directory
 import pytest
 
 from tactile_bringup.launch_config.parameter_tables import renew
 import tactile_sim
 
-README = Path(__file__).resolve().parents[4] / 'README.md'
+ROOT = Path(__file__).resolve().parents[4]
+DOCS = ROOT / 'docs'
+if not DOCS.is_dir():
+    pytest.skip('the packages are not in their own repository', allow_module_level=True)
+
+PAGES = [*ROOT.glob('*.md'), *DOCS.rglob('*.md')]
+FIRST_PAGES = (
+    'README.md',
+    *(f'docs/{p}.md' for p in ('index', 'on_your_hand', 'your_rig', 'your_data')),
+)
+GENERATED = {'parameters.md', 'interfaces.md', 'simulator_constants.md'}
+INTERFACES = sorted((ROOT / 'src' / 'tactile_msgs').glob('*/*.*'))
 UNITLESS = {
     'bool',
     'string',
@@ -25,83 +35,85 @@ UNITLESS = {
 }
 
 
-def test_tables_in_the_docs_are_those_of_the_code():
-    page = README.with_name('docs') / 'parameters.md'
-    if not page.is_file():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
-    text = page.read_text()
+def test_parameters_are_those_of_the_code():
+    text = (DOCS / 'parameters.md').read_text()
     assert renew(text) == text, (
         'renew them: ./tactile run python -m tactile_bringup.launch_config.parameter_tables '
         'docs/parameters.md'
     )
 
 
-def test_constants_in_the_docs_are_those_of_the_simulator(monkeypatch):
-    docs = README.with_name('docs')
-    if not docs.is_dir():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
-    monkeypatch.syspath_prepend(str(docs))
-    constants = importlib.import_module('constants')
-    text = (docs / 'simulator_constants.md').read_text()
+def test_constants_and_interfaces_are_those_of_the_code(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    constants, interfaces = map(importlib.import_module, ('constants', 'interfaces'))
+    text = (DOCS / 'simulator_constants.md').read_text()
     config = Path(tactile_sim.__file__).parent / 'config'
-    assert constants.replace_tables(text, constants.build_tables(config)) == text, (
-        'renew them: ./tactile run python docs/generate.py'
-    )
-
-
-def test_the_page_on_interfaces_is_that_of_the_definitions(monkeypatch):
-    docs, package = README.with_name('docs'), README.with_name('src') / 'tactile_msgs'
-    if not docs.is_dir():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
-    monkeypatch.syspath_prepend(str(docs))
-    interfaces = importlib.import_module('interfaces')
-    assert interfaces.build_page(package) == (docs / 'interfaces.md').read_text(), (
-        'renew it: ./tactile run python docs/generate.py'
-    )
+    renewal = 'renew them: ./tactile run python docs/generate.py'
+    assert constants.replace_tables(text, constants.build_tables(config)) == text, renewal
+    page = interfaces.build_page(ROOT / 'src' / 'tactile_msgs')
+    assert page == (DOCS / 'interfaces.md').read_text(), renewal
 
 
 def test_the_promises_of_motion_name_tests_that_exist():
-    docs = README.with_name('docs')
-    if not docs.is_dir():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
-    table = (docs / 'motion.md').read_text().split('## Promises and their tests')[1]
+    table = (DOCS / 'motion.md').read_text().split('## Promises and their tests')[1]
     table = table.split('\n## ')[0]
-    root, driver = README.parent, README.with_name('src') / 'linear_guide_driver' / 'test'
+    driver = ROOT / 'src' / 'linear_guide_driver' / 'test'
     path = None
     for name in re.findall(r'`([^`]+)`', table):
         file, _, test = name.partition('::')
         if file.endswith('.py'):
-            bases = (driver, root) if path is None else (driver, root, path.parent)
+            bases = (driver, ROOT) if path is None else (driver, ROOT, path.parent)
             path = next((base / file for base in bases if (base / file).is_file()), None)
             assert path is not None, f'{file} is not there'
         if test:
             assert f'def {test}(' in path.read_text(), f'{path} has no {test}'
 
 
+def anchors(page):
+    """Return the anchors of a page's headings, as GitHub makes them."""
+    titles = re.findall(r'^#+ (.+)$', page.read_text(), re.MULTILINE)
+    return {re.sub(r'[^\w\- ]', '', title.lower()).replace(' ', '-') for title in titles}
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_hold(page):
+    for target in re.findall(r'\]\(([^)\s]+)\)', page.read_text()):
+        if '://' not in target:
+            name, _, anchor = target.partition('#')
+            linked = page.parent / name if name else page
+            assert linked.exists(), f'{target} is not there'
+            assert not anchor or anchor in anchors(linked), f'{target} is not a heading'
+
+
 def test_every_page_is_in_the_index():
-    docs = README.with_name('docs')
-    if not docs.is_dir():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
-    index = (docs / 'index.md').read_text()
-    missing = [page.name for page in docs.glob('*.md') if f'({page.name})' not in index]
-    assert missing == ['index.md']
+    index = (DOCS / 'index.md').read_text()
+    assert [p.name for p in DOCS.glob('*.md') if f'({p.name})' not in index] == ['index.md']
+
+
+def test_the_documentation_is_short():
+    def count(pages):
+        return sum(len(re.findall(r'\S*\w\S*', page.read_text())) for page in pages)
+
+    assert count(ROOT / name for name in FIRST_PAGES) < 6_000
+    written = [*DOCS.glob('*.md'), *DOCS.glob('decisions/*.md')]
+    assert count(page for page in written if page.name not in GENERATED) < 20_000
+    assert len((ROOT / 'README.md').read_text().splitlines()) <= 120
 
 
 def interface_fields():
-    share = Path(get_package_share_directory('tactile_msgs'))
-    for path in sorted([*share.glob('msg/*.msg'), *share.glob('action/*.action')]):
+    for path in INTERFACES:
         for line in path.read_text().splitlines():
-            match = re.match(r'([\w/]+)(\[\])? +(\w+) *(=[^#]*)?(#.*)?$', line)
+            match = re.match(r'([\w/]+)(?:\[\])? +(\w+)(?! *=) *(#.*)?$', line)
             if match:
-                yield pytest.param(*match.groups(default=''), id=f'{path.stem}.{match[3]}')
+                yield path.stem, *match.groups(default='')
 
 
-@pytest.mark.parametrize(('type_name', 'array', 'name', 'constant', 'comment'), interface_fields())
-def test_every_field_says_what_it_is_and_in_which_unit(type_name, array, name, constant, comment):
-    if constant:
-        return
-    assert len(comment) > 10, f'{name} has no comment'
-    if type_name not in UNITLESS:
-        assert re.search(r'\[(s|ns|N|m|m/s|A|1|Hz)\]|own unit|units|scores?', comment), (
-            f'the comment of {name} names no unit'
-        )
+def test_every_field_says_what_it_is_and_in_which_unit():
+    fields = list(interface_fields())
+    assert len(fields) > 50
+    for interface, type_name, name, comment in fields:
+        assert len(comment) > 10, f'{interface}.{name} has no comment'
+        if type_name not in UNITLESS:
+            assert re.search(r'\[(s|ns|N|m|m/s|A|1|Hz)\]|own unit|units|scores?', comment), (
+                f'the comment of {interface}.{name} names no unit'
+            )

@@ -106,6 +106,12 @@ def test_late_samples_are_dropped_and_counted():
     assert stream.lost_samples == 1
 
 
+def test_a_sample_that_comes_twice_in_a_row_is_given_once():
+    stream = start()
+    check(run(stream, [batch_of([7, 14, 14, 21])]), np.array([7, 14, 21]))
+    assert stream.counter.duplicates == 1
+
+
 def test_a_batch_of_nothing_new_gives_nothing():
     stream = start()
     assert run(stream, [batch_of([7, 14])])
