@@ -308,7 +308,8 @@ def _compute_one(
 def _smooth_one(
     tension_n: NDArray[np.float64], window: SpatialWindow, maps: _Maps
 ) -> NDArray[np.float64]:
-    return tension_n[0] + _smooth(tension_n - tension_n[0], maps)
+    smoothed: NDArray[np.float64] = tension_n[0] + _smooth(tension_n - tension_n[0], maps)
+    return smoothed
 
 
 def _smooth(change: NDArray[np.float64], maps: _Maps) -> NDArray[np.float64]:
