@@ -53,21 +53,29 @@ def test_a_sudden_fall_is_a_slip_at_its_sample():
     assert slip.tension_n == pytest.approx(8.0 + 4.7 * np.exp(-15 / 3.8) - 0.04, abs=0.02)
 
 
-def test_creep_and_noise_are_no_slip():
-    assert detect(block(grip(seconds=200.0))) == []
+def slipping_without(first, last):
+    tension_n = slipping()
+    return block(tension_n[:first]), block(tension_n[last:], last)
 
 
-def test_a_rise_is_no_slip():
-    assert detect(block(slipping(fall_n=-0.04))) == []
-
-
-def test_a_fall_within_the_noise_is_missed_and_a_larger_one_is_not():
-    assert detect(block(slipping(fall_n=0.004))) == []
-    assert len(detect(block(slipping(fall_n=0.05)))) == 1
+@pytest.mark.parametrize(
+    ('blocks', 'config'),
+    [
+        ([block(grip(seconds=200.0))], CONFIG),
+        ([block(slipping(fall_n=-0.04))], CONFIG),
+        ([block(slipping(fall_n=0.004))], CONFIG),
+        ([block(slipping(noise_n=0.04))], CONFIG),
+        ([block(slipping())], dataclasses.replace(CONFIG, min_tension_n=9.0)),
+        (slipping_without(895, 905), CONFIG),
+        ([block(np.where(np.arange(1200) == 899, np.nan, slipping()))], CONFIG),
+    ],
+    ids=['creep', 'rise', 'small', 'in loud noise', 'least tension', 'behind a gap', 'no number'],
+)
+def test_what_is_no_slip(blocks, config):
+    assert detect(*blocks, config=config) == []
 
 
 def test_the_noise_is_that_of_the_stream():
-    assert detect(block(slipping(noise_n=0.04))) == []
     assert len(detect(block(slipping(noise_n=0.04, fall_n=0.4)))) == 1
 
 
@@ -84,11 +92,6 @@ def test_falls_that_were_missed_are_not_learned_as_noise():
         tension_n[at:] -= 0.015
     (slip,) = detect(block(tension_n), config=SlipConfig(threshold=6.0))
     assert slip.onset_ns / PERIOD_NS - START == pytest.approx(1139, abs=2)
-
-
-def test_nothing_is_held_below_the_least_tension():
-    config = dataclasses.replace(CONFIG, min_tension_n=9.0)
-    assert detect(block(slipping()), config=config) == []
 
 
 def test_gripping_is_no_slip():
@@ -109,17 +112,6 @@ def test_samples_that_are_no_measurement_are_no_slip(status):
         block(after, 900),
     )
     assert detect(*blocks) == []
-
-
-def test_a_fall_behind_a_gap_is_no_slip():
-    tension_n = slipping()
-    assert detect(block(tension_n[:895]), block(tension_n[905:], 905)) == []
-
-
-def test_values_that_are_not_finite_are_no_slip():
-    tension_n = slipping()
-    tension_n[899] = np.nan
-    assert detect(block(tension_n)) == []
 
 
 def test_a_clock_set_back_begins_anew():
