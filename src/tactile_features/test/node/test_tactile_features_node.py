@@ -8,6 +8,7 @@ import gc
 import weakref
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 from rclpy.exceptions import InvalidParameterValueException
@@ -319,6 +320,22 @@ def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):
     bench.events.publish(event(16.2, 'done', 't2'))
     bench.spin_until(lambda: bench.windows)
     assert [w.trial_id for w in bench.windows] == ['t2']
+
+
+def test_diagnostics_tell_whether_samples_come_in(make_bench):
+    bench = make_bench()
+    heard = []
+    bench.peer.create_subscription(
+        DiagnosticArray, '/diagnostics', lambda message: heard.append(message.status[0]), 10
+    )
+    bench.bring_up()
+    bench.spin_until(lambda: heard)
+    assert heard[-1].level == DiagnosticStatus.WARN
+    assert 'no samples' in heard[-1].message
+    bench.send_blocks(0, 1)
+    bench.spin_until(lambda: heard[-1].level == DiagnosticStatus.OK)
+    assert {v.key: v.value for v in heard[-1].values}['blocks'] == '1'
+    bench.spin_until(lambda: heard[-1].level == DiagnosticStatus.WARN)
 
 
 def test_parameters_that_cannot_work_are_refused(make_bench):
