@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from typing import Any
 
 from tactile_features.conversions import (
@@ -18,6 +17,7 @@ from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
 from tactile_ros.bus.data_node import DataNode
+from tactile_ros.bus.local_bus import RecordSubscription
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
@@ -46,17 +46,17 @@ class SlipDetectorNode(DataNode):
         super().__init__(node_name, SlipConfig, **node_options)
         self.detector: SlipDetector | None = None
         self._publisher: Any = None
-        self._resources = ExitStack()
+        self._strain: RecordSubscription | None = None
+        self._subscriptions_made: list[Any] = []
+        self._diagnostics: Diagnostics | None = None
         self._block_count = self._assessed_blocks = self._slip_count = 0
         self.trial_id = ''
 
     def set_up(self, config: SlipConfig) -> None:
         detector = self.detector = SlipDetector(config)
         self.trial_id = ''
-        close_later = self._resources.callback
         self._publisher = self.create_lifecycle_publisher(Slip, '~/slip', RESULTS)
-        close_later(self.destroy_lifecycle_publisher, self._publisher)
-        strain = self.subscribe_records(
+        self._strain = self.subscribe_records(
             StrainBlock,
             'tendon_sensor/strain',
             lambda block: self._on_block(detector, block),
@@ -64,14 +64,25 @@ class SlipDetectorNode(DataNode):
             from_record=strain_block_from_record,
             profile=STREAM,
         )
-        close_later(strain.close)
-        for topic in EVENT_TOPICS:
-            events = self.create_subscription(TrialEvent, topic, self._on_event, EVENTS)
-            close_later(self.destroy_subscription, events)
-        close_later(Diagnostics(self, lambda: '', self._assess).close)
+        self._subscriptions_made = [
+            self.create_subscription(TrialEvent, topic, self._on_event, EVENTS)
+            for topic in EVENT_TOPICS
+        ]
+        self._diagnostics = Diagnostics(self, lambda: '', self._assess)
 
     def tear_down(self) -> None:
-        self._resources.close()
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
+        if self._strain is not None:
+            self._strain.close()
+            self._strain = None
+        for subscription in self._subscriptions_made:
+            self.destroy_subscription(subscription)
+        self._subscriptions_made = []
+        if self._publisher is not None:
+            self.destroy_lifecycle_publisher(self._publisher)
+            self._publisher = None
 
     def _on_event(self, msg: Any) -> None:
         event = event_from_msg(msg)

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
-from contextlib import ExitStack
 import time
 from typing import Any
 
@@ -23,7 +23,8 @@ from tactile_features.extraction.sample_timeout import SampleTimeout
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.local_bus import RecordPublisher
+from tactile_ros.bus.local_bus import RecordSubscription
+from tactile_ros.bus.worker import Periodic
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
@@ -59,21 +60,27 @@ class TactileFeaturesNode(DataNode):
         self._publisher: Any = None
         self._running_publisher: Any = None
         self._event_publisher: Any = None
-        self._resources = ExitStack()
+        self._strain: RecordSubscription | None = None
+        self._events: Any = None
+        self._watch: Periodic | None = None
+        self._diagnostics: Diagnostics | None = None
+        self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
         self._configured_ns, self._configured_s = 0, 0.0
 
     def set_up(self, config: FeatureConfig) -> None:
         extractor = self.extractor = TrialFeatureExtractor(config)
         self._configured_ns, self._configured_s = time.time_ns(), time.monotonic()
-        close_later = self._resources.callback
-        self._publisher = self._publish_windows_on('~/features')
-        self._running_publisher = self._publish_windows_on('~/running_features')
+        self._publisher = self.publish_records(
+            TactileFeatures, '~/features', feature_window_to_msg, RESULTS
+        )
+        self._running_publisher = self.publish_records(
+            TactileFeatures, '~/running_features', feature_window_to_msg, RESULTS
+        )
         self._event_publisher = self.create_lifecycle_publisher(
             TrialEvent, '~/detected_events', EVENTS
         )
-        close_later(self.destroy_lifecycle_publisher, self._event_publisher)
-        strain = self.subscribe_records(
+        self._strain = self.subscribe_records(
             StrainBlock,
             'tendon_sensor/strain',
             lambda block: self._on_block(extractor, block),
@@ -81,26 +88,18 @@ class TactileFeaturesNode(DataNode):
             from_record=strain_block_from_record,
             profile=STREAM,
         )
-        close_later(strain.close)
-        events = self.create_subscription(
+        self._events = self.create_subscription(
             TrialEvent,
             'trial_runner/events',
             lambda msg, info: self._on_event(extractor, msg, info['source_timestamp']),
             EVENTS,
         )
-        close_later(self.destroy_subscription, events)
         timeout = SampleTimeout(extractor)
-        watch = self.call_every(
+        self._watch = self.call_every(
             WATCH_PERIOD_S,
             lambda: self._publish(extractor.time_out()) if timeout.is_over() else None,
         )
-        close_later(watch.cancel)
-        close_later(Diagnostics(self, lambda: '', lambda: self._assess(extractor)).close)
-
-    def _publish_windows_on(self, topic: str) -> RecordPublisher:
-        publisher = self.publish_records(TactileFeatures, topic, feature_window_to_msg, RESULTS)
-        self._resources.callback(publisher.close)
-        return publisher
+        self._diagnostics = Diagnostics(self, lambda: '', self._assess)
 
     def stop(self) -> None:
         # After an interrupt there is no one left to publish to.
@@ -108,7 +107,24 @@ class TactileFeaturesNode(DataNode):
             self._publish(self.extractor.finish())
 
     def tear_down(self) -> None:
-        self._resources.close()
+        if self._diagnostics is not None:
+            self._diagnostics.close()
+            self._diagnostics = None
+        if self._watch is not None:
+            self._watch.cancel()
+            self._watch = None
+        if self._strain is not None:
+            self._strain.close()
+            self._strain = None
+        if self._events is not None:
+            self.destroy_subscription(self._events)
+            self._events = None
+        for publisher in (self._publisher, self._running_publisher):
+            if publisher is not None:
+                publisher.close()
+        if self._event_publisher is not None:
+            self.destroy_lifecycle_publisher(self._event_publisher)
+        self._publisher = self._running_publisher = self._event_publisher = None
 
     def _on_event(self, extractor: TrialFeatureExtractor, msg: Any, published_ns: int) -> None:
         """Take in an event. After a start the latched ones of earlier trials come first."""
@@ -130,18 +146,22 @@ class TactileFeaturesNode(DataNode):
                 self.get_logger().warning(
                     f'no features of trial {window.trial_id}: {window.reason}'
                 )
+            if not window.running:
+                self._window_counts[window.outcome] += 1
             publisher = self._running_publisher if window.running else self._publisher
             publisher.publish(window)
 
-    def _assess(self, extractor: TrialFeatureExtractor) -> Health:
-        blocks, windows = extractor.block_count, extractor.window_counts
+    def _assess(self) -> Health:
+        extractor = self.extractor
+        blocks = extractor.block_count if extractor is not None else 0
         is_fed, self._assessed_blocks = blocks > self._assessed_blocks, blocks
+        windows = self._window_counts
         return Health(
             OK if is_fed else WARN,
             'samples come in' if is_fed else 'no samples on tendon_sensor/strain',
             {
                 'blocks': blocks,
-                'events': extractor.event_count,
+                'events': extractor.event_count if extractor is not None else 0,
                 'windows': sum(windows.values()),
                 'windows without features': sum(windows.values()) - windows[Outcome.OK],
                 'active': self.is_active,

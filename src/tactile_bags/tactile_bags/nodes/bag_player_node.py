@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from pathlib import Path
 import threading
 import time
@@ -48,7 +47,6 @@ class BagPlayerNode(TactileNode):
         self._bag: TactileBag | None = None
         self._outputs: dict[str, Any] = {}
         self._clock_publisher: Any = None
-        self._resources = ExitStack()
         self._thread: threading.Thread | None = None
         self._end = threading.Event()
         self.message_count = 0
@@ -56,19 +54,19 @@ class BagPlayerNode(TactileNode):
     def set_up(self, config: PlayerConfig) -> None:
         if not config.bag:
             raise ValueError('parameter bag is empty; name the folder of the recording to play')
-        bag = self._bag = self._resources.enter_context(TactileBag(Path(config.bag)))
+        bag = self._bag = TactileBag(Path(config.bag))
         wanted = config.namespace.strip('/')
         if wanted and wanted not in bag.namespaces:
             found = ', '.join(bag.namespaces) or 'the root'
             raise ValueError(f'{bag.path} holds no finger {wanted}; it holds {found}')
         for topic in bag.stored_topics:
             if topic.type_name in (STRAIN, EVENT) and not topic.name.endswith('/detected_events'):
-                profile = EVENTS if topic.type_name == EVENT else STREAM
-                output = self.create_publisher(message_class(topic.type_name), topic.name, profile)
-                self._resources.callback(self.destroy_publisher, output)
-                self._outputs[topic.name] = output
+                self._outputs[topic.name] = self.create_publisher(
+                    message_class(topic.type_name),
+                    topic.name,
+                    EVENTS if topic.type_name == EVENT else STREAM,
+                )
         self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
-        self._resources.callback(self.destroy_publisher, self._clock_publisher)
 
     def start(self) -> None:
         self._end.clear()
@@ -83,8 +81,15 @@ class BagPlayerNode(TactileNode):
 
     def tear_down(self) -> None:
         self.stop()
-        self._resources.close()
+        for publisher in self._outputs.values():
+            self.destroy_publisher(publisher)
         self._outputs = {}
+        if self._clock_publisher is not None:
+            self.destroy_publisher(self._clock_publisher)
+            self._clock_publisher = None
+        if self._bag is not None:
+            self._bag.close()
+            self._bag = None
 
     # -- on the player's thread --------------------------------------------------------------
 

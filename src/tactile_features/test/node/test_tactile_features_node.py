@@ -8,7 +8,6 @@ import gc
 import weakref
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 from rclpy.exceptions import InvalidParameterValueException
@@ -295,6 +294,17 @@ def test_says_what_is_missing_when_it_stops(make_bench):
     bench.spin_until(lambda: bench.strain.get_subscription_count() == 0)
 
 
+def test_starts_afresh_after_cleanup(make_bench):
+    bench = make_bench()
+    bench.bring_up()
+    bench.send_blocks(0, 10)
+    bench.node.trigger_deactivate()
+    bench.node.trigger_cleanup()
+    bench.bring_up()
+    assert bench.node.extractor.block_count == 0
+    bench.send_blocks(10, 10)
+
+
 def test_samples_are_let_go_at_cleanup_and_not_when_python_collects(make_bench, uncollected):
     bench = make_bench()
     bench.bring_up()
@@ -304,8 +314,6 @@ def test_samples_are_let_go_at_cleanup_and_not_when_python_collects(make_bench, 
     bench.node.trigger_cleanup()
     bench.bring_up()
     wait_until(lambda: before() is None)  # a thread may still be on its way out of a callback
-    assert bench.node.extractor.block_count == 0
-    bench.send_blocks(10, 10)
 
 
 def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):
@@ -322,20 +330,12 @@ def test_trials_that_ended_before_it_was_configured_are_not_refused(make_bench):
     assert [w.trial_id for w in bench.windows] == ['t2']
 
 
-def test_diagnostics_tell_whether_samples_come_in(make_bench):
-    bench = make_bench()
-    heard = []
-    bench.peer.create_subscription(
-        DiagnosticArray, '/diagnostics', lambda message: heard.append(message.status[0]), 10
-    )
+def test_parameters_reach_the_core(make_bench):
+    bench = make_bench(frame_id='left_cell_link', texture_samples=60, max_gap_samples=1)
     bench.bring_up()
-    bench.spin_until(lambda: heard)
-    assert heard[-1].level == DiagnosticStatus.WARN
-    assert 'no samples' in heard[-1].message
-    bench.send_blocks(0, 1)
-    bench.spin_until(lambda: heard[-1].level == DiagnosticStatus.OK)
-    assert {v.key: v.value for v in heard[-1].values}['blocks'] == '1'
-    bench.spin_until(lambda: heard[-1].level == DiagnosticStatus.WARN)
+    assert bench.node.extractor.config == FeatureConfig(
+        frame_id='left_cell_link', texture_samples=60, max_gap_samples=1
+    )
 
 
 def test_parameters_that_cannot_work_are_refused(make_bench):
