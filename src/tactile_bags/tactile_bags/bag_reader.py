@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 import hashlib
@@ -21,7 +21,6 @@ import zstandard
 
 from tactile_bags.bag_writer import METADATA_KEY
 from tactile_bags.errors import BagDamageError, BagError
-from tactile_bags.old_events import find_event_upgrade
 from tactile_bags.recorded_topics import (
     EVENT,
     join_topic,
@@ -103,7 +102,6 @@ class TactileBag:
         self._files: list[McapFile | SqliteFile] = []
         self._merged = MergedFiles(self._files)
         self._foreign: dict[str, str] = {}  # sentences by type that is defined otherwise here
-        self._upgrades: dict[str, Callable[[bytes], bytes]] = {}  # by topic
         self._stack = ExitStack()
         try:
             metadata = self._open()
@@ -198,10 +196,6 @@ class TactileBag:
             if topic.type_name not in self._store.fielddefs or not type_hash.startswith('RIHS01_'):
                 continue
             if type_hash != self._store.hash_rihs01(topic.type_name):
-                upgrade = find_event_upgrade(type_hash) if topic.type_name == EVENT else None
-                if upgrade is not None:
-                    self._upgrades[topic.name] = upgrade
-                    continue
                 reason = (
                     f'{topic.name} was recorded with another definition of '
                     f'{topic.type_name} than the one installed here'
@@ -285,16 +279,13 @@ class TactileBag:
         BagDamageError
             When the file is damaged; what came before has been given.
         BagError
-            When one of the types is named and was recorded with another definition. Samples
-            never were: such a bag is not opened. Trial events of an earlier release come with
-            today's fields.
+            When one of the types is named and was recorded with another definition. A bag whose
+            samples or events were is not opened.
         """
         for type_name in type_names:
             if type_name in self._foreign:
                 raise BagError(
-                    f'{self.path}: {self._foreign[type_name]}; its samples and trial events are '
-                    'read all the same, for training and evaluation. To replay it, use the '
-                    'release that recorded it'
+                    f'{self.path}: {self._foreign[type_name]}; use the release that recorded it'
                 )
         finger = None if namespace is None else namespace.strip('/')
         namespaces = self.namespaces
@@ -310,17 +301,9 @@ class TactileBag:
                     continue
                 if self._packing == 'message':
                     data = _unpack_message(data)
-                if topic.name in self._upgrades:
-                    data = self._upgrade(topic.name, data)
                 yield BagMessage(topic.name, topic.type_name, received_at_ns, data, self._store)
         except (BagError, OSError) as error:
             raise BagDamageError(f'{self.path} is damaged: {error}') from error
-
-    def _upgrade(self, topic: str, data: bytes) -> bytes:
-        try:
-            return self._upgrades[topic](data)
-        except Exception as error:  # the decoder trusts what it reads
-            raise BagError(f'a message on {topic} is damaged: {error}') from error
 
     @property
     def end_ns(self) -> int:

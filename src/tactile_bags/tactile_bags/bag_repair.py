@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 import os
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ class Repair:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
-        return {**self.__dict__}
+        return asdict(self)
 
 
 def repair_bag(source: Path, target: Path) -> Repair:

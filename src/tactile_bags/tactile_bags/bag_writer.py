@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 import json
 from pathlib import Path
 import shutil
@@ -73,7 +73,7 @@ class BagWriter:
             raise self._failure(error) from error
         try:
             self._writer = McapWriter(self.path / self._file_name)
-            write_metadata(self.path, self._metadata_text())
+            write_metadata(self.path, self._metadata_text(self._writer))
         except OSError as error:
             shutil.rmtree(self.path, ignore_errors=True)
             raise self._failure(error) from error
@@ -103,31 +103,22 @@ class BagWriter:
 
     def add_stored_topic(self, topic: StoredTopic) -> str:
         """Announce a topic as another bag has it; return its absolute name."""
-        with self._lock:
-            writer = self._open_writer()
+        with self._writing() as writer:
             if topic.name in self._topics:
                 raise BagError(f'the topic {topic.name} is in the bag {self.path} already')
-            try:
-                self._topics[topic.name] = (writer.add_channel(topic), topic)
-            except OSError as error:
-                raise self._failure(error) from error
+            self._topics[topic.name] = (writer.add_channel(topic), topic)
         return topic.name
 
     def add_metadata(self, metadata: Mapping[str, Any]) -> None:
         """Add metadata that are known at the end of the recording; call before `close`."""
-        with self._lock:
-            self._open_writer()
+        with self._writing():
             self._metadata.update(metadata)
             self._custom[METADATA_KEY] = json.dumps(self._metadata, sort_keys=True)
 
     def write_raw(self, topic: str, received_at_ns: int, data: bytes) -> None:
         """Write one serialised message."""
-        with self._lock:
-            writer = self._open_writer()
-            try:
-                writer.write(self._topics[topic][0], received_at_ns, data)
-            except OSError as error:
-                raise self._failure(error) from error
+        with self._writing() as writer:
+            writer.write(self._topics[topic][0], received_at_ns, data)
 
     def write(self, topic: str, received_at_ns: int, message: Any) -> None:
         """Serialise a message of this writer's ``store`` and write it."""
@@ -146,7 +137,7 @@ class BagWriter:
                 return
             try:
                 writer.flush()
-                text = self._metadata_text()
+                text = self._metadata_text(writer)
                 if not self._has_early_metadata:
                     # For `ros2 bag reindex`, which goes by the data file alone.
                     writer.write_metadata(text)
@@ -187,16 +178,21 @@ class BagWriter:
             finally:
                 self.saved_count = sum(writer.counts.values())
 
-    def _metadata_text(self, writer: McapWriter | None = None) -> str:
-        writer = writer or self._open_writer()
+    def _metadata_text(self, writer: McapWriter) -> str:
         topics = [(topic, writer.counts[channel]) for channel, topic in self._topics.values()]
         span_ns = (writer.first_ns, writer.last_ns)
         return format_metadata(self._file_name, topics, span_ns, self._custom)
 
-    def _open_writer(self) -> McapWriter:
-        if self._writer is None:
-            raise BagError(f'the bag {self.path} is closed')
-        return self._writer
+    @contextmanager
+    def _writing(self) -> Iterator[McapWriter]:
+        """Give the open writer to this thread alone; what the disk refuses is a `BagError`."""
+        with self._lock:
+            if self._writer is None:
+                raise BagError(f'the bag {self.path} is closed')
+            try:
+                yield self._writer
+            except OSError as error:
+                raise self._failure(error) from error
 
     def _failure(self, error: OSError | ValueError) -> BagError:
         reason = getattr(error, 'strerror', None) or error

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -116,17 +115,24 @@ def join_topic(namespace: str, name: str) -> str:
 
 def qos_text(*, latched: bool) -> str:
     """Return the offered quality of service of a topic, as rosbag2 writes it."""
-    forever = '\n    sec: 9223372036\n    nsec: 854775807'
-    policies: Mapping[str, object] = {
-        'history': 'keep_last',
-        'depth': 16 if latched else 1000,
-        'reliability': 'reliable',
-        'durability': 'transient_local' if latched else 'volatile',
-        'deadline': forever,
-        'lifespan': forever,
-        'liveliness': 'automatic',
-        'liveliness_lease_duration': forever,
-        'avoid_ros_namespace_conventions': 'false',
-    }
-    lines = [f'{key}:{"" if value is forever else " "}{value}' for key, value in policies.items()]
-    return '- ' + '\n  '.join(lines)
+    return _QOS.format(
+        depth=16 if latched else 1000, durability='transient_local' if latched else 'volatile'
+    )
+
+
+_QOS = """\
+- history: keep_last
+  depth: {depth}
+  reliability: reliable
+  durability: {durability}
+  deadline:
+    sec: 9223372036
+    nsec: 854775807
+  lifespan:
+    sec: 9223372036
+    nsec: 854775807
+  liveliness: automatic
+  liveliness_lease_duration:
+    sec: 9223372036
+    nsec: 854775807
+  avoid_ros_namespace_conventions: false"""

@@ -63,5 +63,6 @@ def short_scaling(scaling: str) -> str:
 def describe_features(spec: FeatureSpec) -> str:
     """Return which feature set it is, with its options."""
     found = find_feature_set(spec.feature_set)
-    options = [f'{name} {spec.stated[name]}' for name in (found.options if found else ())]
-    return f'features: {", ".join([spec.feature_set, *options])}'
+    options = [name for name in (found.options if found else ()) if name in spec.parameters]
+    stated = [f'{name} {spec.parameters[name]}' for name in options]
+    return f'features: {", ".join([spec.feature_set, *stated])}'

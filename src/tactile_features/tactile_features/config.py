@@ -14,7 +14,7 @@ from typing import Any
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet
 from tactile_features.feature_sets.registry import check_choice, CHOOSER
-from tactile_features.feature_sets.texture_spectrum import DETRENDS, WINDOWS
+from tactile_features.parameters import WindowParameters
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
@@ -36,7 +36,7 @@ MIN_RUNNING_SAMPLES = 30
 
 
 @dataclass(frozen=True)
-class FeatureConfig:
+class FeatureConfig(WindowParameters):
     """How windows are cut from the phases of a trial.
 
     Raises
@@ -45,59 +45,12 @@ class FeatureConfig:
         When a value is out of its range or the buffer cannot hold a window.
     """
 
-    rate_hz: float = parameter(
-        60.0, 'nominal sample rate of the tension', unit='Hz', range=(1.0, 20000.0)
-    )
-    texture_samples: int = parameter(
-        180, 'samples in a texture window', unit='1', range=(2, 1000000)
-    )
-    texture_crop_start_s: float = parameter(
-        0.6,
-        'flat section that is left out at the start of the glide',
-        unit='s',
-        range=(0.0, 60.0),
-    )
-    texture_crop_end_s: float = parameter(
-        0.1,
-        'a texture window must end this long before the glide does',
-        unit='s',
-        range=(0.0, 60.0),
-    )
     texture_features: str = parameter(
         SET_TEXTURE_SPECTRUM,
         'features of a glide: texture_spectrum, amplitudes over a fixed time; texture_spatial, '
         'over a stretch of surface at any sliding speed, which trial events must then state; '
         'glide_waveform and spatial_waveform, the tension itself over time and over the surface; '
         'or a set of another package',
-    )
-    spectrum_detrend: str = parameter(
-        'linear',
-        'with texture_spectrum: what is subtracted before the transform, the mean or the '
-        'least-squares line; mean is what the paper does',
-        choices=DETRENDS,
-    )
-    spectrum_window: str = parameter(
-        'none',
-        'with texture_spectrum: window function before the transform',
-        choices=WINDOWS,
-    )
-    spatial_crop_m: float = parameter(
-        0.009,
-        'with features over the surface: path that is left out at the start of the glide',
-        unit='m',
-        range=(0.0, 2.0),
-    )
-    spatial_length_m: float = parameter(
-        0.045,
-        'with features over the surface: path over the surface that is one window',
-        unit='m',
-        range=(0.0001, 2.0),
-    )
-    spatial_finest_m: float = parameter(
-        0.0005,
-        'with features over the surface: finest scale; samples must not be further apart on it',
-        unit='m',
-        range=(0.00001, 0.5),
     )
     running_samples: tuple[int, ...] = parameter(
         (),
@@ -111,27 +64,6 @@ class FeatureConfig:
         'features of a hold: stiffness_regression, the line through the tension; '
         'stiffness_relaxation, the line and its slope over its intercept; hold_waveform, '
         'the tension itself; or a set of another package',
-    )
-    stiffness_settle_s: float = parameter(
-        0.5,
-        'dynamic deformation that is left out at the start of the hold',
-        unit='s',
-        range=(0.0, 60.0),
-    )
-    stiffness_crop_end_s: float = parameter(
-        0.1, 'what is left out at the end of the hold', unit='s', range=(0.0, 60.0)
-    )
-    stiffness_samples: int = parameter(
-        180, 'with hold_waveform: samples in a window', unit='1', range=(9, 1000000)
-    )
-    stiffness_min_s: float = parameter(
-        2.0, 'shortest stiffness window', unit='s', range=(0.05, 60.0)
-    )
-    max_gap_samples: int = parameter(
-        0,
-        'longest run of lost samples that is interpolated linearly; 0 rejects any loss',
-        unit='1',
-        range=(0, 1000),
     )
     samples_timeout_s: float = parameter(
         5.0,

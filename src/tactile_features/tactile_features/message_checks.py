@@ -11,6 +11,7 @@ import numpy as np
 
 from tactile_features import records
 from tactile_features.records import FeatureWindow, TrialEvent
+from tactile_ros.errors import MessageError
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 LARGEST_TENSION_N = 1e9
@@ -26,64 +27,75 @@ _KNOWN = {
 _STATUS = int(sum(StrainStatus))
 
 
-def find_block_fault(block: StrainBlock) -> str:
-    """Return what is wrong with a block; empty when nothing is."""
+def check_stamp(stamp_ns: int) -> int:
+    """Return a time; raise `MessageError` when it is no ROS time."""
+    if not 0 <= stamp_ns < END_OF_TIME_NS:
+        sec, nanosec = divmod(stamp_ns, 1_000_000_000)
+        raise MessageError(f'a stamp is {sec} s and {nanosec} ns; it is no ROS time')
+    return stamp_ns
+
+
+def check_block(block: StrainBlock) -> StrainBlock:
+    """Return a block; raise `MessageError` when something in it is wrong."""
     count = len(block.tension_n)
     if not count:
-        return 'tension_n is empty; a block holds one sample or more'
-    if block.period_ns < 0 or (block.period_ns == 0 and count > 1):
-        return f'period_ns is {block.period_ns}; it must be positive'
-    if block.stamp_ns + (count - 1) * block.period_ns >= END_OF_TIME_NS:
-        return f'period_ns is {block.period_ns}; the last sample lies beyond the end of ROS time'
+        raise MessageError('tension_n is empty; a block holds one sample or more')
+    period_ns = block.period_ns
+    if period_ns < 0 or (period_ns == 0 and count > 1):
+        raise MessageError(f'period_ns is {period_ns}; it must be positive')
+    if block.stamp_ns + (count - 1) * period_ns >= END_OF_TIME_NS:
+        raise MessageError(
+            f'period_ns is {period_ns}; the last sample lies beyond the end of ROS time'
+        )
     if block.sequence + count > 2**64:
-        return f'sequence is {block.sequence}; its {count} samples do not fit into 64 bits'
+        raise MessageError(
+            f'sequence is {block.sequence}; its {count} samples do not fit into 64 bits'
+        )
     largest_n = abs(block.tension_n[0]) if count == 1 else np.abs(block.tension_n).max()
     if not largest_n <= LARGEST_TENSION_N:  # or one is not a number
         finite = block.tension_n[np.isfinite(block.tension_n)]
         beyond = finite[np.abs(finite) > LARGEST_TENSION_N]
         if len(beyond):
-            return (
+            raise MessageError(
                 f'tension_n holds {beyond[0]:g}; no tension is larger than {LARGEST_TENSION_N:g} N'
             )
-    return _find_status_fault(block.status) or _find_float_fault(block)
+    _check_status(block.status)
+    _check_floats(block)
+    return block
 
 
-def find_event_fault(event: TrialEvent) -> str:
-    """Return what is wrong with an event; empty when nothing is."""
-    return (
-        _find_name_fault('phase', event.phase, _KNOWN['PHASE_'])
-        or _find_name_fault('contact', event.contact, ('', *_KNOWN['CONTACT_']))
-        or _find_name_fault('protocol', event.protocol, ('', *_KNOWN['PROTOCOL_']))
-        or _find_float_fault(event)
-    )
+def check_event(event: TrialEvent) -> TrialEvent:
+    """Return an event; raise `MessageError` when something in it is wrong."""
+    _check_name('phase', event.phase, _KNOWN['PHASE_'])
+    _check_name('contact', event.contact, ('', *_KNOWN['CONTACT_']))
+    _check_name('protocol', event.protocol, ('', *_KNOWN['PROTOCOL_']))
+    _check_floats(event)
+    return event
 
 
-def find_window_fault(window: FeatureWindow) -> str:
-    """Return what is wrong with a window; empty when nothing is.
+def check_window(window: FeatureWindow) -> FeatureWindow:
+    """Return a window; raise `MessageError` when something in it is wrong.
 
     A feature set that is not known here is no fault: it is one for other nodes.
     """
-    return (
-        _find_name_fault('contact', window.contact, ('', *_KNOWN['CONTACT_']))
-        or _find_status_fault(window.status)
-        or _find_float_fault(window)
-    )
+    _check_name('contact', window.contact, ('', *_KNOWN['CONTACT_']))
+    _check_status(window.status)
+    _check_floats(window)
+    return window
 
 
-def _find_name_fault(field: str, value: str, known: tuple[str, ...]) -> str:
-    if value in known:
-        return ''
-    names = ', '.join(name or '(empty)' for name in known)
-    return f'{field} is "{value}"; it must be one of {names}'
+def _check_name(field: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        names = ', '.join(name or '(empty)' for name in known)
+        raise MessageError(f'{field} is "{value}"; it must be one of {names}')
 
 
-def _find_status_fault(status: int) -> str:
-    unknown = int(status) & ~_STATUS
-    return f'status is {status}; its bits {unknown} are not known here' if unknown else ''
+def _check_status(status: int) -> None:
+    if unknown := int(status) & ~_STATUS:
+        raise MessageError(f'status is {status}; its bits {unknown} are not known here')
 
 
-def _find_float_fault(record: object) -> str:
+def _check_floats(record: object) -> None:
     for name, value in vars(record).items():
         if isinstance(value, float) and not math.isfinite(value):
-            return f'{name} is {value}; it must be finite'
-    return ''
+            raise MessageError(f'{name} is {value}; it must be finite')

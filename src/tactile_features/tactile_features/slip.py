@@ -18,8 +18,6 @@ from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
 
 FloatArray = NDArray[np.float64]
 
-MOTION_SLIDING = 'sliding'
-
 LARGEST_RATE_HZ = 250.0
 """Faster samples are averaged down to at most this rate: a slip takes milliseconds."""
 
@@ -84,8 +82,6 @@ class Slip:
     ----------
     stamp_ns, onset_ns : int
         Time of the sample that gave the decision; estimated time of the change itself [ns].
-    motion : str
-        `MOTION_SLIDING`.
     statistic : float
         Of the fall, in units of the threshold [1].
     tension_n : float
@@ -94,7 +90,6 @@ class Slip:
 
     stamp_ns: int
     onset_ns: int
-    motion: str
     statistic: float
     tension_n: float
 
@@ -229,7 +224,6 @@ class SlipDetector:
                 slip = Slip(
                     stamp_ns=int(self._stamps_ns[-1]),
                     onset_ns=int(self._stamps_ns[-1 - self._lengths[best]]),
-                    motion=MOTION_SLIDING,
                     statistic=deviate / self.config.threshold,
                     tension_n=float(self._tension_n[-1]),
                 )

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 import hashlib
@@ -40,8 +41,7 @@ class FeatureSpec:
     parameters : mapping of str to float or str
         Which part of the phase the window is, which losses are filled, and what is computed, by
         the names of `FeatureConfig`. Ready-cut windows state the last alone. What refuses a
-        window but changes no value is not among them. An option at its ``unstated`` value is
-        left out, see `FeatureSet`.
+        window but changes no value is not among them.
     """
 
     feature_set: str
@@ -59,13 +59,8 @@ class FeatureSpec:
         Canonical: keys in order, no spaces, ASCII, each number as the shortest text of its
         double. So it is the same on every platform, and for 60 as for 60.0.
         """
-        values = {
-            **self.to_dict(),
-            'version': int(self.version),
-            'sample_count': int(self.sample_count),
-            'rate_hz': float(self.rate_hz),
-            'parameters': {name: _plain(value) for name, value in self.parameters.items()},
-        }
+        parameters = {name: _plain(value) for name, value in self.parameters.items()}
+        values = {**self.to_dict(), 'parameters': parameters}
         text = json.dumps(values, sort_keys=True, separators=(',', ':'), ensure_ascii=True)
         return hashlib.sha256(text.encode()).hexdigest()[:_DIGEST_DIGITS]
 
@@ -73,26 +68,12 @@ class FeatureSpec:
     def missing_parameters(self) -> tuple[str, ...]:
         """What a feature node's specification states and this one does not."""
         found = find_feature_set(self.feature_set)
-        stated = self.stated
-        return tuple(n for n in (*found.cut, *found.options) if n not in stated) if found else ()
-
-    @property
-    def stated(self) -> dict[str, Any]:
-        """All parameters, with the options that are left out at their ``unstated`` value."""
-        found = find_feature_set(self.feature_set)
-        return {**(found.unstated if found else {}), **self.parameters}
+        names = (*found.cut, *found.options) if found else ()
+        return tuple(name for name in names if name not in self.parameters)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the specification as plain JSON types."""
-        return {
-            'feature_set': self.feature_set,
-            'version': self.version,
-            'rate_hz': self.rate_hz,
-            'sample_count': self.sample_count,
-            'names': list(self.names),
-            'units': list(self.units),
-            'parameters': dict(self.parameters),
-        }
+        """Return the specification for JSON."""
+        return dataclasses.asdict(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> FeatureSpec:
@@ -136,10 +117,9 @@ class FeatureSpec:
         values[CHOOSER[found.phase]] = self.feature_set
         if found.count_field:
             values[found.count_field] = self.sample_count
-        stated = self.stated
         for name in (*found.cut, *found.options):
-            if name in stated:
-                value = stated[name]
+            if name in self.parameters:
+                value = self.parameters[name]
                 values[name] = int(value) if name == 'max_gap_samples' else value
         return values
 
@@ -147,10 +127,8 @@ class FeatureSpec:
         """Return why features of ``other`` must not be taken for these, or an empty string.
 
         A parameter that only one of the two states is not compared: ready-cut
-        windows do not know how they were cut. An option that neither states has its ``unstated``
-        value, see `FeatureSet`.
+        windows do not know how they were cut.
         """
-        my_stated, their_stated = self.stated, other.stated
         pairs = [
             ('feature set', self.feature_set, other.feature_set),
             ('version of the feature set', self.version, other.version),
@@ -158,9 +136,9 @@ class FeatureSpec:
             ('window in samples', self.sample_count, other.sample_count),
         ]
         pairs += [
-            (f'window ({name})', my_stated[name], their_stated[name])
-            for name in my_stated
-            if name in their_stated
+            (f'window ({name})', mine, other.parameters[name])
+            for name, mine in self.parameters.items()
+            if name in other.parameters
         ]
         for what, mine, theirs in pairs:
             if mine != theirs:
@@ -179,7 +157,6 @@ def _describe(
     feature_set: FeatureSet, sample_count: int, rate_hz: float, stated: tuple[str, ...]
 ) -> FeatureSpec:
     features = feature_set.describe(sample_count, rate_hz)
-    values = {name: getattr(feature_set.config, name) for name in stated}
     return FeatureSpec(
         feature_set=feature_set.name,
         version=feature_set.version,
@@ -187,11 +164,7 @@ def _describe(
         sample_count=sample_count,
         names=tuple(feature.name for feature in features),
         units=tuple(feature.unit for feature in features),
-        parameters={
-            name: value
-            for name, value in values.items()
-            if name not in feature_set.unstated or value != feature_set.unstated[name]
-        },
+        parameters={name: getattr(feature_set.config, name) for name in stated},
     )
 
 

@@ -30,7 +30,6 @@ from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg
 from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import TrialFeatureExtractor
-from tactile_features.feature_sets.registry import unstated_options
 from tactile_features.records import (
     FeatureWindow,
     PHASE_ABORTED,
@@ -75,13 +74,10 @@ class TactileResults:
 
 
 def recorded_config(bag: TactileBag) -> FeatureConfig:
-    """Return the feature parameters that the recording was made with.
-
-    Options that its release did not have yet have the values which they had implicitly.
-    """
+    """Return the feature parameters that the recording was made with."""
     values = bag.metadata.get('feature_config')
     try:
-        return FeatureConfig() if values is None else FeatureConfig(**unstated_options() | values)
+        return FeatureConfig() if values is None else FeatureConfig(**values)
     except (TypeError, FeatureError) as error:
         raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
 

@@ -44,6 +44,8 @@ CHUNK_BYTES = 2**20
 INDEX_ENTRY = struct.Struct('<QQ')
 """Time of arrival of a message, and where it begins in its chunk."""
 
+STATISTICS_START = struct.Struct('<QHIIIIQQ')
+
 CHUNK_HEAD_BYTES = RECORD_START.size + CHUNK_START.size + 4 + 8
 """Length of what stands before the records of a chunk that is not compressed [byte]."""
 
@@ -299,15 +301,13 @@ class McapWriter:
             pack_number(channel, 2) + pack_number(count, 8)
             for channel, count in self.counts.items()
         )
-        return pack_record(
-            STATISTICS,
-            pack_number(sum(self.counts.values()), 8),
-            pack_number(len(self._schemas), 2),
-            pack_number(len(self._channels), 4),
-            pack_number(0, 4),  # attachments
-            pack_number(len(self._metadata_indexes), 4),
-            pack_number(self._chunk_count, 4),
-            pack_number(times[0], 8),
-            pack_number(times[1], 8),
-            pack_bytes(counts),
+        totals = STATISTICS_START.pack(
+            sum(self.counts.values()),
+            len(self._schemas),
+            len(self._channels),
+            0,  # attachments
+            len(self._metadata_indexes),
+            self._chunk_count,
+            *times,
         )
+        return pack_record(STATISTICS, totals, pack_bytes(counts))

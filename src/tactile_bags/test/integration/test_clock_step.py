@@ -69,7 +69,7 @@ class Lab:
         self.offset_ns += round(step_s * SECOND_NS)
 
 
-@pytest.mark.parametrize('step_s', [5.0, -5.0, -0.5])
+@pytest.mark.parametrize('step_s', [5.0, -0.5])
 def test_a_trial_across_a_step_is_refused_and_the_next_one_is_not(monkeypatch, step_s):
     with Lab() as lab:
         monkeypatch.setattr('tendon_sensor_driver.stream.clock.time', lab)

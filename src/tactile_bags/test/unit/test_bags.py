@@ -12,6 +12,8 @@ from tactile_bags import (
     BagWriter,
     EVENT,
     EVENT_TOPIC,
+    FEATURES,
+    FEATURES_TOPIC,
     join_topic,
     message_store,
     STRAIN,
@@ -45,11 +47,13 @@ def bag_path(tmp_path):
             for i in range(3):
                 writer.write(name, 100 + i, block(writer.store, i, [1.5, -2.25e-9]))
         writer.add_topic(EVENT_TOPIC, 'thumb')
+        writer.add_topic(FEATURES_TOPIC, 'thumb')
     return path
 
 
 def test_what_is_written_is_read_bit_for_bit(bag_path):
     with TactileBag(bag_path) as bag:
+        assert bag.recovered == ''
         assert bag.metadata == {'simulated': True, 'note': 'two fingers'}
         assert bag.namespaces == ('index', 'thumb')
         assert bag.topics['/thumb/tendon_sensor/strain'] == (STRAIN, 3)
@@ -71,11 +75,6 @@ def test_fingers_within_one_another_do_not_mix(tmp_path):
         for i, namespace in enumerate(bag.namespaces):
             assert [m.received_at_ns for m in bag.messages(STRAIN, namespace=namespace)] == [i]
         assert list(bag.messages(STRAIN, namespace='foot')) == []
-
-
-def test_latched_topics_are_offered_as_such(bag_path):
-    metadata = (bag_path / 'metadata.yaml').read_text()
-    assert 'transient_local' in metadata
 
 
 @pytest.mark.parametrize(
@@ -152,19 +151,24 @@ def test_empty_metadata_as_after_a_power_failure_keeps_no_message_back(
         assert bag.recovered == ''
 
 
-def test_a_whole_bag_says_nothing_of_recovery(bag_path):
-    with TactileBag(bag_path) as bag:
-        assert bag.recovered == ''
-
-
-def test_recording_of_another_message_definition_is_refused(bag_path):
+def test_recordings_of_another_message_definition_are_refused(bag_path):
     path = bag_path / 'metadata.yaml'
-    text = path.read_text()
+    whole = path.read_text()
+
+    def define_otherwise(type_name):
+        digest = message_store().hash_rihs01(type_name)
+        assert digest in whole
+        path.write_text(whole.replace(digest, 'RIHS01_' + '0' * 64))
+
+    for type_name in (STRAIN, EVENT):
+        define_otherwise(type_name)
+        with pytest.raises(BagError, match='another definition'):
+            TactileBag(bag_path)
+    define_otherwise(FEATURES)
     with TactileBag(bag_path) as bag:
-        digest = bag._store.hash_rihs01(STRAIN)
-    path.write_text(text.replace(digest, 'RIHS01_' + '0' * 64))
-    with pytest.raises(BagError, match='another definition'):
-        TactileBag(bag_path)
+        assert len(list(bag.messages(STRAIN, EVENT))) == 6
+        with pytest.raises(BagError, match='another definition'):
+            list(bag.messages(FEATURES))
 
 
 @pytest.mark.parametrize('storage', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])

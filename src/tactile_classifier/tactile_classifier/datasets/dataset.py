@@ -207,8 +207,7 @@ def usable_table(
         except UndefinedFeatureError as error:
             if not error.windows:
                 raise DatasetError(f'no features from these trials: {error}') from error
-            reason = str(error.__cause__ or error).partition(' (window')[0]  # names them all
-            bad = dict.fromkeys(error.windows, reason)
+            bad = dict.fromkeys(error.windows, str(error.__cause__ or error))
             if speeds_m_s is not None:
                 speeds_m_s = np.delete(speeds_m_s, list(bad))
             trials = trials.drop(bad)

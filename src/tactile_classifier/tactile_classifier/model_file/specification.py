@@ -49,7 +49,7 @@ def describe_mismatch(
         )
     values = ', '.join(
         f'{name} {value if isinstance(value, str) else format(value, "g")}'
-        for name, value in sorted(expected.stated.items())
+        for name, value in sorted(expected.parameters.items())
     )
     return (
         'the features were made by another specification than the model was trained on '

@@ -46,9 +46,13 @@ def _describe_unfit(pull: Samples) -> str:
         return 'the pull into contact has no samples'
     if pull['hole'][1:].any() or pull['interpolated'].any():
         return 'samples of the pull into contact are missing'
-    status = int(np.bitwise_or.reduce(pull['status']))
-    faults = [text for bit, text in _BAD_STATUS.items() if status & bit]
-    return f'samples of the pull into contact are {" and ".join(faults)}' if faults else ''
+    faults = _name_faults(pull)
+    return f'samples of the pull into contact are {faults}' if faults else ''
+
+
+def _name_faults(samples: Samples) -> str:
+    status = int(np.bitwise_or.reduce(samples['status']))
+    return ' and '.join(text for bit, text in _BAD_STATUS.items() if status & bit)
 
 
 class _Cut(NamedTuple):
@@ -298,10 +302,8 @@ class PhaseWindow:
         return ''
 
     def _describe_fault(self, samples: Samples) -> str:
-        status = int(np.bitwise_or.reduce(samples['status']))
-        faults = [text for bit, text in _BAD_STATUS.items() if status & bit]
-        if faults:
-            return f'samples in the window are {" and ".join(faults)}'
+        if faults := _name_faults(samples):
+            return f'samples in the window are {faults}'
         if not np.isfinite(samples['tension_n']).all():
             return 'samples in the window are not finite'
         span_ns = int(samples['stamp_ns'][-1]) - int(samples['stamp_ns'][0])

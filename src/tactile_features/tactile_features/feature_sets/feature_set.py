@@ -6,19 +6,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, TYPE_CHECKING
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactile_features.errors import FeatureError
+from tactile_features.parameters import WindowParameters
 from tactile_features.records import PHASE_GLIDE
-
-if TYPE_CHECKING:
-    from tactile_features.config import FeatureConfig
 
 FloatArray = NDArray[np.float64]
 
@@ -85,6 +81,7 @@ class FeatureSet(ABC):
     Parameters
     ----------
     config : FeatureConfig
+        Of it, a set sees the parameters that decide values.
 
     Attributes
     ----------
@@ -104,9 +101,6 @@ class FeatureSet(ABC):
         windows do not state them.
     options : tuple of str
         Fields of `FeatureConfig` which say what is computed.
-    unstated : mapping of str to str
-        Of the options: the value that a specification means when it does not state one. An option
-        that was added to a set later has one, so that older specifications keep their digest.
     count_field : str
         The field of `FeatureConfig` with the number of samples in a window; empty: there is none,
         because the phase or the speed decides.
@@ -120,10 +114,9 @@ class FeatureSet(ABC):
     has_parts: ClassVar[bool] = False
     cut: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[tuple[str, ...]] = ()
-    unstated: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     count_field: ClassVar[str] = ''
 
-    def __init__(self, config: FeatureConfig) -> None:
+    def __init__(self, config: WindowParameters) -> None:
         self.config = config
 
     def window(self, rate_hz: float, speed_m_s: float) -> WindowSpec:
@@ -202,7 +195,7 @@ class FeatureSet(ABC):
         return int(getattr(self.config, self.count_field)) if self.count_field else 0
 
 
-def glide_window(config: FeatureConfig, sample_count: int, rate_hz: float) -> WindowSpec:
+def glide_window(config: WindowParameters, sample_count: int, rate_hz: float) -> WindowSpec:
     """Return a window of a glide, between the crops of a texture window.
 
     Without a number of samples it is all between them, and at least ``texture_samples``.

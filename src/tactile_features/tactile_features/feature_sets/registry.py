@@ -123,8 +123,3 @@ def task_of(name: str) -> str:
     found = find_feature_set(name)
     tasks = {phase: task for task, phase in PHASE_OF_TASK.items()}
     return tasks[found.phase] if found else ''
-
-
-def unstated_options() -> dict[str, Any]:
-    """Return what options mean in parameters of a release that did not have them yet."""
-    return {name: value for each in BUILT_IN for name, value in each.unstated.items()}

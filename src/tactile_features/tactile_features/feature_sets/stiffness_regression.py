@@ -96,7 +96,7 @@ def compute_regression(time_ns: ArrayLike, tension_n: ArrayLike) -> FloatArray:
     out = _fit(axis, rows)
     doubtful = np.flatnonzero(~np.isfinite(out).all(axis=1))
     if len(doubtful):
-        out[doubtful] = _fit_scaled(axis, rows[doubtful], doubtful, tension.ndim > 1)
+        out[doubtful] = _fit_scaled(axis, rows[doubtful], doubtful)
     return out.reshape(*tension.shape[:-1], 3)
 
 
@@ -167,9 +167,7 @@ def _sum(
     return mean, s_tx, square - total * mean
 
 
-def _fit_scaled(
-    axis: _TimeAxis, tension: FloatArray, places: NDArray[np.intp], batch: bool
-) -> FloatArray:
+def _fit_scaled(axis: _TimeAxis, tension: FloatArray, places: NDArray[np.intp]) -> FloatArray:
     """Fit windows of extreme magnitude, and say which have no line.
 
     Divided by a power of two, squares neither overflow nor vanish, and no digit is lost.
@@ -179,8 +177,7 @@ def _fit_scaled(
     constant = places[(tension == tension[:, :1]).all(axis=1)]
     if len(constant):
         raise UndefinedFeatureError(
-            'the tension is constant, so its correlation with time is undefined'
-            + (f' (window {_name_some(constant)} of the batch)' if batch else ''),
+            'the tension is constant, so its correlation with time is undefined',
             windows=tuple(constant.tolist()),
         )
     first = tension[:, :1]
@@ -193,8 +190,3 @@ def _fit_scaled(
     if not np.isfinite(out).all():
         raise FeatureError('the tension is too large for its regression to be represented')
     return out
-
-
-def _name_some(places: NDArray[np.intp]) -> str:
-    named = ', '.join(str(place) for place in places[:5])
-    return named if len(places) <= 5 else f'{named} and {len(places) - 5} more'

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import dataclasses
 from functools import lru_cache
 import math
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -22,10 +23,8 @@ from tactile_features.feature_sets.feature_set import (
     WindowSamples,
     WindowSpec,
 )
+from tactile_features.parameters import WindowParameters
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
-
-if TYPE_CHECKING:
-    from tactile_features.config import FeatureConfig
 
 QUANTILES = 13
 """How many quantiles describe a distribution, from the least to the largest value."""
@@ -143,7 +142,7 @@ class TextureSpatial(FeatureSet):
     cut = ('spatial_crop_m', 'max_gap_samples')
     options = ('spatial_length_m', 'spatial_finest_m')
 
-    def __init__(self, config: FeatureConfig) -> None:
+    def __init__(self, config: WindowParameters) -> None:
         super().__init__(config)
         self.stretch = SpatialWindow(config.spatial_length_m, config.spatial_finest_m)
 
@@ -203,12 +202,7 @@ def compute_spatial(
         When the speed does not fit the window, the number of samples is another one, or a value
         is not finite.
     """
-    tension, maps = _prepare(tension_n, speed_m_s, rate_hz, window)
-    rows = np.ascontiguousarray(tension.reshape(-1, tension.shape[-1]))
-    out = np.array([_compute_one(row, window, maps) for row in rows])
-    if not np.isfinite(out).all():
-        raise FeatureError('the tension is too large for its features to be represented')
-    return out.reshape(*tension.shape[:-1], -1)
+    return _compute_each(_compute_one, tension_n, speed_m_s, rate_hz, window)
 
 
 def smooth_over_distance(
@@ -228,17 +222,16 @@ def smooth_over_distance(
     FeatureError
         As `compute_spatial`.
     """
-    tension, maps = _prepare(tension_n, speed_m_s, rate_hz, window)
-    rows = np.ascontiguousarray(tension.reshape(-1, tension.shape[-1]))
-    out = np.array([row[0] + _smooth(row - row[0], maps) for row in rows])
-    if not np.isfinite(out).all():
-        raise FeatureError('the tension is too large for its features to be represented')
-    return out.reshape(*tension.shape[:-1], -1)
+    return _compute_each(_smooth_one, tension_n, speed_m_s, rate_hz, window)
 
 
-def _prepare(
-    tension_n: ArrayLike, speed_m_s: float, rate_hz: float, window: SpatialWindow
-) -> tuple[NDArray[np.float64], _Maps]:
+def _compute_each(
+    compute_one: Callable[[NDArray[np.float64], SpatialWindow, _Maps], NDArray[np.float64]],
+    tension_n: ArrayLike,
+    speed_m_s: float,
+    rate_hz: float,
+    window: SpatialWindow,
+) -> NDArray[np.float64]:
     tension = np.asarray(tension_n, dtype=np.float64)
     count = window.sample_count(speed_m_s, rate_hz)
     if tension.ndim == 0 or tension.shape[-1] != count:
@@ -248,7 +241,12 @@ def _prepare(
         )
     if not np.isfinite(tension).all():
         raise FeatureError('the tension holds values that are not finite')
-    return tension, _maps(window, speed_m_s / rate_hz, count)
+    maps = _maps(window, speed_m_s / rate_hz, count)
+    rows = np.ascontiguousarray(tension.reshape(-1, count))
+    out = np.array([compute_one(row, window, maps) for row in rows])
+    if not np.isfinite(out).all():
+        raise FeatureError('the tension is too large for its features to be represented')
+    return out.reshape(*tension.shape[:-1], -1)
 
 
 class _Maps(NamedTuple):
@@ -305,6 +303,13 @@ def _compute_one(
         parts += [value[2 * lag :] - 2.0 * value[lag:-lag] + value[: -2 * lag] for lag in lags]
         quantiles = [_quantiles(part) for part in parts]
     return np.concatenate([amplitude, *quantiles])
+
+
+def _smooth_one(
+    tension_n: NDArray[np.float64], window: SpatialWindow, maps: _Maps
+) -> NDArray[np.float64]:
+    smoothed: NDArray[np.float64] = tension_n[0] + _smooth(tension_n - tension_n[0], maps)
+    return smoothed
 
 
 def _smooth(change: NDArray[np.float64], maps: _Maps) -> NDArray[np.float64]:

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -17,13 +15,8 @@ from tactile_features.feature_sets.feature_set import (
     FloatArray,
     WindowSamples,
 )
+from tactile_features.parameters import DETRENDS, WINDOWS
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPECTRUM
-
-DETRENDS = ('none', 'mean', 'linear')
-"""What may be subtracted before the transform."""
-
-WINDOWS = ('none', 'hann')
-"""What the samples may be weighted with."""
 
 _BLOCK_WINDOWS = 128
 """Windows at a time, so that they stay in the cache."""
@@ -41,21 +34,22 @@ class TextureSpectrum(FeatureSet):
     has_parts = True
     cut = ('texture_crop_start_s', 'max_gap_samples')
     options = ('spectrum_detrend', 'spectrum_window')
-    unstated = MappingProxyType({'spectrum_detrend': 'mean', 'spectrum_window': 'none'})
     count_field = 'texture_samples'
 
     def describe(self, sample_count: int, rate_hz: float) -> tuple[Feature, ...]:
         return tuple(Feature(name, 'N') for name in spectrum_names(sample_count, rate_hz))
 
     def compute(self, samples: WindowSamples) -> FloatArray:
-        return compute_spectrum(samples.tension_n, *self._prepared)
+        config = self.config
+        return compute_spectrum(samples.tension_n, config.spectrum_detrend, config.spectrum_window)
 
     def compute_part(self, samples: WindowSamples, sample_count: int) -> FloatArray:
-        return compute_partial_spectrum(samples.tension_n, sample_count, *self._prepared)
-
-    @property
-    def _prepared(self) -> tuple[str, str]:
-        return self.config.spectrum_detrend, self.config.spectrum_window
+        return compute_partial_spectrum(
+            samples.tension_n,
+            sample_count,
+            self.config.spectrum_detrend,
+            self.config.spectrum_window,
+        )
 
 
 def spectrum_names(sample_count: int, rate_hz: float) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tactile_features.errors import UndefinedFeatureError
 from tactile_features.measures.beta import incomplete_beta
+from tactile_features.measures.press import average_samples
 
 FloatArray = NDArray[np.float64]
 
@@ -20,8 +21,6 @@ MIN_PERIODS = 3
 """Fewer periods than this in a window are a trend, not a ripple."""
 
 MAX_HARMONICS = 12
-MAX_SAMPLES = 720
-"""Largest number of samples; a longer window is averaged down to it."""
 
 FALSE_ALARM = 1e-3
 """Probability that a window without a period is said to have one."""
@@ -81,8 +80,7 @@ def find_ripple(elapsed_s: FloatArray, tension_n: FloatArray) -> Ripple:
         tension drifts as a random walk does: each by an F test, corrected for the
         number of frequencies that were looked at.
     """
-    factor = math.ceil(len(tension_n) / MAX_SAMPLES)
-    elapsed_s, tension_n = _average(elapsed_s, factor), _average(tension_n, factor)
+    elapsed_s, tension_n = average_samples(elapsed_s, tension_n)
     elapsed_s = elapsed_s - elapsed_s[0]
     n = len(tension_n)
     if n < 8 * MIN_PERIODS:
@@ -105,12 +103,6 @@ def find_ripple(elapsed_s: FloatArray, tension_n: FloatArray) -> Ripple:
             f'(false alarms below {100 * FALSE_ALARM:g} %)'
         )
     return Ripple(best.frequency_hz, _spread_hz(elapsed_s, best), best.harmonics)
-
-
-def _average(values: FloatArray, factor: int) -> FloatArray:
-    """Means of consecutive samples, so that a fast sensor costs no more than a slow one."""
-    whole = len(values) // factor * factor
-    return np.asarray(values[:whole].reshape(-1, factor).mean(axis=1))
 
 
 def _make_columns(elapsed_s: FloatArray, frequency_hz: float, harmonics: int) -> FloatArray:

@@ -155,7 +155,7 @@ outcomes: Counter[Outcome] = Counter()
 running_outcomes: Counter[Outcome] = Counter()
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(configs(), st.integers(0, 2**32 - 1))
 def check_interleaving_and_grouping(config, seed):
     random = Random(seed)

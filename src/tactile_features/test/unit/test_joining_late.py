@@ -32,16 +32,15 @@ def make_session(seed, step_n, first_sequence):
     return samples
 
 
-@pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize(('phases', 'step_n'), [('stiffness', 0.0), ('texture', 0.3)])
-def test_a_late_one_finds_the_same_trials_or_none(phases, step_n, seed):
+def test_a_late_one_finds_the_same_trials_or_none(phases, step_n):
     config = FeatureConfig(phases=phases)
-    samples = make_session(seed, step_n, 0)
+    samples = make_session(1, step_n, 0)
     expected = SignalPhases(config).add(samples)
     assert len({event.trial_id for event in expected}) == 5
     contacts = [event for event in expected if event.phase == 'contact']
     ends_ns = [0, *(event.stamp_ns for event in expected if event.phase == 'done')]
-    for joined in range(1, len(samples) - 1, 29):
+    for joined in range(1, len(samples) - 1, 67):
         found = SignalPhases(config).add(samples[joined:])
         names = {event.trial_id for event in found}
         assert found == [event for event in expected if event.trial_id in names]

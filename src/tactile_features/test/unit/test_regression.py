@@ -61,27 +61,6 @@ def test_agrees_with_exact_arithmetic_on_a_press():
     assert -1.0 <= r < -0.99
 
 
-def test_a_small_slope_under_a_large_offset():
-    tension = 1e6 + 1e-6 * (GRID_NS - EPOCH_NS) / 1e9
-    assert_close_to_reference(GRID_NS, tension)
-
-
-def test_series_of_one_unit_in_the_last_place():
-    tension = np.full(N, 1e6)
-    tension[N // 2 :] = np.nextafter(1e6, 2e6)
-    assert_close_to_reference(GRID_NS, tension)
-    tension = np.full(N, 1e6)
-    tension[-1] = np.nextafter(1e6, 0.0)
-    assert_close_to_reference(GRID_NS, tension)
-
-
-def test_a_first_sample_far_from_the_others():
-    rng = np.random.default_rng(3)
-    tension = rng.normal(size=N)
-    tension[0] = -1e6
-    assert_close_to_reference(GRID_NS, tension)
-
-
 @pytest.mark.parametrize('scale', [5e-324, 1e-300, 1e-160, 1e-30, 1e150, 1e300])
 def test_extreme_magnitudes_neither_overflow_nor_vanish(scale):
     rng = np.random.default_rng(4)
@@ -166,7 +145,7 @@ def test_of_a_batch_all_constant_windows_are_named():
     x = np.random.default_rng(6).normal(5.0, 1.0, (7, N))
     x[2] = 5.0
     x[5] = 0.0
-    with pytest.raises(UndefinedFeatureError, match='window 2, 5 of the batch') as caught:
+    with pytest.raises(UndefinedFeatureError, match='constant') as caught:
         compute_regression(GRID_NS, x)
     assert caught.value.windows == (2, 5)
 
@@ -194,6 +173,8 @@ def _gap(time_ns, tension):
         lambda t, x: (t, np.round(x, 2)),  # few digits, many ties
         lambda t, x: (t[:2], x[:2]),
         lambda t, x: (t, x * 1e-9 + 1e6),
+        lambda t, x: (t, 1e6 + 1e-6 * (t - EPOCH_NS) / 1e9),
+        lambda t, x: (t, np.where(np.arange(N) == 0, -1e6, x)),
         lambda t, x: (t, np.nextafter(1e6, np.where(x > 11.0, 2e6, 0.0))),  # one ulp
         lambda t, x: (t, np.where(np.arange(N) == N // 2, 1e6, x)),
         lambda t, x: (t, np.where(np.arange(N) == N - 1, 1e6, x)),

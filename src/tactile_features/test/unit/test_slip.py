@@ -49,34 +49,41 @@ def test_a_sudden_fall_is_a_slip_at_its_sample():
     onset = slip.onset_ns / PERIOD_NS - START
     assert 898 <= onset <= 900  # before the first sample that fell
     assert 0 <= slip.stamp_ns - slip.onset_ns <= 4 * PERIOD_NS
-    assert slip.motion == 'sliding'
     assert slip.statistic > 1.0
     assert slip.tension_n == pytest.approx(8.0 + 4.7 * np.exp(-15 / 3.8) - 0.04, abs=0.02)
 
 
-def test_creep_and_noise_are_no_slip():
-    assert detect(block(grip(seconds=600.0))) == []
+def slipping_without(first, last):
+    tension_n = slipping()
+    return block(tension_n[:first]), block(tension_n[last:], last)
 
 
-def test_a_rise_is_no_slip():
-    assert detect(block(slipping(fall_n=-0.04))) == []
-
-
-def test_a_fall_within_the_noise_is_missed_and_a_larger_one_is_not():
-    assert detect(block(slipping(fall_n=0.004))) == []
-    assert len(detect(block(slipping(fall_n=0.05)))) == 1
+@pytest.mark.parametrize(
+    ('blocks', 'config'),
+    [
+        ([block(grip(seconds=200.0))], CONFIG),
+        ([block(slipping(fall_n=-0.04))], CONFIG),
+        ([block(slipping(fall_n=0.004))], CONFIG),
+        ([block(slipping(noise_n=0.04))], CONFIG),
+        ([block(slipping())], dataclasses.replace(CONFIG, min_tension_n=9.0)),
+        (slipping_without(895, 905), CONFIG),
+        ([block(np.where(np.arange(1200) == 899, np.nan, slipping()))], CONFIG),
+    ],
+    ids=['creep', 'rise', 'small', 'in loud noise', 'least tension', 'behind a gap', 'no number'],
+)
+def test_what_is_no_slip(blocks, config):
+    assert detect(*blocks, config=config) == []
 
 
 def test_the_noise_is_that_of_the_stream():
-    assert detect(block(slipping(noise_n=0.04))) == []
     assert len(detect(block(slipping(noise_n=0.04, fall_n=0.4)))) == 1
 
 
 def test_noise_that_is_not_white_raises_no_alarm():
-    wander = np.zeros(18_000)
+    wander = np.zeros(9_000)
     for i, push in enumerate(np.random.default_rng(1).normal(0.0, NOISE_N, len(wander))):
         wander[i] = 0.9 * wander[i - 1] + push
-    assert detect(block(grip(seconds=300.0) + wander)) == []
+    assert detect(block(grip(seconds=150.0) + wander)) == []
 
 
 def test_falls_that_were_missed_are_not_learned_as_noise():
@@ -85,11 +92,6 @@ def test_falls_that_were_missed_are_not_learned_as_noise():
         tension_n[at:] -= 0.015
     (slip,) = detect(block(tension_n), config=SlipConfig(threshold=6.0))
     assert slip.onset_ns / PERIOD_NS - START == pytest.approx(1139, abs=2)
-
-
-def test_nothing_is_held_below_the_least_tension():
-    config = dataclasses.replace(CONFIG, min_tension_n=9.0)
-    assert detect(block(slipping()), config=config) == []
 
 
 def test_gripping_is_no_slip():
@@ -112,23 +114,12 @@ def test_samples_that_are_no_measurement_are_no_slip(status):
     assert detect(*blocks) == []
 
 
-def test_a_fall_behind_a_gap_is_no_slip():
-    tension_n = slipping()
-    assert detect(block(tension_n[:895]), block(tension_n[905:], 905)) == []
-
-
-def test_values_that_are_not_finite_are_no_slip():
-    tension_n = slipping()
-    tension_n[899] = np.nan
-    assert detect(block(tension_n)) == []
-
-
 def test_a_clock_set_back_begins_anew():
     assert len(detect(block(slipping()), block(slipping()[:1000]))) == 2
 
 
 @given(cuts=st.lists(st.integers(1, 1199), max_size=30, unique=True))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_grouping_does_not_matter(cuts):
     tension_n = slipping()
     edges = [0, *sorted(cuts), len(tension_n)]

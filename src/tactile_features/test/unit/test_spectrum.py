@@ -6,13 +6,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-import scipy.signal
 
 from tactile_features import compute_spectrum, FeatureError
-from tactile_features.feature_sets.texture_spectrum import (
-    compute_partial_spectrum,
-    spectrum_names,
-)
+from tactile_features.feature_sets.texture_spectrum import compute_partial_spectrum
 
 RNG = np.random.default_rng(0)
 PI = np.longdouble('3.14159265358979323846264338327950288')
@@ -47,19 +43,6 @@ def assert_close_to_reference(x, tolerance):
     assert error <= tolerance * expected.max(), (error / expected.max(), len(x))
 
 
-@pytest.mark.parametrize('amplitude', [1.0, 1e-4, 1e-9])
-def test_a_large_offset_costs_no_precision(amplitude):
-    rng = np.random.default_rng(1)
-    assert_close_to_reference(1e6 + amplitude * rng.normal(size=180), 2e-15)
-
-
-def test_a_first_sample_far_from_the_others_costs_no_precision():
-    rng = np.random.default_rng(2)
-    x = rng.normal(size=180)
-    x[0] = 1e6
-    assert_close_to_reference(x, 2e-15)
-
-
 def test_one_unit_in_the_last_place_is_seen():
     x = np.full(180, 1e6)
     x[1::2] = np.nextafter(1e6, 2e6)
@@ -87,11 +70,6 @@ def test_the_nyquist_component_is_not_doubled():
     assert compute_spectrum([3.0, 1.0]).tolist() == [0.0, 1.0]
 
 
-def test_without_nyquist_component_the_last_one_is_doubled():
-    x = np.cos(2 * np.pi * np.arange(5) * 2 / 5)
-    np.testing.assert_allclose(compute_spectrum(x), [0.0, 0.0, 1.0], atol=1e-15)
-
-
 def test_leaves_its_input_alone():
     x = np.arange(180.0)
     compute_spectrum(x)
@@ -102,7 +80,7 @@ def test_leaves_its_input_alone():
     ('x', 'message'),
     [
         ([1.0, np.nan, 2.0], 'not finite'),
-        ([1.0, np.inf, 2.0], 'not finite'),
+        (np.where(np.eye(100, 180) > 0, np.inf, 1.0), 'not finite'),
         ([1.0], 'at least 2 samples'),
         (1.0, 'at least 2 samples'),
         ([1e308, -1e308, 1e308], 'too large'),
@@ -113,23 +91,13 @@ def test_refuses_what_has_no_spectrum(x, message):
         compute_spectrum(x)
 
 
-def test_names_give_the_frequency():
-    names = spectrum_names(180, 60.0)
-    assert len(names) == len(set(names)) == 91
-    assert names[:4] == (
-        'tension__spectrum__hz_0.000',
-        'tension__spectrum__hz_0.333',
-        'tension__spectrum__hz_0.667',
-        'tension__spectrum__hz_1.000',
-    )
-    assert names[-1] == 'tension__spectrum__hz_30.000'
-
-
-@pytest.mark.parametrize('n', [2, 3, 7, 8, 12, 61, 127, 180, 181, 960])
-@pytest.mark.parametrize('offset', [0.0, 1e6])
-def test_error_is_within_2e_15_of_the_largest_component(n, offset):
-    rng = np.random.default_rng(n)
-    assert_close_to_reference(offset + rng.normal(size=n), 2e-15)
+@pytest.mark.parametrize('n', [2, 3, 7, 8, 61, 180, 181, 960])
+@pytest.mark.parametrize(('offset', 'amplitude'), [(0.0, 1.0), (1e6, 1.0), (1e6, 1e-9)])
+def test_error_is_within_2e_15_of_the_largest_component(n, offset, amplitude):
+    x = offset + amplitude * np.random.default_rng(n).normal(size=n)
+    assert_close_to_reference(x, 2e-15)
+    if n == 180:  # a first sample far from the others
+        assert_close_to_reference(np.where(np.arange(n) == 0, x + 1e6, x), 2e-15)
 
 
 @pytest.mark.parametrize('rows', [1, 15, 64, 65, 200])
@@ -146,13 +114,6 @@ def test_extreme_magnitudes_neither_overflow_nor_vanish(scale, n):
     x = np.random.default_rng(10).integers(-50, 50, n).astype(float)
     expected = compute_spectrum(x)
     np.testing.assert_allclose(compute_spectrum(x * scale) / scale, expected, rtol=1e-12)
-
-
-def test_one_bad_window_of_a_batch_is_refused():
-    x = np.ones((100, 180))
-    x[70, 3] = np.inf
-    with pytest.raises(FeatureError, match='not finite'):
-        compute_spectrum(x)
 
 
 WAYS = [(d, w) for d in ('none', 'mean', 'linear') for w in ('none', 'hann')]
@@ -177,13 +138,6 @@ def test_a_line_under_any_offset_has_no_spectrum_once_it_is_taken_off(offset, sl
     rounding = np.spacing(abs(offset) + 180 * slope)
     assert compute_spectrum(x, 'linear').max() <= rounding
     assert compute_spectrum(x, 'mean').max() >= 20 * slope - rounding
-
-
-def test_a_line_changes_nothing_but_rounding():
-    wave = 0.02 * np.sin(2 * np.pi * 15 * np.arange(180) / 180) + 0.01 * RNG.normal(size=180)
-    tilted = wave + 5.0 - 0.73 / 60 * np.arange(180)
-    expected = compute_spectrum(wave, 'linear')
-    np.testing.assert_allclose(compute_spectrum(tilted, 'linear'), expected, atol=1e-15)
 
 
 @given(
@@ -217,18 +171,6 @@ def test_a_part_has_two_samples_at_least_and_the_whole_at_most():
     for n in (0, 1, 181):
         with pytest.raises(FeatureError, match='must have 2 to 180 samples'):
             compute_partial_spectrum(np.arange(n), 180)
-
-
-@pytest.mark.parametrize(('detrend', 'window'), WAYS)
-def test_scipy_means_the_same(detrend, window):
-    x = 5.0 - 0.02 * np.arange(180) + 0.01 * RNG.normal(size=180)
-    kind = {'none': False, 'mean': 'constant', 'linear': 'linear'}[detrend]
-    shape = 'boxcar' if window == 'none' else window
-    power = scipy.signal.periodogram(x, window=shape, detrend=kind, scaling='spectrum')[1]
-    peak = np.sqrt(2 * power)
-    peak[-1] /= np.sqrt(2)
-    peak[0] = 0.0
-    np.testing.assert_allclose(compute_spectrum(x, detrend, window), peak, atol=1e-13)
 
 
 @pytest.mark.parametrize(('detrend', 'window'), [('cubic', 'none'), ('linear', 'hamming')])

@@ -70,7 +70,6 @@ def test_a_window_allows_a_hundredth_of_its_length(phase, most_s):
 
 
 def test_a_short_crop_allows_less():
-    config = dataclasses.replace(CONFIG, texture_crop_start_s=0.05)
     for crop_s, outcome in ((0.05, Outcome.BAD_TIME), (0.0, Outcome.OK)):
         config = dataclasses.replace(CONFIG, texture_crop_start_s=crop_s)
         inputs = event(2.0, 'glide'), block(0, 50, stamp_error_s=0.008), event(3.5, 'release')
@@ -133,7 +132,7 @@ def stepped(at, step_s, count=100):
     return block(0, at), first, block(at + 1, count, shift_s=step_s)
 
 
-@pytest.mark.parametrize('step_s', [5.0, 0.3, -0.3, -5.0])
+@pytest.mark.parametrize('step_s', [5.0, -0.3])
 @pytest.mark.parametrize('phase', ['glide', 'hold'])
 @pytest.mark.parametrize('at', [21, 23, 30])
 def test_a_window_across_a_step_of_the_clock_is_refused(phase, at, step_s):

@@ -95,7 +95,7 @@ class SetResult:
             'simulated': recordings.simulated,
             'trials': len(recordings.table),
             'feature_set': recordings.table.spec.feature_set,
-            'feature_parameters': recordings.table.spec.stated,
+            'feature_parameters': dict(recordings.table.spec.parameters),
             'features': list(recordings.table.spec.names),
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
             'learning_curves': [curve.to_dict() for curve in self.curves],

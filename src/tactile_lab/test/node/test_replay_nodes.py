@@ -28,16 +28,6 @@ def test_bag_through_nodes_equals_bag_through_core(stiffness_bag, trained, conte
     assert comparison.window_count == comparison.classification_count == 15
 
 
-def test_parameters_of_the_recording_reach_the_nodes(stiffness_bag, context):
-    with TactileBag(stiffness_bag) as bag:
-        config = dataclasses.replace(recorded_config(bag), stiffness_settle_s=1.0)
-        core = replay_through_core(bag, {}, config)
-        nodes = replay_through_nodes(bag, {}, config, context, expected=core)
-        usual = replay_through_core(bag, {}, recorded_config(bag))
-    assert compare(core, nodes, ('core', 'nodes')).is_equal
-    assert not compare(core, usual, ('core', 'usual')).is_equal
-
-
 def test_model_that_does_not_fit_stops_the_replay(stiffness_bag, trained, context):
     with TactileBag(stiffness_bag) as bag:
         config = dataclasses.replace(recorded_config(bag), stiffness_settle_s=1.0)

@@ -15,10 +15,8 @@ START_NS = 1_600_000_000_000_000_000
 PHASES = ('approach', 'contact', 'hold', 'release', 'done')
 STEPS = [
     (-60, StrainStatus.CLOCK_STEP),
-    (-15, StrainStatus.CLOCK_STEP),
     (60, StrainStatus.CLOCK_STEP),
     (-0.5, StrainStatus.CLOCK_STEP),
-    (-60, 0),
     (-15, 0),
 ]
 
@@ -28,7 +26,7 @@ def event(stamp_ns, phase, trial='t'):
 
 
 def stepped_recording(
-    step_s, status, *, at=4_000, starts, lost=(), restart=False, late_s=0.0, count=9_000
+    step_s, status, *, at=4_000, starts, lost=(), restart=False, late_s=0.0, count=6_600
 ):
     """Return the audits of trials of 4 s, while the clock is set with sample ``at``.
 
@@ -66,13 +64,12 @@ def step_finding(step_s):
 
 
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
-@pytest.mark.parametrize('late_s', [0.0, 0.05])
 @pytest.mark.parametrize(
-    'starts',
+    ('starts', 'late_s'),
     [
-        pytest.param([4_010, 5_000, 6_000, 8_000], id='before'),
-        pytest.param([1_000, 3_590, 4_010, 5_000], id='between'),
-        pytest.param([3_000, 3_598, 4_002], id='at the edges'),
+        pytest.param([4_010, 5_000, 6_000], 0.05, id='before'),
+        pytest.param([1_000, 3_590, 4_010, 5_000], 0.0, id='between'),
+        pytest.param([3_000, 3_598, 4_002], 0.05, id='at the edges'),
     ],
 )
 def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_s):
@@ -82,11 +79,11 @@ def test_a_clock_step_outside_of_trials_fails_none(step_s, status, starts, late_
         assert audit.sample_count == 400
         assert audit.rate_hz == pytest.approx(100.0)
     assert recording.findings == (step_finding(step_s) + 'recording',)
-    assert (recording.sample_count, recording.lost_count) == (9_000, 0)
+    assert (recording.sample_count, recording.lost_count) == (6_600, 0)
 
 
 @pytest.mark.parametrize(('step_s', 'status'), STEPS)
-@pytest.mark.parametrize('at', [3_902, 4_000, 4_200, 4_299])
+@pytest.mark.parametrize('at', [3_902, 4_299])
 def test_a_clock_step_in_a_trial_fails_only_this_one(step_s, status, at):
     starts = [1_000, 3_900, 4_400, 6_000]
     before, during, *after, _ = stepped_recording(step_s, status, at=at, starts=starts)
@@ -117,16 +114,15 @@ def test_trials_after_a_restart_with_a_clock_step_pass(step_s, status):
     assert recording.duplicate_count == 0
 
 
-@pytest.mark.parametrize('step_s', [-60, -15, 60])
-def test_many_clock_steps_take_little_memory(step_s):
+def test_many_clock_steps_take_little_memory():
     auditor = FingerAuditor('', 100.0)
     auditor.add_event(event(START_NS, 'contact'))
     tracemalloc.start()
     try:
-        for i in range(12_000):
-            if i == 5_000:
+        for i in range(5_000):
+            if i == 2_500:
                 early = tracemalloc.get_traced_memory()[0]
-            stamp_ns = START_NS + i * PERIOD_NS + i // 10 * step_s * 10**9
+            stamp_ns = START_NS + i * PERIOD_NS + i // 10 * -15 * 10**9
             status = StrainStatus.CLOCK_STEP * (i % 10 == 0)
             block = StrainBlock(stamp_ns, i, PERIOD_NS, np.zeros(1), status=status)
             assert auditor.add_block(block) == []
@@ -135,7 +131,7 @@ def test_many_clock_steps_take_little_memory(step_s):
         tracemalloc.stop()
     trial, recording = auditor.finish()
     assert 'during the trial, the first of' in trial.findings[0]
-    assert 'during the recording, the first of 1199 steps' in recording.findings[0]
+    assert 'during the recording, the first of 499 steps' in recording.findings[0]
 
 
 @pytest.mark.parametrize('step_s', [-60, -15, 60, 10**9])

@@ -34,7 +34,11 @@ from tactile_lab.report.summary import answer_rows, tell_accuracy
 from tactile_ros.errors import TactileError
 
 PAPER: Mapping[str, Any] = MappingProxyType(
-    {**TextureSpectrum.unstated, 'stiffness_features': StiffnessRegression.name}
+    {
+        'spectrum_detrend': 'mean',
+        'spectrum_window': 'none',
+        'stiffness_features': StiffnessRegression.name,
+    }
 )
 """The paper's features of its own windows, by the fields of `FeatureConfig`."""
 
@@ -196,7 +200,7 @@ def _is_unlike_paper(table: FeatureTable) -> bool:
     spec = table.spec
     if spec.feature_set != TextureSpectrum.name:
         return spec.feature_set == StiffnessRelaxation.name
-    return any(spec.stated[name] != value for name, value in TextureSpectrum.unstated.items())
+    return any(spec.parameters.get(name) != PAPER[name] for name in TextureSpectrum.options)
 
 
 def _select_published(table: FeatureTable, request: EvaluateRequest) -> FeatureTable | None:
