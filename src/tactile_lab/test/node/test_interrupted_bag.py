@@ -34,7 +34,8 @@ from waiting import wait_until
 @pytest.fixture(autouse=True)
 def short_trials(monkeypatch):
     """The operator waits for an end that nobody may be left to tell."""
-    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 30.0)
+    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 20.0)
+    monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.5)
 
 
 def record_until_interrupted(bag, phase):

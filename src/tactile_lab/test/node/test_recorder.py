@@ -1,6 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from contextlib import contextmanager
 import dataclasses
 import errno
 import os
@@ -40,12 +41,40 @@ from waiting import wait_until
 DEADLINE_S = 10.0
 
 
+class Source:
+    """A node that publishes samples and events, and what a recorder beside it writes."""
+
+    def __init__(self, context, namespace=''):
+        self.context = context
+        self.node = Node('source', context=context, namespace=namespace)
+        self.strain = self.node.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+        self.events = self.node.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+
+    def send(self, sequences):
+        for i in sequences:
+            self.strain.publish(strain_block(i, i * 10**7))
+
+    @contextmanager
+    def recorded(self, description, namespace='', **options):
+        """Give the recorder that records what is sent."""
+        graph = running_graph([description], self.context, others=[self.node], **options)
+        with graph as nodes:
+            recorder = nodes['bag_recorder']
+            for publisher in (self.strain, self.events):
+                wait_until(lambda publisher=publisher: publisher.get_subscription_count())
+            topics = {f'{namespace}/tendon_sensor/strain', f'{namespace}/trial_runner/events'}
+            wait_until(lambda: not topics & set(recorder.unmatched_topics()))
+            yield recorder
+
+
+def describe_recorder(path):
+    return recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)
+
+
 def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
-    source = Node('source', context=context, namespace='thumb')
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
-    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    source = Source(context, 'thumb')
     early = TrialEvent(trial_id='a', phase='approach')
-    events.publish(early)  # latched: sent before the recorder is there
+    source.events.publish(early)  # latched: sent before the recorder is there
     blocks = [
         serialize_message(
             StrainBlock(sequence=i, period_ns=16_666_667, tension_n=[0.1 * i, -1e-300])
@@ -53,15 +82,11 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         for i in range(200)
     ]
     path = tmp_path / 'bag'
-    graph = [recorder_node(path, None, ('c',), {}, namespaces=('thumb',), simulated=False)]
-    with running_graph(graph, context, others=[source]) as nodes:
-        recorder = nodes['bag_recorder']
-        missing = '/thumb/tactile_features/features'
-        wait_until(lambda: strain.get_subscription_count() == 1)
-        wait_until(lambda: '/thumb/tendon_sensor/strain' not in recorder.unmatched_topics())
-        assert missing in recorder.unmatched_topics()
+    description = recorder_node(path, None, ('c',), {}, namespaces=('thumb',), simulated=False)
+    with source.recorded(description, '/thumb') as recorder:
+        assert '/thumb/tactile_features/features' in recorder.unmatched_topics()
         for block in blocks:
-            strain.publish(block)
+            source.strain.publish(block)
         wait_until(lambda: recorder.message_count == 201)
     with TactileBag(path) as bag:
         assert bag.metadata['simulated'] is False
@@ -71,21 +96,17 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
 
 
 def test_what_came_before_the_end_is_in_the_bag(context, tmp_path):
-    source = Node('source', context=context)
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    source = Source(context)
     path = tmp_path / 'bag'
-    recorder = create_node(
-        recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False), context
-    )
+    recorder = create_node(describe_recorder(path), context)
     group = NodeGroup([recorder], context=context).__enter__()
     assert recorder.bring_up()
-    wait_until(lambda: strain.get_subscription_count() == 1)
+    wait_until(lambda: source.strain.get_subscription_count() == 1)
     recorder.worker.stop()  # as on a computer that is too busy to write at once
-    for i in range(10):
-        strain.publish(strain_block(i, i * 10**7))
-    assert strain.wait_for_all_acked(Duration(seconds=DEADLINE_S))
+    source.send(range(10))
+    assert source.strain.wait_for_all_acked(Duration(seconds=DEADLINE_S))
     group.close()
-    source.destroy_node()
+    source.node.destroy_node()
     with TactileBag(path) as bag:
         assert [m.decode().sequence for m in bag.messages(STRAIN)] == list(range(10))
 
@@ -103,23 +124,15 @@ def strain_block(sequence, stamp_ns):
 
 
 def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
-    source = Node('source', context=context)
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
-    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    source = Source(context)
     received = []
-    source.create_subscription(RecordingAudit, 'bag_recorder/audit', received.append, EVENTS)
+    source.node.create_subscription(RecordingAudit, 'bag_recorder/audit', received.append, EVENTS)
     path = tmp_path / 'bag'
-    graph = [recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)]
-    with running_graph(graph, context, others=[source]) as nodes:
-        recorder = nodes['bag_recorder']
-        wait_until(lambda: strain.get_subscription_count() and events.get_subscription_count())
-        wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
-        events.publish(trial_event('approach', 10**9))
-        events.publish(trial_event('done', 2 * 10**9))
+    with source.recorded(describe_recorder(path)) as recorder:
+        source.events.publish(trial_event('approach', 10**9))
+        source.events.publish(trial_event('done', 2 * 10**9))
         wait_until(lambda: recorder.message_count == 2)
-        for i in range(300):
-            if i != 150:
-                strain.publish(strain_block(i, i * 10**7))
+        source.send(i for i in range(300) if i != 150)
         wait_until(lambda: received)
         assert not received[0].passed
         assert received[0].trial_id == 't'
@@ -134,14 +147,9 @@ def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
 
 
 def test_messages_keep_their_order_when_the_clock_is_set_back(context, tmp_path, monkeypatch):
-    source = Node('source', context=context)
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    source = Source(context)
     path = tmp_path / 'bag'
-    graph = [recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)]
-    with running_graph(graph, context, others=[source]) as nodes:
-        recorder = nodes['bag_recorder']
-        wait_until(lambda: strain.get_subscription_count() == 1)
-        wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
+    with source.recorded(describe_recorder(path)) as recorder:
         real, set_back = recorder.get_clock(), []
         late = SimpleNamespace(now=lambda: real.now() - Duration(seconds=5.0 * len(set_back)))
         monkeypatch.setattr(recorder, 'get_clock', lambda: late)
@@ -149,7 +157,7 @@ def test_messages_keep_their_order_when_the_clock_is_set_back(context, tmp_path,
             if i in (10, 20):
                 wait_until(lambda i=i: recorder.message_count == i)
                 set_back.append(i)
-            strain.publish(strain_block(i, i * 10**7))
+            source.send([i])
         wait_until(lambda: recorder.message_count == 30)
     with TactileBag(path) as bag:
         messages = list(bag.messages(STRAIN))
@@ -158,7 +166,7 @@ def test_messages_keep_their_order_when_the_clock_is_set_back(context, tmp_path,
 
 
 def test_what_a_hand_has_not_is_not_waited_for(context, tmp_path):
-    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    description = describe_recorder(tmp_path / 'bag')
     on_hand = dataclasses.replace(description, parameters={**description.parameters, 'rig': False})
     with running_graph([on_hand], context) as nodes:
         missing = nodes['bag_recorder'].unmatched_topics()
@@ -171,7 +179,7 @@ def test_a_recording_that_lacks_a_topic_says_which(context, tmp_path):
     received = []
     listener = Node('listener', context=context)
     listener.create_subscription(DiagnosticArray, '/diagnostics', received.append, 10)
-    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    description = describe_recorder(tmp_path / 'bag')
     parameters = {**description.parameters, 'match_timeout_s': 0.0}
     impatient = dataclasses.replace(description, parameters=parameters)
     with running_graph([impatient], context, others=[listener]):
@@ -189,19 +197,18 @@ def messages_on_disk(path):
         return []  # not there yet
 
 
-def publish_until(strain, condition):
+def send_until(source, condition):
     """Publish one block again and again: of a match, each side knows on its own."""
 
     def publish():
-        strain.publish(strain_block(0, 0))
+        source.send([0])
         return condition()
 
     wait_until(publish)
 
 
 def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
-    source = Node('source', context=context)
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    source = Source(context)
     path = tmp_path / 'bag'
     program = 'from tactile_bags.nodes.bag_recorder_node import main; main()'
     facts = '{"simulated": true, "operator": "nobody"}'
@@ -209,17 +216,15 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
     with subprocess.Popen([sys.executable, '-c', program, *arguments], env=environment) as process:
         try:
-            publish_until(strain, lambda: messages_on_disk(path))
-            for i in range(1, 100):
-                strain.publish(strain_block(i, i * 10**7))
+            send_until(source, lambda: messages_on_disk(path))
+            source.send(range(1, 100))
             # The file is read while it is written: this is what a crash would leave.
             wait_until(lambda: messages_on_disk(path)[-1] == 99)
-            for i in range(100, 150):
-                strain.publish(strain_block(i, i * 10**7))
+            source.send(range(100, 150))
         finally:
             process.send_signal(signal.SIGKILL)
         process.wait(DEADLINE_S)
-    source.destroy_node()
+    source.node.destroy_node()
     sequences = messages_on_disk(path)
     last = sequences[-1]
     assert last >= 99
@@ -236,14 +241,11 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
 
 
 def test_a_disk_that_takes_no_more_ends_the_recording_with_a_sentence(tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, 'No space left on device')
-
     with BagWriter(tmp_path / 'bag', {}) as writer:
         name = writer.add_topic(STRAIN_TOPIC)
         writer.write_raw(name, 1, b'')
         with monkeypatch.context() as patch:
-            patch.setattr(McapWriter, 'sync', full)
+            patch.setattr(McapWriter, 'sync', full_disk)
             with pytest.raises(BagError, match='No space left'):
                 writer.sync()
         writer.save()
@@ -255,32 +257,26 @@ def full_disk(*_):
 
 @pytest.mark.parametrize('failing', ['write', 'sync'])
 def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monkeypatch, failing):
-    source = Node('source', context=context)
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    source = Source(context)
     received, statuses, ends = [], [], []
-    source.create_subscription(StrainBlock, 'tendon_sensor/strain', received.append, STREAM)
-    source.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 10)
-    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
+    source.node.create_subscription(StrainBlock, 'tendon_sensor/strain', received.append, STREAM)
+    source.node.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 10)
+    description = describe_recorder(tmp_path / 'bag')
 
     def until_failed():
-        with running_graph(
-            [description], context, others=[source], on_end=lambda: ends.append(1)
-        ) as nodes:
-            recorder = nodes['bag_recorder']
-            wait_until(lambda: strain.get_subscription_count() == 2)
-            wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
-            strain.publish(strain_block(0, 0))
+        with source.recorded(description, on_end=lambda: ends.append(1)) as recorder:
+            wait_until(lambda: source.strain.get_subscription_count() == 2)
+            source.send([0])
             wait_until(lambda: messages_on_disk(tmp_path / 'bag') == [0])
             with monkeypatch.context() as patch:
                 patch.setattr(McapWriter, failing, full_disk)
-                strain.publish(strain_block(1, 10**7))
+                source.send([1])
                 wait_until(lambda: recorder.is_finished)
             assert recorder.has_failed
             assert 'No space left' in recorder.failure
             with pytest.raises(TactileError, match='No space left'):
                 check_recording(recorder)
-            for i in range(2, 5):
-                strain.publish(strain_block(i, i * 10**7))
+            source.send(range(2, 5))
             wait_until(lambda: len(received) == 5)
             wait_until(
                 lambda: any(
@@ -297,8 +293,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(context, tmp_path, monk
 
 
 def test_a_disk_that_is_full_at_the_very_end_is_told(context, tmp_path, monkeypatch):
-    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
-    recorder = create_node(description, context)
+    recorder = create_node(describe_recorder(tmp_path / 'bag'), context)
     assert recorder.bring_up()
     monkeypatch.setattr(McapWriter, 'write_metadata', full_disk)
     recorder.take_down()
@@ -315,15 +310,13 @@ def test_a_recording_that_fails_before_it_begins_is_refused_in_peace(
         return full_disk() if topic.type_name == AUDIT else add_channel(writer, topic)
 
     monkeypatch.setattr(McapWriter, 'add_channel', add_until_full)
-    description = recorder_node(tmp_path / 'bag', None, (), {}, simulated=False)
-    recorder = create_node(description, context)
+    recorder = create_node(describe_recorder(tmp_path / 'bag'), context)
     assert recorder.trigger_configure() == TransitionCallbackReturn.FAILURE
     recorder.take_down()
 
 
 def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, tmp_path):
-    source = Node('source', context=context)
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    source = Source(context)
     program = (
         'import sys\n'
         'from tactile_bags.nodes.bag_recorder_node import main\n'
@@ -342,11 +335,11 @@ def test_a_recorder_in_a_process_of_its_own_ends_with_1_on_a_full_disk(context, 
         text=True,
     ) as process:
         try:
-            publish_until(strain, lambda: process.poll() is not None)
+            send_until(source, lambda: process.poll() is not None)
             _, log = process.communicate(timeout=DEADLINE_S)
         finally:
             process.kill()
-    source.destroy_node()
+    source.node.destroy_node()
     assert process.returncode == 1
     assert 'No space left on device; 0 messages are saved' in log
     assert 'Traceback' not in log
@@ -359,16 +352,10 @@ def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_
         return strain_block_from_msg(msg)
 
     monkeypatch.setattr('tactile_bags.nodes.bag_recorder_node.strain_block_from_msg', stumble)
-    source = Node('source', context=context)
-    strain = source.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    source = Source(context)
     path = tmp_path / 'bag'
-    description = recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)
-    with running_graph([description], context, others=[source]) as nodes:
-        recorder = nodes['bag_recorder']
-        wait_until(lambda: strain.get_subscription_count() == 1)
-        wait_until(lambda: '/tendon_sensor/strain' not in recorder.unmatched_topics())
-        for i in range(3):
-            strain.publish(strain_block(i, i * 10**7))
+    with source.recorded(describe_recorder(path)) as recorder:
+        source.send(range(3))
         wait_until(lambda: recorder.message_count == 3)
     assert messages_on_disk(path) == [0, 1, 2]
     (audit,) = recorder.audits
@@ -376,18 +363,16 @@ def test_a_message_that_cannot_be_audited_is_recorded_all_the_same(context, tmp_
 
 
 def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
-    source = Node('source', context=context)
-    events = source.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
-    events.publish(TrialEvent(trial_id='early', phase='approach'))
-    path = tmp_path / 'bag'
-    recorder = create_node(recorder_node(path, None, (), {}, simulated=False), context)
+    source = Source(context)
+    source.events.publish(TrialEvent(trial_id='early', phase='approach'))
+    recorder = create_node(describe_recorder(tmp_path / 'bag'), context)
     recorder.trigger_configure()
-    with NodeGroup([source, recorder], context=context):
+    with NodeGroup([source.node, recorder], context=context):
         wait_until(lambda: '/trial_runner/events' not in recorder.unmatched_topics())
         assert recorder.message_count == 0
         recorder.trigger_activate()
         wait_until(lambda: recorder.message_count == 1)
         recorder.trigger_deactivate()
-        events.publish(TrialEvent(trial_id='late', phase='done'))
+        source.events.publish(TrialEvent(trial_id='late', phase='done'))
         recorder.trigger_activate()
         wait_until(lambda: recorder.message_count >= 2)
