@@ -23,11 +23,12 @@ from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE,
 from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
 from tactile_classifier.evaluation.intervals import difference_interval, Interval
 from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.evaluation.results import Result
 from tactile_classifier.evaluation.significance import rank_features
 
 
 @dataclasses.dataclass(frozen=True)
-class SelectionResult:
+class SelectionResult(Result):
     """One classifier with all features, and with those selected inside each fold.
 
     Attributes
@@ -60,17 +61,8 @@ class SelectionResult:
         return 'no clear difference'
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON can hold."""
-        return {
-            'classifier': self.classifier,
-            'scaling': self.scaling,
-            'split': self.split,
-            'chosen_counts': list(self.chosen_counts),
-            'all_mean': self.all_mean,
-            'selected_mean': self.selected_mean,
-            'difference': self.difference.to_dict(),
-            'verdict': self.verdict,
-        }
+        """Return the fields and the verdict by name as what JSON can hold."""
+        return {**super().to_dict(), 'verdict': self.verdict}
 
 
 class SelectionPlan:

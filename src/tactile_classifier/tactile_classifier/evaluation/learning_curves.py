@@ -17,12 +17,13 @@ from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
 from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
 from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.evaluation.results import Result
 
 _FEWEST = 2  # of each class: three neighbours need three trials, and there are two classes
 
 
 @dataclasses.dataclass(frozen=True)
-class LearningCurve:
+class LearningCurve(Result):
     """How one classifier with one scaling does with fewer trials to train on.
 
     Attributes
@@ -42,15 +43,8 @@ class LearningCurve:
     accuracies: npt.NDArray[np.float64]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the curve as what JSON can hold."""
-        return {
-            'classifier': self.classifier,
-            'scaling': self.scaling,
-            'split': self.split,
-            'trials_per_class': list(self.trials_per_class),
-            'accuracies': self.accuracies.tolist(),
-            'mean': self.accuracies.mean(axis=1).tolist(),
-        }
+        """Return the fields and the means by name as what JSON can hold."""
+        return {**super().to_dict(), 'mean': self.accuracies.mean(axis=1).tolist()}
 
 
 class LearningPlan:

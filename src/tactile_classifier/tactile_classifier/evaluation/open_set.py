@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,10 +32,11 @@ from tactile_classifier.estimators.classifiers import (
     SCORE_KINDS,
 )
 from tactile_classifier.estimators.threads import on_one_thread
+from tactile_classifier.evaluation.results import Result
 
 
 @dataclasses.dataclass(frozen=True)
-class UnknownLabel:
+class UnknownLabel(Result):
     """How one label fares that the model was never told of.
 
     Attributes
@@ -55,7 +56,7 @@ class UnknownLabel:
 
 
 @dataclasses.dataclass(frozen=True)
-class OpenSetEvaluation:
+class OpenSetEvaluation(Result):
     """Rejection of unknown labels and calibration of scores, under one split.
 
     Attributes
@@ -97,10 +98,6 @@ class OpenSetEvaluation:
     calibration_error_before: float
     calibration_error_after: float
     raw_parts: int = 0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the evaluation as what JSON can hold."""
-        return dataclasses.asdict(self)
 
 
 @on_one_thread
