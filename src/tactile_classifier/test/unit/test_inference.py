@@ -70,7 +70,6 @@ def test_probabilities_add_up_to_one(small_table, tmp_path, make_window, classif
             {'rate_hz': 100.0},
             'rate in Hz is 100.0; the model was trained on 60.0: set rate_hz of the feature node',
         ),
-        ({'specification_digest': ''}, 'do not state the specification that made them: update'),
         (
             {'specification_digest': 'ab' * 8},
             'set on the feature node max_gap_samples 0, spectrum_detrend linear',

@@ -35,14 +35,6 @@ GOOD = Manifest(
 TRAINING = dataclasses.asdict(TrainingTrials(2, 1, 1, 0.02, 0.02, 120))
 
 
-def test_file_of_format_version_4_states_no_conditions():
-    content = json.loads(GOOD.to_json())
-    del content['training']
-    old = Manifest.from_json(json.dumps({**content, 'format_version': 4}))
-    assert old == GOOD
-    assert old.training == TrainingTrials()
-
-
 def test_round_trip():
     assert Manifest.from_json(GOOD.to_json()) == GOOD
 
@@ -54,12 +46,10 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'format_version': 6}, 'format version 6, this software reads up to 5: update'),
+        ({'format_version': 5}, 'format version 5, this software reads 6: train the model again'),
         ({'specification_digest': 'ab' * 8}, 'not that of its feature specification'),
         ({'specification_digest': 7}, 'no valid entry "specification_digest"'),
-        ({'format_version': None}, 'states no format version'),
-        ({'format_version': True}, 'states no format version'),
-        ({'format_version': 0}, 'states no format version'),
+        ({'format_version': None}, 'format version None'),
         ({'labels': 'pla'}, 'no valid entry "labels"'),
         ({'labels': ['pla', 3]}, 'no valid entry "labels"'),
         ({'labels': ['pla']}, 'not two or more different names'),
@@ -98,7 +88,7 @@ JSON = st.recursive(
 )
 
 
-@settings(deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(sorted(json.loads(GOOD.to_json()))), JSON)
 def test_any_entry_may_hold_anything(field, value):
     with contextlib.suppress(ModelFileError):

@@ -143,7 +143,7 @@ def test_worse_in_one_session_alone_is_calibrated():
     assert not found.keeps_raw
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(6, 60))
 def test_a_faultless_classifier_never_wins(seed, trials):
     """One imagined miss outweighs all that calibration takes off certainty."""
