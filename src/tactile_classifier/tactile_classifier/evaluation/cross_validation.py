@@ -352,3 +352,16 @@ def predict_folds(
         estimator.fit(values[train], labels[train])
         answers.append(estimator.predict(values[test]))
     return answers
+
+
+def check_folds(
+    classifier: str,
+    scaling: str,
+    values: npt.NDArray[np.float64],
+    labels: npt.NDArray[np.str_],
+    folds: Sequence[Fold],
+    channels: int = 1,
+) -> list[npt.NDArray[np.bool_]]:
+    """Return which test trials of each fold `predict_folds` names correctly."""
+    answers = predict_folds(classifier, scaling, values, labels, folds, channels)
+    return [said == labels[test] for said, (_, test) in zip(answers, folds, strict=True)]

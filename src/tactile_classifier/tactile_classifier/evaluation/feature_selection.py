@@ -20,7 +20,7 @@ from tactile_classifier.datasets.conditions import find_cells, find_strata
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
-from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
+from tactile_classifier.evaluation.cross_validation import check_folds, list_pairs
 from tactile_classifier.evaluation.intervals import difference_interval, Interval
 from tactile_classifier.evaluation.plans import Task
 from tactile_classifier.evaluation.results import Result
@@ -178,7 +178,7 @@ def compare_selection(
 
     The count with the best accuracy over the inner folds is kept, the smallest of the best.
     """
-    train, test = fold
+    train, _ = fold
     strata = np.zeros(len(labels), dtype=np.intp) if strata is None else strata
     ranked, *inner_ranked = (
         rank_features(values[part], labels[part], strata[part])
@@ -188,22 +188,15 @@ def compare_selection(
     for pair in pairs:
         right_counts = [
             sum(
-                int(
-                    np.sum(
-                        predict_folds(*pair, values[:, order[:count]], labels, [part])[0]
-                        == labels[part[1]]
-                    )
-                )
+                int(check_folds(*pair, values[:, order[:count]], labels, [part])[0].sum())
                 for order, part in zip(inner_ranked, inner, strict=True)
             )
             for count in counts
         ]
         best = counts[int(np.argmax(right_counts))]
-        answers = [
-            predict_folds(*pair, np.ascontiguousarray(chosen), labels, [fold])[0]
+        right = (
+            check_folds(*pair, np.ascontiguousarray(chosen), labels, [fold])[0]
             for chosen in (values, values[:, ranked[:best]])
-        ]
-        results.append(
-            FoldSelection(best, *((said == labels[test]).astype(np.float64) for said in answers))
         )
+        results.append(FoldSelection(best, *(each.astype(np.float64) for each in right)))
     return results
