@@ -55,13 +55,6 @@ def test_order_is_kept_and_probabilities_add_up_to_one(scores, slope, offset):
     assert (probabilities[rows, answer] >= probabilities.max(axis=1) * (1 - 1e-15)).all()
 
 
-def test_a_classifier_without_a_mistake_claims_no_certainty():
-    true = np.arange(40) % 4
-    found = Calibration.fit(np.eye(4)[true], true)
-    highest = found.compute(np.eye(4))[0, 0]
-    assert 0.95 < highest < 0.99
-
-
 def test_calibration_error_of_known_numbers():
     # Two bins: 0.9 stated and 3 of 4 right, 0.6 stated and 2 of 2 right.
     stated = np.array([0.9] * 4 + [0.6] * 2)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.manifest import Manifest, TrainingTrials
+from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, TrainingTrials
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 
@@ -32,6 +32,7 @@ GOOD = Manifest(
 )
 
 
+STAGE = dataclasses.asdict(FULL_WINDOW)
 TRAINING = dataclasses.asdict(TrainingTrials(2, 1, 1, 0.02, 0.02, 120))
 
 
@@ -66,6 +67,14 @@ def changed(**changes):
         ({'training': {**TRAINING, 'sessions': 1.5}}, 'no valid entry "sessions" in "training"'),
         ({'training': {**TRAINING, 'fastest_m_s': math.inf}}, 'no valid entry "fastest_m_s"'),
         ({'surprise': 1}, 'unknown entry "surprise"'),
+        ({'stop_error_rate': 2.0}, 'a rate that is not between 0 and 1'),
+        ({'stages': []}, 'its stages have'),
+        ({'stages': 3}, 'no valid entry "stages"'),
+        ({'stages': [{**STAGE, 'sample_count': 60}]}, r'its stages have \[60\]'),
+        ({'stages': [{**STAGE, 'sample_count': True}]}, 'no valid entry "sample_count"'),
+        ({'stages': [{**STAGE, 'novelty_threshold': math.inf}]}, '"novelty_threshold"'),
+        ({'stages': [{**STAGE, 'novelty_threshold': math.nan}]}, '"novelty_threshold"'),
+        ({'stages': [{**STAGE, 'more': 1}]}, 'no valid entry "stages"'),
     ],
 )
 def test_tampered_manifest_is_refused(changes, message):

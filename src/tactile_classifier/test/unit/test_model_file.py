@@ -183,18 +183,10 @@ def test_the_manifest_alone_is_read_without_a_runtime(model_path, monkeypatch, t
         read_manifest(changed)
 
 
-@pytest.mark.parametrize(
-    ('config', 'message'),
-    [
-        (FeatureConfig(rate_hz=100.0), 'rate in Hz differs: 60.0 here, 100.0 there'),
-        (FeatureConfig(texture_samples=90), 'window in samples differs: 180 here, 90 there'),
-        (FeatureConfig(texture_crop_start_s=1.0), 'texture_crop_start_s'),
-    ],
-)
-def test_features_of_another_window_do_not_fit(model_path, config, message):
+def test_features_of_another_window_do_not_fit(model_path):
     model = TactileModel.load(model_path)
     model.check_fits(spec_for('texture', FeatureConfig()))
-    with pytest.raises(ModelFileError, match=message):
-        model.check_fits(spec_for('texture', config))
+    with pytest.raises(ModelFileError, match='rate in Hz differs'):
+        model.check_fits(spec_for('texture', FeatureConfig(rate_hz=100.0)))
     with pytest.raises(ModelFileError, match='feature set differs'):
         model.check_fits(spec_for('stiffness', FeatureConfig()))

@@ -151,7 +151,7 @@ def test_nesting_is_limited():
         open_container(seal(make_model([node])))
 
 
-@settings(deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.binary(max_size=200))
 def test_random_bytes_are_refused_with_a_sentence(data):
     with pytest.raises(ModelFileError):
@@ -161,7 +161,7 @@ def test_random_bytes_are_refused_with_a_sentence(data):
 GOOD = seal(make_model(initializer=[helper.make_tensor('w', 1, [2], [1.0, 2.0])]))
 
 
-@settings(deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_damaged_bytes_never_raise_anything_else(data):
     damaged = bytearray(GOOD[: data.draw(st.integers(0, len(GOOD)))])
