@@ -110,11 +110,12 @@ def test_labels_of_manifest_must_be_the_estimators(small_table, tmp_path):
 def test_written_file_replaces_and_leaves_nothing_behind(small_table, tmp_path):
     path = tmp_path / 'm.onnx'
     path.write_bytes(b'old')
-    model = write_model(path, train(small_table, 'knn'))
+    trained = train(small_table, 'knn')
+    model = write_model(path, trained)
     assert [p.name for p in tmp_path.iterdir()] == ['m.onnx']
     assert TactileModel.load(path).model_id == model.model_id
     with pytest.raises(ModelFileError, match='cannot write model'):
-        write_model(tmp_path / 'no' / 'm.onnx', train(small_table, 'knn'))
+        write_model(tmp_path / 'no' / 'm.onnx', trained)
 
 
 def test_missing_skl2onnx_says_what_to_install(small_table, tmp_path, monkeypatch):
