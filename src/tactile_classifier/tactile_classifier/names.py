@@ -32,9 +32,16 @@ def classifier_name(task: str, contact: str) -> str:
     return '_'.join(part for part in (task, contact, 'classifier') if part)
 
 
+_NAMES = {
+    classifier_name(task, contact): (task, contact)
+    for task in TASKS
+    for contact in (*CONTACTS, '')
+}
+
+
 def all_classifier_names() -> tuple[str, ...]:
     """Return the node names of the classifiers for every task and contact."""
-    return tuple(classifier_name(task, contact) for task in TASKS for contact in (*CONTACTS, ''))
+    return tuple(_NAMES)
 
 
 def parse_classifier_name(name: str) -> tuple[str, str]:
@@ -45,14 +52,11 @@ def parse_classifier_name(name: str) -> tuple[str, str]:
     TactileError
         The name is none of `all_classifier_names`.
     """
-    for task in TASKS:
-        for contact in (*CONTACTS, ''):
-            if name == classifier_name(task, contact):
-                return task, contact
-    raise TactileError(
-        f'"{name}" does not name a classifier; it must be one of '
-        + ', '.join(all_classifier_names())
-    )
+    if name not in _NAMES:
+        raise TactileError(
+            f'"{name}" does not name a classifier; it must be one of {", ".join(_NAMES)}'
+        )
+    return _NAMES[name]
 
 
 def short_scaling(scaling: str) -> str:

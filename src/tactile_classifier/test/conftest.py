@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.model_file.graphs.graph import Graph
+from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -86,6 +88,22 @@ def model_path(small_table, tmp_path_factory):
     path = tmp_path_factory.mktemp('models') / 'texture.onnx'
     write_model(path, train(small_table, 'svm_linear'))
     return path
+
+
+@pytest.fixture(scope='session')
+def run_graph():
+    """Return a function that runs operators, added to a graph behind ``x``, on rows of values."""
+    helper = pytest.importorskip('onnx', reason='onnx is not installed').helper
+
+    def run(add, values, labels):
+        graph = Graph()
+        graph.add('Identity', add(graph, 'x'), output='y')
+        shapes = {'x': (float, [None, values.shape[1]])}, {'y': (float, [None, labels])}
+        opsets = [helper.make_opsetid('', 18)]
+        model = helper.make_model(graph.to_proto(*shapes), opset_imports=opsets, ir_version=8)
+        return open_session(model.SerializeToString()).run(None, {'x': values})[0]
+
+    return run
 
 
 @pytest.fixture

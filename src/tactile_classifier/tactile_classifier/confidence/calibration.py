@@ -25,7 +25,7 @@ from tactile_classifier.confidence.novelty import (
     rank_of_sessions,
 )
 from tactile_classifier.confidence.score_choice import ScoreChoice
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import divide_groups, FeatureTable
 from tactile_classifier.errors import TooFewTrialsError
 from tactile_classifier.estimators.classifiers import (
     build_estimator,
@@ -92,10 +92,10 @@ def make_group_folds(table: FeatureTable, columns: Sequence[str] = ('session_id'
     TooFewTrialsError
         When a label has one trial only.
     """
-    group = np.zeros(len(table), dtype=np.intp)
+    group: Indices = np.zeros(len(table), dtype=np.intp)
     for column in columns:
-        codes = np.unique(table.columns.get(column, group), return_inverse=True)[1]
-        group = np.unique(group * (codes.max() + 1) + codes, return_inverse=True)[1]
+        if column in table.columns:
+            group = divide_groups(group, table.columns[column])
     labels, codes, counts = np.unique(table.labels, return_inverse=True, return_counts=True)
     groups = int(group.max()) + 1
     contains = np.zeros((groups, len(labels)), dtype=bool)

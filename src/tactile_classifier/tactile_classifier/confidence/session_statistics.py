@@ -83,13 +83,7 @@ class SessionStatistics:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the statistics as what JSON can hold, without loss."""
-        return {
-            'means': self.means.tolist(),
-            'share': self.share.tolist(),
-            'weight': self.weight,
-            'centre': self.centre,
-            'log_threshold': self.log_threshold,
-        }
+        return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
 
     @classmethod
     def from_dict(cls, entry: Mapping[str, Any], labels: int, features: int) -> SessionStatistics:

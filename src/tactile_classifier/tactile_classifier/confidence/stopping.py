@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When a early prediction is sure enough, at a stated share of wrong answers."""
+"""When an early prediction is sure enough, at a stated share of wrong answers."""
 
 from __future__ import annotations
 
@@ -77,10 +77,9 @@ def fit_stop_threshold(
         lowest = np.sort(needed)[rank_of_sessions(len(needed)) - 1]
     level = (1.0 - CONFIDENCE) / len(THRESHOLDS)
     for threshold in THRESHOLDS:
-        stage = find_first_stop(confidence, threshold)
-        early = np.flatnonzero(stage < len(confidence))
-        mistakes = int(np.count_nonzero(wrong[stage[early], early]))
-        if threshold >= lowest and binom.cdf(mistakes, len(early), error_rate) <= level:
+        mistakes = _find_mistakes(confidence, wrong, threshold)
+        bound = binom.cdf(np.count_nonzero(mistakes), len(mistakes), error_rate)
+        if threshold >= lowest and bound <= level:
             return threshold
     return None
 
@@ -89,9 +88,15 @@ def _find_safe_threshold(confidence: Matrix, wrong: Flags, error_rate: float) ->
     """Return the lowest threshold from which on a session keeps the error; infinite: none."""
     safe = np.inf
     for threshold in reversed(THRESHOLDS):
-        stage = find_first_stop(confidence, threshold)
-        early = np.flatnonzero(stage < len(confidence))
-        if len(early) and wrong[stage[early], early].mean() > error_rate:
+        mistakes = _find_mistakes(confidence, wrong, threshold)
+        if len(mistakes) and mistakes.mean() > error_rate:
             break
         safe = threshold
     return safe
+
+
+def _find_mistakes(confidence: Matrix, wrong: Flags, threshold: float) -> Flags:
+    """Return whether each early answer is wrong."""
+    stage = find_first_stop(confidence, threshold)
+    early = np.flatnonzero(stage < len(confidence))
+    return wrong[stage[early], early]

@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.dataset import FeatureTable, plain_name
+from tactile_classifier.datasets.dataset import divide_groups, FeatureTable, plain_name
 
 GROUPS = ('session_id', 'mounting_id', 'bag', 'session', 'mounting')
 """Columns that say which trials share a state of the rig."""
@@ -68,7 +68,7 @@ def find_cells(table: FeatureTable) -> Cells | None:
         codes = np.unique(column, return_inverse=True)[1]
         if name in _NUMBERS or codes.max() == 0 or 2 * codes.max() >= len(table):
             continue
-        crossed = np.unique(cell * (codes.max() + 1) + codes, return_inverse=True)[1]
+        crossed = divide_groups(cell, column)
         if crossed.max() > cell.max():
             cell, columns = crossed, [*columns, name]
     if not columns or np.median(np.bincount(cell)) < 2:
@@ -78,9 +78,9 @@ def find_cells(table: FeatureTable) -> Cells | None:
 
 def find_strata(table: FeatureTable) -> npt.NDArray[np.intp] | None:
     """Return the session of each trial, for tests within sessions; None where there is one."""
-    codes = np.unique(table.columns.get('session_id', np.zeros(len(table))), return_inverse=True)[
-        1
-    ]
+    if 'session_id' not in table.columns:
+        return None
+    codes = np.unique(table.columns['session_id'], return_inverse=True)[1]
     return codes if codes.max() > 0 else None
 
 

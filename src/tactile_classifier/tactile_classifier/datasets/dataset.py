@@ -136,6 +136,12 @@ class FeatureTable:
         return digest.hexdigest()
 
 
+def divide_groups(group: npt.NDArray[np.intp], column: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
+    """Return the group of each trial, numbered from 0, after a column has divided the groups."""
+    codes = np.unique(column, return_inverse=True)[1]
+    return np.asarray(np.unique(group * (codes.max() + 1) + codes, return_inverse=True)[1])
+
+
 _TITLES = {
     'session_id': 'session',
     'mounting_id': 'mounting',

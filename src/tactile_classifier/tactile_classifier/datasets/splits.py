@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, StratifiedKFold
 
-from tactile_classifier.datasets.dataset import FeatureTable, plain_name
+from tactile_classifier.datasets.dataset import divide_groups, FeatureTable, plain_name
 from tactile_classifier.errors import EvaluationError
 
 IndexArray = npt.NDArray[np.intp]
@@ -159,10 +159,9 @@ def grouped_split(table: FeatureTable, columns: Sequence[str]) -> Split:
     """
     name = ' and '.join(map(plain_name, columns))
     _check_classes(table)
-    groups = np.zeros(len(table), dtype=np.intp)
+    groups: IndexArray = np.zeros(len(table), dtype=np.intp)
     for column in columns:
-        codes = np.unique(table.column(column), return_inverse=True)[1]
-        groups = np.unique(groups * (codes.max() + 1) + codes, return_inverse=True)[1]
+        groups = divide_groups(groups, table.column(column))
     if groups.max() < 1:
         raise EvaluationError(f'all trials have the same {name}: there is nothing to hold out')
     for label in np.unique(table.labels):

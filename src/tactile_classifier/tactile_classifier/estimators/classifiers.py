@@ -33,7 +33,6 @@ __all__ = [
     'DEFAULT_SCALING',
     'MAX_SVM_STEPS',
     'SCALINGS',
-    'SCALING_REASONS',
     'SCORE_KINDS',
     'build_estimator',
     'compute_raw_scores',
@@ -41,18 +40,13 @@ __all__ = [
 ]
 
 DEFAULT_SCALING = {'texture': 'none', 'stiffness': 'standard'}
-"""The scaling of a task when none is asked for; `SCALING_REASONS` says why."""
+"""The scaling of a task when none is asked for.
 
-SCALING_REASONS = {
-    'texture': (
-        'all texture features are amplitudes in newtons: their sizes are information, and '
-        'scaling would give components that hold only noise the weight of the others'
-    ),
-    'stiffness': (
-        'slope [N/s], intercept [N] and correlation [1] are in different units: without '
-        'scaling the unit of force would decide which of them counts'
-    ),
-}
+All texture features are amplitudes in newtons: their sizes are information, and scaling would give
+components that hold only noise the weight of the others. Of stiffness, slope [N/s], intercept [N]
+and correlation [1] are in different units: without scaling the unit of force would decide which of
+them counts.
+"""
 
 SCORE_KINDS = {
     'knn': VOTES,

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loops of random convolutions, compiled: the bits of `random_convolutions`, faster.
+"""The loops of random convolutions, compiled.
 
-The additions come in the order of NumPy's, each rounded to single precision: no reordering, no
+Each addition is rounded to single precision, in the order that stands here: no reordering, no
 contraction to fused operations.
 """
 
@@ -25,7 +25,19 @@ _OPTIONS: Any = {
 
 @njit(**_OPTIONS)
 def _shift(x: Any, dilation: Any, order: Any, common: Any, extra: Any) -> None:
-    """Fill ``common`` and ``extra`` as `random_convolutions` does, for one signal."""
+    """Fill what all kernels have in common, and what a weight of 2 adds to it, for one signal.
+
+    Parameters
+    ----------
+    x : ndarray of float32, shape (channels, samples)
+    dilation : int
+    order : ndarray of int
+        In which the weights of -1 are added.
+    common : ndarray of float32, shape (channels, samples)
+        The sum with each of the nine weights -1.
+    extra : ndarray of float32, shape (channels, 9, samples)
+        Three times the sample under each weight; zero beyond the ends.
+    """
     channels, samples = x.shape
     taps = extra.shape[1]
     extra[:] = 0.0

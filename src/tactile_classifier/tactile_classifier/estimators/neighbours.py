@@ -12,19 +12,15 @@ rounds in one way everywhere. Of trials at the same distance the earlier one is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.distance import cdist
 from sklearn.base import BaseEstimator, ClassifierMixin
-from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_array
 
-from tactile_classifier.datasets.splits import Fold
 from tactile_classifier.errors import TooFewTrialsError
-
-__all__ = ['NEIGHBOURS', 'NearestNeighbours', 'halve', 'predict_neighbours']
 
 NEIGHBOURS = 3
 
@@ -59,56 +55,23 @@ class NearestNeighbours(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.values_ = check_array(values, dtype=np.float64, copy=True)
         self.classes_, self.codes_ = np.unique(labels, return_inverse=True)
         self.n_features_in_ = self.values_.shape[1]
-        _check_trials(len(self.values_))
+        if len(self.values_) < NEIGHBOURS:
+            raise TooFewTrialsError(
+                f'{NEIGHBOURS} neighbours are asked of {len(self.values_)} training trials: '
+                'record more'
+            )
         return self
 
     def predict_proba(self, values: npt.ArrayLike) -> Matrix:
         """Return the share of votes of each label, shape (windows, labels)."""
         rows = check_array(values, dtype=np.float64)
         nearest = _find_nearest(cdist(rows, self.values_, 'sqeuclidean'), rows, self.values_)
-        return _count(self.codes_[nearest], len(self.classes_)) / NEIGHBOURS
+        votes = self.codes_[nearest][:, :, np.newaxis] == np.arange(len(self.classes_))
+        return np.asarray(votes.sum(axis=1) / NEIGHBOURS)
 
     def predict(self, values: npt.ArrayLike) -> npt.NDArray[np.str_]:
         """Return one label a window of ``values``, shape (windows, k)."""
         return np.asarray(self.classes_[self.predict_proba(values).argmax(axis=1)])
-
-
-def predict_neighbours(
-    values: Matrix, labels: npt.NDArray[np.str_], folds: Sequence[Fold], scaling: str
-) -> list[npt.NDArray[np.str_]]:
-    """Return what `NearestNeighbours` answers for the tests of each fold.
-
-    Unscaled features need one matrix of distances for all folds.
-
-    Parameters
-    ----------
-    values : ndarray of shape (trials, k)
-        Finite.
-    labels : ndarray of str, shape (trials,)
-    folds : sequence of (ndarray, ndarray)
-    scaling : str
-        ``standard``, fitted to the training trials of each fold, or ``none``.
-
-    Raises
-    ------
-    TooFewTrialsError
-        When a fold leaves fewer than three training trials.
-    """
-    classes, codes = np.unique(labels, return_inverse=True)
-    distances = cdist(values, values, 'sqeuclidean') if scaling == 'none' else None
-    answers = []
-    for train, test in folds:
-        _check_trials(len(train))
-        known, asked = values[train], values[test]
-        if distances is None:
-            scaler = StandardScaler().fit(known)
-            known, asked = scaler.transform(known), scaler.transform(asked)
-            near = cdist(asked, known, 'sqeuclidean')
-        else:
-            near = distances[np.ix_(test, train)]
-        votes = _count(codes[train[_find_nearest(near, asked, known)]], len(classes))
-        answers.append(classes[votes.argmax(axis=1)])
-    return answers
 
 
 def halve(size: int) -> Iterator[tuple[int, int]]:
@@ -155,15 +118,3 @@ def _find_nearest(near: Matrix, rows: Matrix, known: Matrix) -> npt.NDArray[np.i
         order = np.argsort(_sum_squares(known[candidates], rows[i]), kind='stable')
         is_candidate[i, candidates[order[NEIGHBOURS:]]] = False
     return np.nonzero(is_candidate)[1].reshape(len(rows), NEIGHBOURS)
-
-
-def _count(codes: npt.NDArray[np.intp], labels: int) -> npt.NDArray[np.intp]:
-    """Return the votes for each label, shape (windows, labels)."""
-    return np.asarray((codes[:, :, np.newaxis] == np.arange(labels)).sum(axis=1))
-
-
-def _check_trials(count: int) -> None:
-    if count < NEIGHBOURS:
-        raise TooFewTrialsError(
-            f'{NEIGHBOURS} neighbours are asked of {count} training trials: record more'
-        )

@@ -19,18 +19,12 @@ docs/decisions/0007-random-convolutions.md says why aeon itself is not used.
 from __future__ import annotations
 
 import dataclasses
-from functools import lru_cache
-import importlib
-import importlib.util
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError
-
-__all__ = ['ADDED', 'KERNELS', 'MIN_SAMPLES', 'TAPS', 'RandomConvolutions']
 
 TAPS = 9
 MIN_SAMPLES = TAPS
@@ -43,9 +37,6 @@ FEATURES = 10_000
 MAX_DILATIONS = 32
 MAX_CHANNELS = 9
 """Most channels that one kernel adds up."""
-
-_BLOCK_VALUES = 2**18
-"""Most values of one array of convolutions [1]."""
 
 ADDED = (0, 1, 2, 3, 5, 6, 7, 8)
 """The order in which the weights of -1 are added to that in the middle."""
@@ -103,6 +94,9 @@ class RandomConvolutions:
         DatasetError
             When a signal is too short or a value is not finite in single precision.
         """
+        # Here, because numba takes half a second to load: only who trains pays for it.
+        from tactile_classifier.estimators.compiled_convolutions import add_chosen
+
         x = _check(signals)
         trials, channels, samples = x.shape
         dilations, counts = _choose_dilations(samples, features // len(KERNELS))
@@ -113,11 +107,13 @@ class RandomConvolutions:
             trials, size=(len(dilations), len(KERNELS))
         )
         biases, first = [], 0
+        sums = np.empty((len(KERNELS), samples), dtype=np.float32)
         for dilation, count, rows, source in zip(dilations, counts, chosen, sources, strict=True):
             size = len(KERNELS) * count
             share = quantiles[first : first + size].reshape(-1, count)
             first += size
-            biases.append(_quantiles(_add_chosen(x, rows, dilation, source), share))
+            add_chosen(x, rows, dilation, source, KERNELS, _ORDER, sums)
+            biases.append(_quantiles(sums, share))
         return cls(samples, channels, dilations, tuple(biases), sources)
 
     def transform(self, signals: npt.ArrayLike) -> Matrix:
@@ -134,6 +130,8 @@ class RandomConvolutions:
         DatasetError
             When the shape is not that of the fit or a value is not finite in single precision.
         """
+        from tactile_classifier.estimators.compiled_convolutions import count_above
+
         x = _check(signals)
         if x.shape[1:] != (self.channels, self.samples):
             raise DatasetError(
@@ -141,66 +139,13 @@ class RandomConvolutions:
                 f'convolutions were fitted to {self.channels} of {self.samples}'
             )
         values = np.empty((len(x), self.feature_count))
-        compiled = find_compiled()
-        if compiled is not None:
-            first = 0
-            for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
-                shares = np.empty((len(x), *biases.shape))
-                compiled.count_above(
-                    x, dilation, i % 2, biases, self.sources[i], KERNELS, _ORDER, shares
-                )
-                values[:, first : first + biases.size] = shares.reshape(len(x), -1)
-                first += biases.size
-            return values
-        block = max(1, _BLOCK_VALUES // (len(KERNELS) * self.samples))
-        for first in range(0, len(x), block):
-            some = slice(first, first + block)
-            self._count(x[some], values[some])
-        return values
-
-    def _count(self, x: Single, values: Matrix) -> None:
-        """Write the shares of samples above each bias, shape (trials, features)."""
         first = 0
         for i, (dilation, biases) in enumerate(zip(self.dilations, self.biases, strict=True)):
-            found = values[:, first : first + biases.size].reshape(len(x), *biases.shape)
+            shares = np.empty((len(x), *biases.shape))
+            count_above(x, dilation, i % 2, biases, self.sources[i], KERNELS, _ORDER, shares)
+            values[:, first : first + biases.size] = shares.reshape(len(x), -1)
             first += biases.size
-            common, extra = _shift(x, dilation)
-            edge = (TAPS // 2) * dilation
-            for kernels, cut in (
-                (slice(i % 2, None, 2), slice(None)),
-                (slice(1 - i % 2, None, 2), slice(edge, -edge)),
-            ):
-                sums = _add(
-                    common[..., cut], extra[..., cut], self.sources[i][kernels], KERNELS[kernels]
-                )
-                for j, bias in enumerate(biases[kernels].T):
-                    above = (sums > bias[:, np.newaxis]).view(np.uint8)
-                    count = np.add.reduce(above, axis=2, dtype=np.uint32)
-                    found[:, kernels, j] = count / sums.shape[2]
-
-
-@lru_cache(maxsize=1)
-def find_compiled() -> Any:
-    """Return the compiled loops, or None where numba is not installed."""
-    if importlib.util.find_spec('numba') is None:
-        return None
-    # Here, because numba takes half a second to load: only who trains pays for it.
-    return importlib.import_module('tactile_classifier.estimators.compiled_convolutions')
-
-
-def _add_chosen(x: Single, rows: Indices, dilation: int, sources: Indices) -> Single:
-    """Return each kernel's sums on the signal chosen for it, shape (kernels, samples)."""
-    compiled = find_compiled()
-    if compiled is not None:
-        sums = np.empty((len(KERNELS), x.shape[2]), dtype=np.float32)
-        compiled.add_chosen(x, rows, dilation, sources, KERNELS, _ORDER, sums)
-        return sums
-    return np.stack(
-        [
-            _add(*_shift(x[[row]], dilation), sources[[i]], KERNELS[[i]], fitting=True)[0, 0]
-            for i, row in enumerate(rows)
-        ]
-    )
+        return values
 
 
 def _check(signals: npt.ArrayLike) -> Single:
@@ -215,66 +160,6 @@ def _check(signals: npt.ArrayLike) -> Single:
     if not np.abs(x).max() < np.finfo(np.float32).max / (12 * MAX_CHANNELS):
         raise DatasetError('the signals hold values that are not finite in single precision')
     return x
-
-
-def _shift(x: Single, dilation: int) -> tuple[Single, Single]:
-    """Return what all kernels have in common, and what a weight of 2 adds to it.
-
-    Parameters
-    ----------
-    x : ndarray of float32, shape (trials, channels, samples)
-    dilation : int
-
-    Returns
-    -------
-    common : ndarray of float32, shape (trials, channels, samples)
-        The sum with each of the nine weights -1.
-    extra : ndarray of float32, shape (trials, channels, 9, samples)
-        Three times the sample under each weight; zero beyond the ends.
-    """
-    trials, channels, samples = x.shape
-    edge = (TAPS // 2) * dilation
-    padded = np.zeros((trials, channels, samples + 2 * edge), dtype=np.float32)
-    padded[:, :, edge : edge + samples] = x
-    extra = np.stack(
-        [padded[:, :, i * dilation : i * dilation + samples] for i in range(TAPS)], axis=2
-    )
-    common = -x
-    for i in ADDED:
-        common -= extra[:, :, i]
-    extra *= np.float32(3)
-    return common, extra
-
-
-def _add(
-    common: Single, extra: Single, sources: Indices, kernels: Indices, *, fitting: bool = False
-) -> Single:
-    """Return the sums of kernels over their channels, shape (trials, kernels, samples).
-
-    Parameters
-    ----------
-    common, extra : ndarrays of float32
-        From `_shift`.
-    sources, kernels : ndarrays of int, shapes (kernels, 9) and (kernels, 3)
-    fitting : bool
-        Whether to add in the order of aeon's fit, which is not that of its transformation.
-    """
-    sums = np.zeros((len(common), len(kernels), common.shape[2]), dtype=np.float32)
-    for source in sources.T:
-        used = np.flatnonzero(source >= 0)
-        if not len(used):
-            break
-        channel = source[used]
-        term = common[:, channel]
-        first, second, third = (extra[:, channel, tap] for tap in kernels[used].T)
-        if fitting:
-            term += first + second + third
-        else:
-            term += first
-            term += second
-            term += third
-        sums[:, used] += term
-    return sums
 
 
 def _choose_dilations(samples: int, count: int) -> tuple[Indices, Indices]:

@@ -32,16 +32,16 @@ from tactile_classifier.estimators.classifiers import (
     RANDOM_STATE,
     SCALINGS,
 )
-from tactile_classifier.estimators.neighbours import predict_neighbours
 from tactile_classifier.evaluation.intervals import accuracy_interval, Interval
 from tactile_classifier.evaluation.plans import run_plans, Task
+from tactile_classifier.evaluation.results import Result
 from tactile_classifier.records import ROCKET
 
 Answers = list[npt.NDArray[np.str_]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Score:
+class Score(Result):
     """How well one classifier with one scaling did under one split.
 
     Attributes
@@ -74,24 +74,9 @@ class Score:
     interval: Interval
     confusion: npt.NDArray[np.int64]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the score as what JSON can hold."""
-        return {
-            'classifier': self.classifier,
-            'scaling': self.scaling,
-            'split': self.split,
-            'labels': list(self.labels),
-            'fold_accuracies': self.fold_accuracies.tolist(),
-            'mean': self.mean,
-            'spread': self.spread,
-            'spread_of': self.spread_of,
-            'interval': self.interval.to_dict(),
-            'confusion': self.confusion.tolist(),
-        }
-
 
 @dataclasses.dataclass(frozen=True)
-class NestedChoice:
+class NestedChoice(Result):
     """How well the best classifier and scaling do when each fold picks them without its tests.
 
     The largest of several means is too good on average, because chance decided too. Here folds
@@ -113,16 +98,14 @@ class NestedChoice:
     interval: Interval
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the choice as what JSON can hold."""
-        picks = [
-            {'classifier': classifier, 'scaling': scaling, 'folds': folds}
-            for classifier, scaling, folds in self.picks
-        ]
-        return {'picks': picks, 'mean': self.mean, 'interval': self.interval.to_dict()}
+        """Return the fields by name as what JSON can hold."""
+        names = ('classifier', 'scaling', 'folds')
+        picks = [dict(zip(names, pick, strict=True)) for pick in self.picks]
+        return {**super().to_dict(), 'picks': picks}
 
 
 @dataclasses.dataclass(frozen=True)
-class Evaluation:
+class Evaluation(Result):
     """The scores of several classifiers and scalings under one split.
 
     Attributes
@@ -150,19 +133,6 @@ class Evaluation:
             if (score.classifier, score.scaling) == (classifier, scaling):
                 return score
         raise KeyError(f'{classifier} with scaling {scaling} was not evaluated')
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the evaluation as what JSON can hold."""
-        return {
-            'split': self.split,
-            'labels': list(self.labels),
-            'trials': self.trials,
-            'feature_set': self.feature_set,
-            'chance': self.chance,
-            'scores': [score.to_dict() for score in self.scores],
-            'warnings': list(self.warnings),
-            'nested': None if self.nested is None else self.nested.to_dict(),
-        }
 
 
 class AccuracyPlan:
@@ -376,11 +346,22 @@ def predict_folds(
     channels: int = 1,
 ) -> Answers:
     """Return the answers on the test trials of each fold, fitted to its training trials."""
-    if classifier == 'knn':
-        return predict_neighbours(values, labels, folds, scaling)
     answers = []
     for train, test in folds:
         estimator = build_estimator(classifier, scaling, channels)
         estimator.fit(values[train], labels[train])
         answers.append(estimator.predict(values[test]))
     return answers
+
+
+def check_folds(
+    classifier: str,
+    scaling: str,
+    values: npt.NDArray[np.float64],
+    labels: npt.NDArray[np.str_],
+    folds: Sequence[Fold],
+    channels: int = 1,
+) -> list[npt.NDArray[np.bool_]]:
+    """Return which test trials of each fold `predict_folds` names correctly."""
+    answers = predict_folds(classifier, scaling, values, labels, folds, channels)
+    return [said == labels[test] for said, (_, test) in zip(answers, folds, strict=True)]

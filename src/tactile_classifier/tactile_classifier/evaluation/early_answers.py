@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import dataclasses
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +21,14 @@ from tactile_classifier.estimators.classifiers import (
     default_scaling,
 )
 from tactile_classifier.estimators.threads import on_one_thread
+from tactile_classifier.evaluation.results import Result
 
 Matrix = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
 @dataclasses.dataclass(frozen=True)
-class RuleEvaluation:
+class RuleEvaluation(Result):
     """What a stopping rule did on trials that were held out.
 
     Attributes
@@ -60,7 +60,7 @@ class RuleEvaluation:
 
 
 @dataclasses.dataclass(frozen=True)
-class StoppingEvaluation:
+class StoppingEvaluation(Result):
     """Early predictions on trials that were held out, under one split.
 
     Attributes
@@ -79,10 +79,6 @@ class StoppingEvaluation:
     seconds: tuple[float, ...]
     accuracies: tuple[float, ...]
     rules: tuple[RuleEvaluation, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the evaluation as what JSON can hold."""
-        return dataclasses.asdict(self)
 
 
 @on_one_thread

@@ -20,14 +20,15 @@ from tactile_classifier.datasets.conditions import find_cells, find_strata
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
-from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
+from tactile_classifier.evaluation.cross_validation import check_folds, list_pairs
 from tactile_classifier.evaluation.intervals import difference_interval, Interval
 from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.evaluation.results import Result
 from tactile_classifier.evaluation.significance import rank_features
 
 
 @dataclasses.dataclass(frozen=True)
-class SelectionResult:
+class SelectionResult(Result):
     """One classifier with all features, and with those selected inside each fold.
 
     Attributes
@@ -60,17 +61,8 @@ class SelectionResult:
         return 'no clear difference'
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON can hold."""
-        return {
-            'classifier': self.classifier,
-            'scaling': self.scaling,
-            'split': self.split,
-            'chosen_counts': list(self.chosen_counts),
-            'all_mean': self.all_mean,
-            'selected_mean': self.selected_mean,
-            'difference': self.difference.to_dict(),
-            'verdict': self.verdict,
-        }
+        """Return the fields and the verdict by name as what JSON can hold."""
+        return {**super().to_dict(), 'verdict': self.verdict}
 
 
 class SelectionPlan:
@@ -186,7 +178,7 @@ def compare_selection(
 
     The count with the best accuracy over the inner folds is kept, the smallest of the best.
     """
-    train, test = fold
+    train, _ = fold
     strata = np.zeros(len(labels), dtype=np.intp) if strata is None else strata
     ranked, *inner_ranked = (
         rank_features(values[part], labels[part], strata[part])
@@ -196,22 +188,15 @@ def compare_selection(
     for pair in pairs:
         right_counts = [
             sum(
-                int(
-                    np.sum(
-                        predict_folds(*pair, values[:, order[:count]], labels, [part])[0]
-                        == labels[part[1]]
-                    )
-                )
+                int(check_folds(*pair, values[:, order[:count]], labels, [part])[0].sum())
                 for order, part in zip(inner_ranked, inner, strict=True)
             )
             for count in counts
         ]
         best = counts[int(np.argmax(right_counts))]
-        answers = [
-            predict_folds(*pair, np.ascontiguousarray(chosen), labels, [fold])[0]
+        right = (
+            check_folds(*pair, np.ascontiguousarray(chosen), labels, [fold])[0]
             for chosen in (values, values[:, ranked[:best]])
-        ]
-        results.append(
-            FoldSelection(best, *((said == labels[test]).astype(np.float64) for said in answers))
         )
+        results.append(FoldSelection(best, *(each.astype(np.float64) for each in right)))
     return results

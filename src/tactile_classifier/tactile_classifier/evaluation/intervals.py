@@ -13,12 +13,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
+from tactile_classifier.evaluation.results import Result
+
 LEVEL = 0.95
 """Share of such intervals that are meant to hold the true value [1]."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Interval:
+class Interval(Result):
     """A 95 % interval, or why there is none.
 
     Attributes

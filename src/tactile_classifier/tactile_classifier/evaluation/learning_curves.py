@@ -15,14 +15,15 @@ import numpy.typing as npt
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import Fold, Split
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, RANDOM_STATE, SCALINGS
-from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
+from tactile_classifier.evaluation.cross_validation import check_folds, list_pairs
 from tactile_classifier.evaluation.plans import Task
+from tactile_classifier.evaluation.results import Result
 
 _FEWEST = 2  # of each class: three neighbours need three trials, and there are two classes
 
 
 @dataclasses.dataclass(frozen=True)
-class LearningCurve:
+class LearningCurve(Result):
     """How one classifier with one scaling does with fewer trials to train on.
 
     Attributes
@@ -42,15 +43,8 @@ class LearningCurve:
     accuracies: npt.NDArray[np.float64]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the curve as what JSON can hold."""
-        return {
-            'classifier': self.classifier,
-            'scaling': self.scaling,
-            'split': self.split,
-            'trials_per_class': list(self.trials_per_class),
-            'accuracies': self.accuracies.tolist(),
-            'mean': self.accuracies.mean(axis=1).tolist(),
-        }
+        """Return the fields and the means by name as what JSON can hold."""
+        return {**super().to_dict(), 'mean': self.accuracies.mean(axis=1).tolist()}
 
 
 class LearningPlan:
@@ -97,18 +91,19 @@ class LearningPlan:
                     (np.sort(drawn[:size].ravel()), test)
                     for drawn, (_, test) in zip(self._drawn, self._folds, strict=True)
                 ]
-                tasks.append((_score_folds, (*pair, table.values, table.labels, folds)))
+                tasks.append((check_folds, (*pair, table.values, table.labels, folds)))
         return tasks
 
-    def finish(self, answers: Sequence[npt.NDArray[np.float64]]) -> tuple[LearningCurve, ...]:
+    def finish(self, answers: Sequence[list[npt.NDArray[np.bool_]]]) -> tuple[LearningCurve, ...]:
         """Return one curve a classifier and scaling."""
         sizes = len(self.trials_per_class)
+        means = [[right.mean() for right in folds] for folds in answers]
         return tuple(
             LearningCurve(
                 *pair,
                 self._split.name,
                 self.trials_per_class,
-                np.array(answers[i * sizes : (i + 1) * sizes]),
+                np.array(means[i * sizes : (i + 1) * sizes]),
             )
             for i, pair in enumerate(self._pairs)
         )
@@ -130,16 +125,3 @@ def choose_sizes(most: int) -> tuple[int, ...]:
     # The last step would be a short one where the next doubling lies just below ``most``.
     sizes = [size for size in doubling if size <= most / 1.25]
     return (*sizes, most) if most >= _FEWEST else ()
-
-
-def _score_folds(
-    classifier: str,
-    scaling: str,
-    values: npt.NDArray[np.float64],
-    labels: npt.NDArray[np.str_],
-    folds: Sequence[Fold],
-) -> npt.NDArray[np.float64]:
-    answers = predict_folds(classifier, scaling, values, labels, folds)
-    return np.array(
-        [np.mean(said == labels[test]) for said, (_, test) in zip(answers, folds, strict=True)]
-    )

@@ -19,13 +19,14 @@ from tactile_classifier.evaluation.intervals import (
     Interval,
     LEVEL,
 )
+from tactile_classifier.evaluation.results import Result
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
 
 Names = npt.NDArray[np.str_]
 
 
 @dataclasses.dataclass(frozen=True)
-class Answered:
+class Answered(Result):
     """What one model's answers were.
 
     Attributes
@@ -45,13 +46,9 @@ class Answered:
     no_answer_rate: float
     answered_accuracy: float | None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
-        return {**vars(self), 'interval': self.interval.to_dict()}
-
 
 @dataclasses.dataclass(frozen=True)
-class Confusion:
+class Confusion(Result):
     """One wrong answer, and how often either model gives it."""
 
     label: str
@@ -62,7 +59,7 @@ class Confusion:
 
 
 @dataclasses.dataclass(frozen=True)
-class Comparison:
+class Comparison(Result):
     """Two models, A and B, on the same trials.
 
     Attributes
@@ -108,15 +105,8 @@ class Comparison:
         return 'B' if self.interval.low > 0.0 else 'A'
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
-        return {
-            **vars(self),
-            'a': self.a.to_dict(),
-            'b': self.b.to_dict(),
-            'interval': self.interval.to_dict(),
-            'confusions': [vars(each) for each in self.confusions],
-            'better': self.better,
-        }
+        """Return the fields and the better model by name as what JSON can hold."""
+        return {**super().to_dict(), 'better': self.better}
 
 
 def compare_answers(

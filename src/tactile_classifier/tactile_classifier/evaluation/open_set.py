@@ -7,22 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.confidence.calibration import (
-    Calibration,
+    calibrate_stage,
     compute_calibration_error,
     compute_uncalibrated,
     fit_novelty,
-    hold_out_probabilities,
-    hold_out_scores,
     make_group_folds,
 )
 from tactile_classifier.confidence.novelty import compute_auroc
-from tactile_classifier.confidence.score_choice import ScoreChoice
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import DatasetError, EvaluationError
 from tactile_classifier.estimators.classifiers import (
@@ -32,10 +29,11 @@ from tactile_classifier.estimators.classifiers import (
     SCORE_KINDS,
 )
 from tactile_classifier.estimators.threads import on_one_thread
+from tactile_classifier.evaluation.results import Result
 
 
 @dataclasses.dataclass(frozen=True)
-class UnknownLabel:
+class UnknownLabel(Result):
     """How one label fares that the model was never told of.
 
     Attributes
@@ -55,7 +53,7 @@ class UnknownLabel:
 
 
 @dataclasses.dataclass(frozen=True)
-class OpenSetEvaluation:
+class OpenSetEvaluation(Result):
     """Rejection of unknown labels and calibration of scores, under one split.
 
     Attributes
@@ -97,10 +95,6 @@ class OpenSetEvaluation:
     calibration_error_before: float
     calibration_error_after: float
     raw_parts: int = 0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the evaluation as what JSON can hold."""
-        return dataclasses.asdict(self)
 
 
 @on_one_thread
@@ -199,47 +193,31 @@ def _evaluate_fold(
     train, test = table.take(~held_out), table.take(held_out)
     classes = np.unique(train.labels)
     inner = make_group_folds(train, columns)
-    scores, true = hold_out_scores(train, classifier, scaling, inner.fold)
-    calibration = Calibration.fit(scores, true)
-    kind = SCORE_KINDS[classifier]
-    keeps_raw = ScoreChoice.compare(
-        compute_uncalibrated(scores, kind),
-        hold_out_probabilities(scores, true, inner.fold),
-        true,
-        inner.session,
-        kind,
-    ).keeps_raw
+    stage = calibrate_stage(train, classifier, scaling, inner, rate)
+    keeps_raw = stage.choice.keeps_raw
     estimator = build_estimator(classifier, scaling).fit(train.values, train.labels)
     scores = compute_raw_scores(estimator, test.values)
     true = np.searchsorted(classes, test.labels)
-    before = compute_uncalibrated(scores, kind)
-
-    novelty, threshold = _fit_novelty(train, test, columns, rate)
+    before = compute_uncalibrated(scores, SCORE_KINDS[classifier])
     unknown = {}
     for label in np.unique(test.labels):
         others = train.take(train.labels != label)
-        less, its_threshold = _fit_novelty(others, test, columns, rate)
+        measure, _, threshold = fit_novelty(others, make_group_folds(others, columns), rate)
         is_new = test.labels == label
         if is_new.all():
             continue
-        unknown[str(label)] = compute_auroc(is_new, less), less[is_new] <= its_threshold
+        novelty = measure.compute(test.values)
+        unknown[str(label)] = compute_auroc(is_new, novelty), novelty[is_new] <= threshold
     return _Part(
-        rejected=novelty > threshold,
+        rejected=stage.novelty.compute(test.values) > stage.novelty_threshold,
         right=scores.argmax(axis=1) == true,
         before=before,
-        after=before if keeps_raw else calibration.compute(scores),
+        after=before if keeps_raw else stage.calibration.compute(scores),
         true=true,
         unknown=unknown,
         calibration_split=inner.split,
         keeps_raw=keeps_raw,
     )
-
-
-def _fit_novelty(
-    train: FeatureTable, test: FeatureTable, columns: Sequence[str], rate: float
-) -> tuple[npt.NDArray[np.float64], float]:
-    measure, _, threshold = fit_novelty(train, make_group_folds(train, columns), rate)
-    return measure.compute(test.values), threshold
 
 
 def _pool_unknown(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.manifest import Manifest, TrainingTrials
+from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.names import CLASSIFIER_TITLES, describe_features, SCALING_TITLES
 from tactile_classifier.records import PROBABILITY
 
@@ -163,16 +163,13 @@ def _tell_origin(manifest: Manifest) -> str:
     count = manifest.training.simulated
     if not manifest.simulated:
         return 'measured'
-    return 'SIMULATED' if count < 0 or count == manifest.trials else f'({count} SIMULATED)'
+    return 'SIMULATED' if count == manifest.trials else f'({count} SIMULATED)'
 
 
 def _tell_conditions(manifest: Manifest) -> str:
     training = manifest.training
-    if training == TrainingTrials():
-        groups = manifest.calibration.get('groups', 0)
-        return f'{groups} sessions' if groups else 'sessions not stated'
     parts = [
-        _count(number, what) if number > 0 else f'no {what} named'
+        f'{number} {what}{"s" * (number != 1)}' if number > 0 else f'no {what} named'
         for number, what in ((training.sessions, 'session'), (training.mountings, 'mounting'))
     ]
     if training.speeds == 1:
@@ -181,10 +178,6 @@ def _tell_conditions(manifest: Manifest) -> str:
         slow, fast = 1e3 * training.slowest_m_s, 1e3 * training.fastest_m_s
         parts.append(f'{training.speeds} sliding speeds from {slow:g} to {fast:g} mm/s')
     return ', '.join(parts)
-
-
-def _count(number: int, what: str) -> str:
-    return f'{number} {what}{"s" * (number != 1)}'
 
 
 def _clean(line: str) -> str:

@@ -16,17 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.card import render_card
-from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest
-from tactile_classifier.model_file.onnx_container import check_seal, open_container, read_card
+from tactile_classifier.model_file.manifest import Manifest
+from tactile_classifier.model_file.onnx_container import open_container
 from tactile_classifier.model_file.onnx_session import open_session
-from tactile_classifier.model_file.specification import describe_mismatch
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_features.records import FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_features.spec import FeatureSpec
-
-__all__ = ['ClassificationResult', 'TactileModel', 'read_manifest']
 
 MAX_MODEL_BYTES = 64 * 2**20
 """Larger files are not read [byte]."""
@@ -77,7 +73,7 @@ class Correction(NamedTuple):
 
 
 def read_model_card(path: str | Path) -> str:
-    """Return the card of a model file; of an older file, one made from its manifest.
+    """Return the card of a model file, as text for people.
 
     Raises
     ------
@@ -85,9 +81,7 @@ def read_model_card(path: str | Path) -> str:
         With a sentence that says why the file is not used.
     """
     with _refusals_of(path):
-        data = _read_limited(path)
-        manifest = _read_sealed(data)
-        return read_card(data) or render_card(manifest)
+        return open_container(_read_limited(path))[1]
 
 
 def read_manifest(path: str | Path) -> Manifest:
@@ -99,7 +93,7 @@ def read_manifest(path: str | Path) -> Manifest:
         With a sentence that says why the file is not used.
     """
     with _refusals_of(path):
-        return _read_sealed(_read_limited(path))
+        return _read_manifest(_read_limited(path))
 
 
 class TactileModel:
@@ -121,7 +115,7 @@ class TactileModel:
     """
 
     def __init__(self, data: bytes) -> None:
-        self.manifest = _read_sealed(data)
+        self.manifest = _read_manifest(data)
         self.spec: FeatureSpec = self.manifest.spec
         self.labels = self.manifest.labels
         self.model_id = '-'.join(
@@ -133,7 +127,7 @@ class TactileModel:
             )
         )
         self.running_samples = self.manifest.running_samples
-        # What ready-cut windows or an older file do not state, `expect` says.
+        # What ready-cut windows do not state, `expect` says.
         self._expected = None if self.spec.missing_parameters else self.spec
         self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
         self._offsets = _read_offsets(self.manifest)
@@ -171,15 +165,9 @@ class TactileModel:
             )
 
     def expect(self, spec: FeatureSpec) -> None:
-        """Answer windows of this specification alone.
+        """Answer windows of this specification alone, instead of that in the file.
 
-        Without it, a model answers windows of the specification in its file. Where that does not
-        state how windows were cut, they are not compared in this.
-
-        Parameters
-        ----------
-        spec : FeatureSpec
-            What the feature node is to compute, as its parameters say.
+        A model of ready-cut windows does not state how they were cut; ``spec`` does.
 
         Raises
         ------
@@ -207,16 +195,14 @@ class TactileModel:
         rows = np.ascontiguousarray(values, dtype=np.float64)
         if sample_count in self._offsets:
             rows = rows - self._offsets[sample_count]
-        feed = {SAMPLES: np.array(sample_count)} if self.running_samples else {}
         if sample_count not in self._stages:
             raise KeyError(sample_count)
+        feed = {SAMPLES: np.array(sample_count)} if self.running_samples else {}
         blocks = [
             self._session.run(self._outputs, {INPUT: rows[i : i + self._rows], **feed})
             for i in range(0, len(rows), self._rows)
         ]
         found = [np.concatenate(each) for each in zip(*blocks, strict=True)]
-        if self._outputs == [SCORES]:  # format version 1
-            return Answers(found[0].argmax(axis=1), found[0], np.empty(0))
         answer, scores, *novelty = found
         return Answers(answer[:, 0], scores, novelty[0][:, 0] if novelty else np.empty(0))
 
@@ -239,11 +225,7 @@ class TactileModel:
         A window whose novelty is above the model's threshold is unknown. A partial window is
         decided when it is known and its answer's probability reaches the stopping rule's.
 
-        Parameters
-        ----------
-        window : FeatureWindow
-        correction : Correction, optional
-            Of the window's session; without it, the model is used as its file is.
+        Without a correction of the window's session, the model is used as its file is.
         """
         stage = self._stages[window.sample_count if window.running else 0]
         outcome, label, reason = Outcome.NO_FEATURES, '', self._why_not(window)
@@ -306,8 +288,37 @@ class TactileModel:
         return ''
 
     def describe_mismatch(self, window: FeatureWindow) -> str:
-        """Return why a window has features of another specification, or an empty string."""
-        return describe_mismatch(window, self.spec, self._expected)
+        """Return why a window has features of another specification, or an empty string.
+
+        What the message states is compared by itself and named with the parameter to set. Of the
+        rest the digest alone tells that something differs; then the sentence names all of it.
+        """
+        spec, expected = self.spec, self._expected
+        pairs = [
+            ('feature set', window.feature_set, spec.feature_set, 'texture_features'),
+            ('version of the feature set', window.feature_set_version, spec.version, ''),
+            ('rate in Hz', window.rate_hz, spec.rate_hz, 'rate_hz'),
+        ]
+        if window.outcome == FeatureOutcome.OK:
+            if spec.sample_count and not window.running:
+                samples = (window.sample_count, spec.sample_count)
+                pairs.append(('window in samples', *samples, 'texture_samples'))
+            pairs.append(('number of features', len(window.values), len(spec.names), ''))
+        for what, got, wanted, parameter in pairs:
+            if got != wanted:
+                remedy = f'set {parameter} of the feature node' if parameter else 'train it again'
+                return f'the {what} is {got}; the model was trained on {wanted}: {remedy}'
+        if expected is None or window.specification_digest == expected.digest:
+            return ''
+        values = ', '.join(
+            f'{name} {value if isinstance(value, str) else format(value, "g")}'
+            for name, value in sorted(expected.parameters.items())
+        )
+        return (
+            'the features were made by another specification than the model was trained on '
+            f'(digest {window.specification_digest} instead of {expected.digest}): '
+            f'set on the feature node {values}'
+        )
 
     def _check_graph(self) -> None:
         """Try the graph once: its width, its outputs and their types."""
@@ -317,8 +328,7 @@ class TactileModel:
         has_novelty = {stage.novelty_threshold >= 0.0 for stage in self.manifest.stages}
         wanted = [ANSWER, SCORES, NOVELTY] if has_novelty == {True} else [ANSWER, SCORES]
         sources = [INPUT, SAMPLES] if self.running_samples else [INPUT]
-        is_version_1 = self._outputs == [SCORES] and self.manifest.stages == (FULL_WINDOW,)
-        if [i.name for i in inputs] != sources or not (self._outputs == wanted or is_version_1):
+        if [i.name for i in inputs] != sources or self._outputs != wanted:
             raise ModelFileError(
                 f'its graph does not lead from {", ".join(sources)} to {", ".join(wanted)}'
             )
@@ -356,10 +366,8 @@ def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
     return dict(zip(counts, offsets, strict=False))
 
 
-def _read_sealed(data: bytes) -> Manifest:
-    manifest = Manifest.from_json(open_container(data))
-    check_seal(data)
-    return manifest
+def _read_manifest(data: bytes) -> Manifest:
+    return Manifest.from_json(open_container(data)[0])
 
 
 def _read_limited(path: str | Path) -> bytes:

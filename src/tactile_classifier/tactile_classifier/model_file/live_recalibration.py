@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +93,11 @@ class LiveRecalibration:
 
     def _correct(self, stage: int, session: _Session) -> Correction:
         offset, threshold = correct(
-            self.model, self._statistics[stage], stage, np.array(session.values), session.labels
+            self.model,
+            self._statistics[stage],
+            stage,
+            np.array(session.values),
+            np.array(session.labels),
         )
         return Correction(offset, threshold, len(session.values))
 
@@ -133,26 +136,9 @@ def correct(
     statistics: SessionStatistics,
     sample_count: int,
     values: Matrix,
-    label: npt.ArrayLike,
+    label: npt.NDArray[np.intp],
 ) -> tuple[Matrix, float]:
-    """Return `SessionStatistics.recalibrate` of known trials by the novelty of the model.
-
-    Parameters
-    ----------
-    model : TactileModel
-    statistics : SessionStatistics
-        Of the stage with ``sample_count`` samples; 0: full windows.
-    sample_count : int
-    values : ndarray of shape (trials, k)
-    label : array_like of int, shape (trials,)
-        Position of each trial's label among the model's.
-    """
+    """Return `SessionStatistics.recalibrate` by the model's novelty of so many samples."""
     return statistics.recalibrate(
-        values,
-        np.asarray(label, dtype=np.intp),
-        partial(_compute_novelty, model, sample_count),
+        values, label, lambda moved: model.compute(moved, sample_count).novelty
     )
-
-
-def _compute_novelty(model: TactileModel, sample_count: int, values: Matrix) -> Matrix:
-    return model.compute(values, sample_count).novelty

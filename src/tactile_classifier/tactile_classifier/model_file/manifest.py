@@ -25,13 +25,9 @@ from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.spec import FeatureSpec
 
-FORMAT_VERSION = 5
-"""2: stages and calibration. 3: the digest of the specification, which states its gap policy.
-4: recalibration, whose offsets older software would not take. 5: conditions of the training."""
+FORMAT_VERSION = 6
 
 _DIGEST = 'specification_digest'
-_STAGES = 'parts'
-"""Keys in the file. That of the stages keeps the name that it had in format version 2."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +58,7 @@ class Stage:
 
 
 FULL_WINDOW = Stage()
-"""A full window without novelty and calibration, as in files of format version 1."""
+"""A full window without novelty and calibration."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,21 +68,21 @@ class TrainingTrials:
     Attributes
     ----------
     sessions, mountings : int
-        How many different ones the trials name; 0: they name none; negative: not stated.
+        How many different ones the trials name; 0: they name none.
     speeds : int
-        How many different sliding speeds they state; negative: not stated.
+        How many different sliding speeds they state.
     slowest_m_s, fastest_m_s : float
         Of these [m/s]; negative: none is stated.
     simulated : int
-        How many of the trials were simulated; negative: not stated.
+        How many of the trials were simulated.
     """
 
-    sessions: int = -1
-    mountings: int = -1
-    speeds: int = -1
+    sessions: int = 0
+    mountings: int = 0
+    speeds: int = 0
     slowest_m_s: float = -1.0
     fastest_m_s: float = -1.0
-    simulated: int = -1
+    simulated: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,7 +128,6 @@ class Manifest:
     stop_error_rate : float
         Share of wrong answers among those given early [1]; negative: no partial windows.
     training : TrainingTrials
-        Files of format version 4 and older do not state it.
     """
 
     task: str
@@ -168,10 +163,11 @@ class Manifest:
         """Return the manifest as JSON text."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         fields['spec'] = self.spec.to_dict()
-        fields[_DIGEST] = self.spec.digest
-        fields[_STAGES] = [dataclasses.asdict(stage) for stage in fields.pop('stages')]
+        fields['stages'] = [dataclasses.asdict(stage) for stage in self.stages]
         fields['training'] = dataclasses.asdict(self.training)
-        return json.dumps({'format_version': FORMAT_VERSION, **fields}, sort_keys=True)
+        return json.dumps(
+            {'format_version': FORMAT_VERSION, _DIGEST: self.spec.digest, **fields}, sort_keys=True
+        )
 
     @classmethod
     def from_json(cls, text: str) -> Manifest:
@@ -180,35 +176,30 @@ class Manifest:
         Raises
         ------
         ModelFileError
-            When the text is not a manifest or of a newer format.
+            When the text is not a manifest of this format.
         """
         try:
             fields = json.loads(text)
         except (ValueError, RecursionError) as error:
             raise ModelFileError(f'its manifest is not JSON: {error}') from error
         version = fields.pop('format_version', None) if isinstance(fields, dict) else None
-        if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-            raise ModelFileError('its manifest states no format version')
-        if version > FORMAT_VERSION:
+        if version != FORMAT_VERSION:
             raise ModelFileError(
-                f'it has format version {version}, this software reads up to {FORMAT_VERSION}: '
-                'update the software or train the model again'
+                f'it has format version {version}, this software reads {FORMAT_VERSION}: '
+                'train the model again'
             )
-        _check_types(fields, version)
+        _check_types(fields)
         try:
             fields['spec'] = FeatureSpec.from_dict(fields['spec'])
         except FeatureError as error:
             raise ModelFileError(f'its manifest is damaged: {error}') from error
-        if version > 2 and fields.pop(_DIGEST) != fields['spec'].digest:
+        if fields.pop(_DIGEST) != fields['spec'].digest:
             raise ModelFileError(
                 f'its {_DIGEST} is not that of its feature specification: one of them was changed'
             )
         fields['labels'] = tuple(fields['labels'])
-        if version > 1:
-            entries = fields.pop(_STAGES)
-            fields['stages'] = tuple(_read_entry(_STAGES, each, FULL_WINDOW) for each in entries)
-        if version > 4:
-            fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
+        fields['stages'] = tuple(_read_entry('stages', e, Stage()) for e in fields['stages'])
+        fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
         manifest = cls(**fields)
         manifest._check()
         return manifest
@@ -251,6 +242,7 @@ _TYPES: dict[str, type] = {
     'task': str,
     'contact': str,
     'spec': dict,
+    _DIGEST: str,
     'labels': list,
     'score_kind': str,
     'classifier': str,
@@ -261,19 +253,12 @@ _TYPES: dict[str, type] = {
     'versions': dict,
     'cross_validation': dict,
     'created': str,
-}
-
-_TYPES_2: dict[str, type] = {
-    **_TYPES,
-    _STAGES: list,
+    'stages': list,
     'calibration': dict,
     'false_alarm_rate': float,
     'stop_error_rate': float,
+    'training': dict,
 }
-
-_TYPES_3: dict[str, type] = {**_TYPES_2, _DIGEST: str}
-
-_TYPES_5: dict[str, type] = {**_TYPES_3, 'training': dict}
 
 _Entry = TypeVar('_Entry', Stage, TrainingTrials)
 
@@ -289,17 +274,14 @@ def _read_entry(name: str, entry: Any, absent: _Entry) -> _Entry:
     return type(absent)(**entry)
 
 
-def _check_types(fields: dict[str, Any], version: int) -> None:
-    types = (_TYPES, _TYPES_2, _TYPES_3, _TYPES_3, _TYPES_5)[version - 1]
-    for name, expected in types.items():
+def _check_types(fields: dict[str, Any]) -> None:
+    for name, expected in _TYPES.items():
         if type(fields.get(name)) is not expected:
             raise ModelFileError(f'its manifest has no valid entry "{name}"')
-    if version > 1 and not all(
-        -1 <= fields[name] <= 1 for name in ('false_alarm_rate', 'stop_error_rate')
-    ):
+    if not all(-1 <= fields[name] <= 1 for name in ('false_alarm_rate', 'stop_error_rate')):
         raise ModelFileError('its manifest has a rate that is not between 0 and 1')
     if not all(type(label) is str for label in fields['labels']):
         raise ModelFileError('its manifest has no valid entry "labels"')
-    unknown = sorted(set(fields) - set(types))
+    unknown = sorted(set(fields) - set(_TYPES))
     if unknown:
         raise ModelFileError(f'its manifest has the unknown entry "{unknown[0]}"')

@@ -7,7 +7,7 @@ Only what must be known before the file is handed to a runtime is read here, fro
 the protobuf encoding itself (onnx/onnx.proto): the metadata, the domains of the
 operators, and whether weights lie outside the file. The `onnx` package is not needed.
 
-A card for people may stand before the manifest: plain text, shown by ``tactile show``.
+A card for people stands before the manifest: plain text, shown by ``tactile show``.
 
 The last metadata entry is the seal: the SHA-256 of all bytes before it. It tells a
 damaged file from a whole one; it is no signature.
@@ -40,54 +40,31 @@ _TENSOR_EXTERNAL_DATA, _TENSOR_DATA_LOCATION = 13, 14
 _ENTRY_KEY, _ENTRY_VALUE = 1, 2
 
 
-def seal(model: bytes, manifest: str, card: str = '') -> bytes:
-    """Return the ONNX model with the card, unless it is empty, manifest and seal appended."""
-    body = model + _encode_card(card) + _encode_entry(MANIFEST_KEY, manifest)
+def seal(model: bytes, manifest: str, card: str) -> bytes:
+    """Return the ONNX model with card, manifest and seal appended."""
+    body = model + _encode_texts(manifest, card)
     return body + _encode_seal(body)
 
 
-def open_container(data: bytes) -> str:
-    """Return the manifest of a sealed ONNX file whose graph keeps to the rules.
+def open_container(data: bytes) -> tuple[str, str]:
+    """Return manifest and card of a sealed ONNX file whose graph keeps to the rules.
 
     Raises
     ------
     ModelFileError
-        When the bytes are not ONNX, hold no manifest, use operators of other domains,
-        functions or weights outside the file, or have a card that is no plain text.
+        When the bytes are not ONNX, hold no manifest, were changed after they were written,
+        use operators of other domains, functions or weights outside the file, or have a card
+        that is no plain text.
     """
-    return _open(data)[0]
-
-
-def read_card(data: bytes) -> str:
-    """Return the card of a sealed ONNX file; empty: it has none. Raises as `open_container`."""
-    return _open(data)[1]
-
-
-def replace_manifest(data: bytes, manifest: str, card: str = '') -> bytes:
-    """Return a sealed model with another manifest, another card and the same graph."""
-    body = data[: -len(_encode_seal(b''))]
-    old_manifest, old_card = _open(data)
-    old = _encode_card(old_card) + _encode_entry(MANIFEST_KEY, old_manifest)
-    if not body.endswith(old):
-        raise ModelFileError('its manifest is not where this software writes it')
-    return seal(body.removesuffix(old), manifest, card)
-
-
-def check_seal(data: bytes) -> None:
-    """Raise ModelFileError when the bytes are not those that `seal` returned."""
-    body = data[: -len(_encode_seal(b''))]
-    if data != body + _encode_seal(body):
-        raise ModelFileError('it was changed or damaged after it was written')
-
-
-def _open(data: bytes) -> tuple[str, str]:
-    """Return manifest and card."""
     try:
         metadata = _read_model(data)
     except _NotProtobufError:
         raise ModelFileError('it is not an ONNX file, or only a part of one') from None
     if MANIFEST_KEY not in metadata:
         raise ModelFileError('it has no manifest: it was not written by this software')
+    body = data[: -len(_encode_seal(b''))]
+    if data != body + _encode_seal(body):
+        raise ModelFileError('it was changed or damaged after it was written')
     card = metadata.get(CARD_KEY, '')
     if len(card.encode()) > MAX_CARD_BYTES:
         raise ModelFileError(f'its card has more than {MAX_CARD_BYTES >> 10} KiB')
@@ -96,8 +73,17 @@ def _open(data: bytes) -> tuple[str, str]:
     return metadata[MANIFEST_KEY], card
 
 
-def _encode_card(card: str) -> bytes:
-    return _encode_entry(CARD_KEY, card) if card else b''
+def replace_manifest(data: bytes, manifest: str, card: str) -> bytes:
+    """Return a sealed model with another manifest, another card and the same graph."""
+    body = data[: -len(_encode_seal(b''))]
+    old = _encode_texts(*open_container(data))
+    if not body.endswith(old):
+        raise ModelFileError('its manifest is not where this software writes it')
+    return seal(body.removesuffix(old), manifest, card)
+
+
+def _encode_texts(manifest: str, card: str) -> bytes:
+    return _encode_entry(CARD_KEY, card) + _encode_entry(MANIFEST_KEY, manifest)
 
 
 def _encode_seal(body: bytes) -> bytes:

@@ -12,14 +12,13 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.datasets.splits import Fold, Split
+from tactile_classifier.datasets.splits import Split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
 from tactile_classifier.estimators.threads import on_one_thread
-from tactile_classifier.evaluation.cross_validation import list_pairs, predict_folds
+from tactile_classifier.evaluation.cross_validation import check_folds, list_pairs
 from tactile_classifier.records import ROCKET
 
 
@@ -124,12 +123,15 @@ def choose_candidate(
     right, scores, counts = [], [], []
     for candidate in candidates:
         table = tables[candidate.feature_set]
+        asked = (candidate.classifier, candidate.scaling, table.values, table.labels)
         start_s = time.perf_counter()
-        right.append(_check(candidate, table, folds))
+        right.append(check_folds(*asked, folds, table.channels))
         fold_s = (time.perf_counter() - start_s) / len(folds)
         accuracy = float(np.mean([each.mean() for each in right[-1]]))
         scores.append(CandidateScore(candidate, accuracy, fold_s))
-        counts.append([sum(int(e.sum()) for e in _check(candidate, table, f)) for f in inner])
+        counts.append(
+            [sum(int(e.sum()) for e in check_folds(*asked, f, table.channels)) for f in inner]
+        )
     picked = np.argmax(counts, axis=0)
     nested = [right[pick][i].mean() for i, pick in enumerate(picked)]
     return FeatureChoice(
@@ -143,12 +145,3 @@ def choose_candidate(
 def _list_pairs(table: FeatureTable) -> list[tuple[str, str]]:
     # The four classifiers on a waveform itself take its samples for features of any order.
     return list_pairs(table, [ROCKET] if table.is_waveform else None)
-
-
-def _check(
-    candidate: Candidate, table: FeatureTable, folds: tuple[Fold, ...] | list[Fold]
-) -> list[npt.NDArray[np.bool_]]:
-    """Return which tests of each fold a candidate names correctly."""
-    _, classifier, scaling = candidate
-    said = predict_folds(classifier, scaling, table.values, table.labels, folds, table.channels)
-    return [answer == table.labels[test] for answer, (_, test) in zip(said, folds, strict=True)]

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import contextlib
 import dataclasses
 import datetime
 import importlib.metadata
@@ -88,7 +89,6 @@ def train(
     false_alarm_rate: float = 0.05,
     stop_error_rate: float = 0.05,
     score: Score | None = None,
-    created: datetime.datetime | None = None,
 ) -> Trained:
     """Fit a classifier to all the trials of a table, and calibrate its answers.
 
@@ -113,8 +113,6 @@ def train(
         Share of wrong answers among those given before the window is full [1].
     score : Score, optional
         What cross-validation said of the same classifier and scaling.
-    created : datetime, optional
-        Stated in the manifest; now when not given.
 
     Raises
     ------
@@ -186,9 +184,7 @@ def train(
         trials=len(table),
         versions=_versions(),
         cross_validation=_summary(score),
-        created=(created or datetime.datetime.now(datetime.timezone.utc)).isoformat(
-            timespec='seconds'
-        ),
+        created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
         stages=tuple(
             Stage(
                 sample_count=count,
@@ -279,17 +275,12 @@ def _only_contact(table: FeatureTable) -> str:
 def _summary(score: Score | None) -> dict[str, Any]:
     if score is None:
         return {}
-    summary = score.to_dict()
-    return {key: summary[key] for key in ('mean', 'spread', 'spread_of', 'split')}
+    return {key: getattr(score, key) for key in ('mean', 'spread', 'spread_of', 'split')}
 
 
 def _versions() -> dict[str, str]:
-    versions = {name: _version(name) for name in LIBRARIES}
-    return {'python': platform.python_version(), **{k: v for k, v in versions.items() if v}}
-
-
-def _version(library: str) -> str:
-    try:
-        return importlib.metadata.version(library)
-    except importlib.metadata.PackageNotFoundError:
-        return ''
+    versions = {'python': platform.python_version()}
+    for name in LIBRARIES:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            versions[name] = importlib.metadata.version(name)
+    return versions

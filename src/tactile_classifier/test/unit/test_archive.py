@@ -38,15 +38,10 @@ def save(tmp_path):
     return save
 
 
-def test_archive_loads_with_its_columns(save):
-    trials = load_archive(save())
-    assert len(trials) == 12
-    assert trials.rate_hz == 50.0
-    assert set(trials.columns) == {'balanced', 'speed_mm_s'}
-
-
 def test_signal_is_one_channel_or_the_mean_of_all(save):
     trials = load_archive(save())
+    assert (len(trials), trials.rate_hz) == (12, 50.0)
+    assert set(trials.columns) == {'balanced', 'speed_mm_s'}
     x = good_arrays()['x'].astype(float)
     np.testing.assert_array_equal(trials.signal(1), x[:, 1])
     np.testing.assert_array_equal(trials.signal(), x.mean(axis=1))
@@ -72,20 +67,15 @@ def test_between_takes_samples_by_time(save):
     cut = trials.between(0.5, 1.5)
     np.testing.assert_array_equal(cut.x, trials.x[:, :, 25:75])
     assert trials.between(0.0, 2.0).x.shape[2] == 100
+    # 0.7 * 10 is 7.000000000000001 in floating point.
+    assert load_archive(save(rate_hz=np.array(10.0))).between(0.7, 0.9).x.shape[2] == 2
     for start_s, stop_s in ((1.0, 1.0), (1.5, 1.0), (-0.1, 1.0), (0.0, 2.1)):
         with pytest.raises(DatasetError, match='the trials last 2 s'):
             trials.between(start_s, stop_s)
 
 
-def test_between_is_exact_where_times_are_not(save):
-    trials = load_archive(save(rate_hz=np.array(10.0)))
-    # 0.7 * 10 is 7.000000000000001 in floating point.
-    assert trials.between(0.7, 0.9).x.shape[2] == 2
-
-
 BAD = [
     ({'remove': ('label', 'rate_hz')}, 'has no label and no rate_hz'),
-    ({'remove': ('x',)}, r'has no x\n'),
     (
         {'remove': ('rate_hz',)},
         r'no rate_hz; .*--rate-hz\n(.*\n)+.*offsets',
@@ -96,7 +86,6 @@ BAD = [
     ({'label': np.array(['a', 'b'] * 6, dtype=object)}, r'as in label\.astype\(str\)'),
     ({'label': np.array([b'a', b'\xff'] * 6)}, r"label in .* not UTF-8: b'\\xff'"),
     ({'length': np.full(12, 101)}, 'length in .* from 1 to 100'),
-    ({'length': np.full(12, 0)}, 'length in .* from 1 to 100'),
     ({'x': np.zeros((2, 50)), 'offsets': np.arange(12)}, 'rise from 0 to 50'),
     ({'x': np.zeros((2, 50)), 'offsets': np.r_[np.arange(12), 11, 50]}, 'rise from 0 to 50'),
     ({'x': np.full((12, 2, 5), 'a')}, 'x in .* it must be numbers'),
@@ -106,7 +95,6 @@ BAD = [
     ({'label': np.full(12, 'denim')}, 'one class only, "denim"'),
     ({'speed_mm_s': np.zeros(11)}, r'column speed_mm_s in .* has shape \(11,\)'),
     ({'rate_hz': np.array(0.0)}, 'rate_hz in .* must be one positive number'),
-    ({'rate_hz': np.array([1.0, 2.0])}, 'rate_hz in .* must be one positive number'),
     ({'rate_hz': np.array(np.nan)}, 'rate_hz in .* must be one positive number'),
     ({'note': np.array([None] * 12, dtype=object)}, 'array note in .* holds pickled objects'),
 ]
@@ -119,16 +107,11 @@ def test_bad_archive_is_refused_with_a_sentence(save, change, message):
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf])
-def test_values_that_are_not_finite_name_the_trial(save, value):
+def test_bad_trials_are_refused_or_skipped(save, value):
     x = good_arrays()['x'].astype(float)
     x[7, 1, 3] = value
     with pytest.raises(DatasetError, match=r'1 of 12 trials .* row 7: .*channel 1, sample 3'):
         load_archive(save(x=x))
-
-
-def test_bad_trials_are_skipped_and_listed_when_asked(save):
-    x = good_arrays()['x'].astype(float)
-    x[7, 1, 3] = np.nan
     x[2, 0, 0] = -1e101
     trials = load_archive(save(x=x), skip_bad=True)
     assert [each.row for each in trials.skipped] == [2, 7]
@@ -194,11 +177,6 @@ def test_short_trials_are_refused_or_skipped_by_a_crop(uneven):
     np.testing.assert_array_equal(cut.x, good_arrays()['x'][5:, :, 25:85])
 
 
-def test_a_length_that_is_no_sample_count_is_a_column(save):
-    trials = load_archive(save(length=np.full(12, 2.5)))
-    assert 'length' in trials.columns
-
-
 @pytest.mark.parametrize('rate_hz', [20.0, 100.0, 30.0])
 def test_resampling_keeps_what_is_slow_and_drops_what_would_alias(save, rate_hz):
     t = np.arange(100) / 50.0
@@ -234,12 +212,9 @@ def test_fewer_trials_than_folds(save):
         load_archive(save(), folds=13)
 
 
-def test_missing_file(tmp_path):
+def test_missing_file_and_folder(tmp_path):
     with pytest.raises(DatasetError, match='does not exist'):
         load_archive(tmp_path / 'nowhere.npz')
-
-
-def test_folder(tmp_path):
     with pytest.raises(DatasetError, match='is not a readable'):
         load_archive(tmp_path)
 
@@ -297,7 +272,7 @@ def good_bytes():
     return file.getvalue()
 
 
-@settings(deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_damaged_archive_never_raises_anything_else(good_bytes, tmp_path_factory, data):
     damaged = bytearray(good_bytes)

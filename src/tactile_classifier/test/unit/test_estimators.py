@@ -10,20 +10,19 @@ from tactile_classifier.estimators.classifiers import (
     build_estimator,
     CLASSIFIERS,
     DEFAULT_SCALING,
-    SCALING_REASONS,
     SCALINGS,
     SCORE_KINDS,
     warn_of_labels_never_given,
 )
 
 
-def test_every_name_builds_and_every_task_has_a_reason():
+def test_every_name_builds_and_every_task_has_a_scaling():
     for classifier in CLASSIFIERS:
         assert classifier in SCORE_KINDS
         for scaling in SCALINGS:
             steps = build_estimator(classifier, scaling).named_steps
             assert ('scale' in steps) == (scaling == 'standard')
-    assert set(DEFAULT_SCALING) == set(SCALING_REASONS) == {'texture', 'stiffness'}
+    assert set(DEFAULT_SCALING) == {'texture', 'stiffness'}
     assert set(DEFAULT_SCALING.values()) <= set(SCALINGS)
 
 
@@ -34,18 +33,11 @@ def test_unknown_names_are_refused():
         build_estimator('knn', 'minmax')
 
 
-def test_three_neighbours_vote_by_euclidean_distance():
-    # To the origin: Euclidean 3.0, 3.0, 3.1, 3.5; Manhattan would order them otherwise.
-    x = np.array([[3.0, 0.0], [0.0, 3.0], [2.2, 2.2], [3.5, 0.0]])
-    knn = build_estimator('knn', 'none').fit(x, ['a', 'b', 'b', 'a'])
-    assert knn.predict([[0.0, 0.0]]) == ['b']
-    np.testing.assert_allclose(knn.predict_proba([[0.0, 0.0]]), [[1 / 3, 2 / 3]])
-
-
 @pytest.mark.parametrize('classifier', CLASSIFIERS)
 def test_label_is_the_largest_score(texture_table, classifier):
-    estimator = build_estimator(classifier, 'none').fit(texture_table.values, texture_table.labels)
-    mixed = texture_table.values[::2] + texture_table.values[1::2][::-1]  # near the borders
+    table = texture_table.take(np.arange(0, 480, 3))
+    estimator = build_estimator(classifier, 'none').fit(table.values, table.labels)
+    mixed = table.values[::2] + table.values[1::2][::-1]  # near the borders
     score = getattr(estimator, 'decision_function' if 'svm' in classifier else 'predict_proba')
     best = estimator.classes_[score(mixed).argmax(axis=1)]
     np.testing.assert_array_equal(estimator.predict(mixed), best)

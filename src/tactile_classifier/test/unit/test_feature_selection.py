@@ -42,14 +42,9 @@ def test_selection_on_nothing_but_noise_invents_no_accuracy():
     generator = np.random.default_rng(11)
     table = make_table(generator.normal(0.0, 1.0, (160, 300)), np.repeat(['a', 'b'], 80))
     seen = rank_features(table.values, table.labels)[:20]
-    answers = predict_folds(
-        'svm_linear',
-        'none',
-        table.values[:, seen],
-        table.labels,
-        stratified_split(table).repeats[0],
-    )
-    tested = [table.labels[test] for _, test in stratified_split(table).repeats[0]]
+    folds = stratified_split(table).repeats[0]
+    answers = predict_folds('svm_linear', 'none', table.values[:, seen], table.labels, folds)
+    tested = [table.labels[test] for _, test in folds]
     assert np.mean(np.concatenate(answers) == np.concatenate(tested)) > 0.65
     for split in (stratified_split(table, 5, 1), grouped_split(table, ['day'])):
         ((result,),) = run_plans([SelectionPlan(table, split, ['svm_linear'], ['none'])])

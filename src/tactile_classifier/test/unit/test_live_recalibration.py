@@ -80,10 +80,15 @@ def test_answers_are_those_of_the_file_for_the_same_trials(trained, make, tmp_pa
     assert path.read_bytes() == data
 
 
-def test_a_new_session_begins_with_the_model_as_trained(trained, make):
-    live = LiveRecalibration(TactileModel.load(trained[0]), TRIALS)
-    for trial in KNOWN:
+def learn(path, make, known=KNOWN):
+    live = LiveRecalibration(TactileModel.load(path), TRIALS)
+    for trial in known:
         live.classify(make(trial))
+    return live
+
+
+def test_a_new_session_begins_with_the_model_as_trained(trained, make):
+    live = learn(trained[0], make)
     assert live.classify(make(66)).recalibration_trials == TRIALS
     tomorrow = make(66, session_id='tomorrow')
     assert live.classify(tomorrow) == live.model.classify(tomorrow)
@@ -100,9 +105,7 @@ def test_a_new_session_begins_with_the_model_as_trained(trained, make):
     ],
 )
 def test_what_is_not_known_does_not_count(trained, make, changes):
-    live = LiveRecalibration(TactileModel.load(trained[0]), TRIALS)
-    for trial in KNOWN[:-1]:
-        live.classify(make(trial))
+    live = learn(trained[0], make, KNOWN[:-1])
     for trial in KNOWN:
         live.classify(make(trial, **changes))
     assert live.classify(make(KNOWN[-1])).recalibration_trials == 0
@@ -110,9 +113,7 @@ def test_what_is_not_known_does_not_count(trained, make, changes):
 
 
 def test_the_correction_stays_after_the_last_known_trial(trained, make):
-    live = LiveRecalibration(TactileModel.load(trained[0]), TRIALS)
-    for trial in KNOWN:
-        live.classify(make(trial))
+    live = learn(trained[0], make)
     before = live.classify(make(66))
     for trial in LATER:
         live.classify(make(trial, values=np.ones(91)))

@@ -9,9 +9,6 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-import onnx
-from onnx import helper, TensorProto
-
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators.classifiers import (
@@ -23,8 +20,7 @@ from tactile_classifier.estimators.classifiers import (
 )
 from tactile_classifier.model_file import inference
 from tactile_classifier.model_file.inference import read_manifest, TactileModel
-from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest
-from tactile_classifier.model_file.onnx_container import open_container, seal
+from tactile_classifier.model_file.manifest import FULL_WINDOW
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import FittedStage, train, Trained
 from tactile_features.config import FeatureConfig
@@ -41,9 +37,15 @@ def expected_scores(trained, values):
 
 @pytest.mark.parametrize('scaling', SCALINGS)
 @pytest.mark.parametrize('classifier', CLASSIFIERS)
-@pytest.mark.parametrize('table', ['texture_table', 'stiffness_table'])
-def test_model_file_answers_as_scikit_learn_does(request, tmp_path, table, classifier, scaling):
-    table = request.getfixturevalue(table)
+@pytest.mark.parametrize('labels', ['eight textures', 'two textures', 'stiffness'])
+def test_model_file_answers_as_scikit_learn_does(
+    texture_table, stiffness_table, tmp_path, labels, classifier, scaling
+):
+    table = {
+        'eight textures': texture_table.take(np.arange(0, 480, 4)),
+        'two textures': texture_table.take(np.arange(0, 120, 4)),
+        'stiffness': stiffness_table,
+    }[labels]
     trained = train(table, classifier, scaling)
     write_model(tmp_path / 'm.onnx', trained)
     model = TactileModel.load(tmp_path / 'm.onnx')
@@ -53,16 +55,6 @@ def test_model_file_answers_as_scikit_learn_does(request, tmp_path, table, class
         scores = model.compute(values).scores
         np.testing.assert_allclose(scores, expected_scores(trained, values), atol=1e-12, rtol=0)
         np.testing.assert_array_equal(model.predict(values), trained.estimator.predict(values))
-
-
-@pytest.mark.parametrize('classifier', CLASSIFIERS)
-def test_two_classes(small_table, tmp_path, classifier):
-    table = small_table.take(small_table.labels != 'plate 2')
-    trained = train(table, classifier)
-    model = write_model(tmp_path / 'm.onnx', trained)
-    scores = model.compute(table.values).scores
-    np.testing.assert_allclose(scores, expected_scores(trained, table.values), atol=1e-12, rtol=0)
-    assert scores.shape == (24, 2)
 
 
 @pytest.mark.parametrize('scaling', SCALINGS)
@@ -118,11 +110,12 @@ def test_labels_of_manifest_must_be_the_estimators(small_table, tmp_path):
 def test_written_file_replaces_and_leaves_nothing_behind(small_table, tmp_path):
     path = tmp_path / 'm.onnx'
     path.write_bytes(b'old')
-    model = write_model(path, train(small_table, 'knn'))
+    trained = train(small_table, 'knn')
+    model = write_model(path, trained)
     assert [p.name for p in tmp_path.iterdir()] == ['m.onnx']
     assert TactileModel.load(path).model_id == model.model_id
     with pytest.raises(ModelFileError, match='cannot write model'):
-        write_model(tmp_path / 'no' / 'm.onnx', train(small_table, 'knn'))
+        write_model(tmp_path / 'no' / 'm.onnx', trained)
 
 
 def test_missing_skl2onnx_says_what_to_install(small_table, tmp_path, monkeypatch):
@@ -146,8 +139,6 @@ def test_model_id_names_task_contact_classifier_and_content(model_path):
     model = TactileModel.load(model_path)
     assert model.model_id.startswith('texture-flexion-svm_linear-')
     assert len(model.model_id.rsplit('-', 1)[1]) == 12
-    assert model.manifest.simulated
-    assert model.labels == ('plate 0', 'plate 1', 'plate 2')
 
 
 def test_truncated_file_is_refused_at_any_length(model_path):
@@ -168,31 +159,15 @@ def test_flipped_bits_never_reach_the_runtime(model_path, monkeypatch):
             TactileModel(bytes(damaged))
 
 
-@pytest.mark.parametrize(
-    ('content', 'message'),
-    [
-        (b'', 'not an ONNX file'),
-        (b'hello, world', 'not an ONNX file'),
-        (b'\x80\x04\x95', 'not an ONNX file'),  # a pickle
-    ],
-)
+@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x80\x04\x95'])  # a pickle
 @pytest.mark.parametrize('read', READERS)
-def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, message, read):
+def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, read):
     path = tmp_path / 'm.onnx'
-    path.write_bytes(content)
-    with pytest.raises(ModelFileError, match=f'm.onnx is refused: .*{message}'):
-        read(path)
-
-
-@pytest.mark.parametrize('read', READERS)
-def test_missing_file(tmp_path, read):
     with pytest.raises(ModelFileError, match=r'cannot read model .*: No such file'):
-        read(tmp_path / 'm.onnx')
-
-
-@pytest.mark.parametrize('read', READERS)
-def test_large_file_is_refused_unread(tmp_path, read):
-    path = tmp_path / 'm.onnx'
+        read(path)
+    path.write_bytes(content)
+    with pytest.raises(ModelFileError, match=r'm\.onnx is refused: it is not an ONNX file'):
+        read(path)
     with path.open('wb') as file:
         file.truncate(inference.MAX_MODEL_BYTES + 1)
     with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
@@ -209,52 +184,10 @@ def test_the_manifest_alone_is_read_without_a_runtime(model_path, monkeypatch, t
         read_manifest(changed)
 
 
-def resealed(path, **changes):
-    """Return the model with another manifest, sealed as well as the first."""
-    data = path.read_bytes()
-    manifest = dataclasses.replace(Manifest.from_json(open_container(data)), **changes)
-    model = onnx.load_model_from_string(data)
-    del model.metadata_props[:]
-    return TactileModel(seal(model.SerializeToString(), manifest.to_json()))
-
-
-def test_labels_that_the_graph_has_no_scores_for(model_path):
-    with pytest.raises(ModelFileError, match=r'scores of shape \(1, 3\); it has 2 labels'):
-        resealed(model_path, labels=('a', 'b'))
-
-
-def test_features_that_the_graph_does_not_take(model_path):
-    with pytest.raises(ModelFileError, match='the feature set has 46 features'):
-        resealed(model_path, spec=spec_for('texture', FeatureConfig(texture_samples=90)))
-
-
-def test_graph_of_another_form_is_refused(model_path):
-    manifest = open_container(model_path.read_bytes())
-    info = [helper.make_tensor_value_info(n, TensorProto.DOUBLE, [None, 91]) for n in 'ab']
-    node = helper.make_node('Identity', ['a'], ['b'])
-    graph = helper.make_graph([node], 'g', info[:1], info[1:])
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid('', 18)], ir_version=8)
-    with pytest.raises(
-        ModelFileError, match='does not lead from features to answer, scores, novelty'
-    ):
-        TactileModel(seal(model.SerializeToString(), manifest))
-    model.graph.node[0].op_type = 'NoSuchOperator'
-    with pytest.raises(ModelFileError, match='onnxruntime cannot load its graph'):
-        TactileModel(seal(model.SerializeToString(), manifest))
-
-
-@pytest.mark.parametrize(
-    ('config', 'message'),
-    [
-        (FeatureConfig(rate_hz=100.0), 'rate in Hz differs: 60.0 here, 100.0 there'),
-        (FeatureConfig(texture_samples=90), 'window in samples differs: 180 here, 90 there'),
-        (FeatureConfig(texture_crop_start_s=1.0), 'texture_crop_start_s'),
-    ],
-)
-def test_features_of_another_window_do_not_fit(model_path, config, message):
+def test_features_of_another_window_do_not_fit(model_path):
     model = TactileModel.load(model_path)
     model.check_fits(spec_for('texture', FeatureConfig()))
-    with pytest.raises(ModelFileError, match=message):
-        model.check_fits(spec_for('texture', config))
+    with pytest.raises(ModelFileError, match='rate in Hz differs'):
+        model.check_fits(spec_for('texture', FeatureConfig(rate_hz=100.0)))
     with pytest.raises(ModelFileError, match='feature set differs'):
         model.check_fits(spec_for('stiffness', FeatureConfig()))

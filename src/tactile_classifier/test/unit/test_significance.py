@@ -52,12 +52,13 @@ def test_p_is_that_of_scipy_with_and_without_ties(step):
     ),
     st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_p_is_that_of_scipy_on_any_table(values, seed):
     labels = np.random.default_rng(seed).choice(['a', 'b', 'c'], len(values))
     labels[:2] = 'a', 'b'
     found = rank_sum_p_values(values, labels)
     np.testing.assert_allclose(found.p, peer_p_values(values, labels), rtol=1e-15, atol=0)
+    assert np.array_equal(rank_sum_p_values(values, labels, ['s'] * len(values)).p, found.p)
 
 
 def test_many_features_go_in_blocks_with_the_same_result():
@@ -141,14 +142,6 @@ def test_stratified_p_is_van_elteren_s(step):
     z = (abs(surplus) - smallest / 2) / Fraction(math.sqrt(variance))
     assert found.strata == 4
     assert found.p[0, 0, 1] == pytest.approx(2 * norm.sf(float(z)), rel=1e-12)
-
-
-def test_one_stratum_is_no_stratum_to_the_last_bit():
-    rng = np.random.default_rng(9)
-    labels = np.repeat(['a', 'b', 'c'], [5, 9, 30])
-    values = np.round(rng.normal(size=(44, 5)), 1)
-    plain = rank_sum_p_values(values, labels)
-    assert np.array_equal(rank_sum_p_values(values, labels, np.full(44, 's')).p, plain.p)
 
 
 def test_stratified_p_is_right_in_size_where_sessions_shift_all_trials():

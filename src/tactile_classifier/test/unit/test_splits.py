@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -27,6 +27,7 @@ def check_each_trial_is_tested_once_and_never_trained_on(split, trials):
             assert sorted([*train, *test]) == list(range(trials))
 
 
+@settings(max_examples=25, deadline=None)
 @given(st.integers(2, 4), st.integers(4, 9), st.integers(2, 4), st.integers(0, 99))
 def test_no_trial_is_trained_on_and_tested(classes, each, folds, seed):
     labels = np.random.default_rng(seed).permutation(np.repeat(np.arange(classes), each))
@@ -37,6 +38,7 @@ def test_no_trial_is_trained_on_and_tested(classes, each, folds, seed):
             assert sorted([*a, *b]) == sorted(train)
 
 
+@settings(max_examples=25, deadline=None)
 @given(st.data(), st.integers(2, 5), st.integers(0, 99))
 def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
     # Each class in each group at least once, so that any of them can be held out.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.model_file.onnx_container import read_card
+from tactile_classifier.model_file.inference import read_model_card
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
@@ -96,7 +96,7 @@ def test_model_has_a_card_with_its_limits(tmp_path, capsys, sessions):
     )
     assert any('No session was held out' in limit for limit in found['limits']) == (sessions == 1)
     # One text: what is printed is the card inside the file.
-    assert found['card'] == read_card(path.read_bytes())
+    assert found['card'] == read_model_card(path)
     run_show(path, None, 1, as_json=False)
     printed = capsys.readouterr().out
     assert found['card'].strip() in printed

@@ -12,7 +12,7 @@ import sys
 import numpy as np
 import typer
 
-from tactile_classifier.datasets.archive_writer import save_archive
+from tactile_classifier.datasets.archive import save_archive
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.sources.load import load_trials, split_sources
 from tactile_lab.datasets.sources.options import SourceOptions

@@ -1,0 +1,169 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Untrusted models with a valid seal: refused, or limited in what they ask for."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+import onnx
+from onnx import helper, numpy_helper, TensorProto
+
+from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.errors import ModelFileError
+from tactile_classifier.estimators import random_convolution_classifier
+from tactile_classifier.model_file.inference import read_manifest, SCORES, TactileModel
+from tactile_classifier.model_file.manifest import FULL_WINDOW
+from tactile_classifier.model_file.onnx_container import open_container, seal
+from tactile_classifier.model_file.onnx_session import MAX_INFERENCE_BYTES
+from tactile_classifier.records import Outcome
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features.config import FeatureConfig
+from tactile_features.spec import spec_for
+
+
+def change(path, edit=lambda model: None, manifest=None):
+    """Return a model file with another graph or another manifest, as well sealed as the first."""
+    data = path.read_bytes()
+    model = onnx.load_model_from_string(data)
+    del model.metadata_props[:]
+    edit(model)
+    old, card = open_container(data)
+    return seal(model.SerializeToString(), manifest.to_json() if manifest else old, card)
+
+
+def add_ballast(model, doubles):
+    """Make and add up this many doubles before the model answers."""
+    for node in model.graph.node:
+        node.output[:] = ['raw' if name == SCORES else name for name in node.output]
+    value = helper.make_tensor('v', TensorProto.DOUBLE, [1], [1.0])
+    model.graph.initializer.append(helper.make_tensor('n', TensorProto.INT64, [1], [doubles]))
+    model.graph.node.extend(
+        [
+            helper.make_node('ConstantOfShape', ['n'], ['ballast'], value=value),
+            helper.make_node('ReduceSum', ['ballast'], ['total'], keepdims=1),
+            helper.make_node('Add', ['raw', 'total'], [SCORES]),
+        ]
+    )
+
+
+def test_a_graph_may_ask_for_memory_up_to_the_limit(model_path):
+    assert TactileModel(change(model_path, lambda model: add_ballast(model, 1000))).labels
+    too_much = change(model_path, lambda model: add_ballast(model, MAX_INFERENCE_BYTES))
+    with pytest.raises(ModelFileError, match='does not run'):
+        TactileModel(too_much)  # two gigabytes at the first try, which is when it is loaded
+
+
+def test_a_graph_that_need_not_end_is_refused(model_path):
+    def loop(model):
+        tensors = [
+            helper.make_tensor_value_info(name, kind, [])
+            for name, kind in (
+                ('i', TensorProto.INT64), ('go', TensorProto.BOOL), ('on', TensorProto.BOOL)
+            )
+        ]  # fmt: skip
+        node = helper.make_node('Identity', ['go'], ['on'])
+        body = helper.make_graph([node], 'body', tensors[:2], tensors[2:])
+        model.graph.node.append(helper.make_node('Loop', ['', ''], [], body=body))
+
+    with pytest.raises(ModelFileError, match='need not end'):
+        TactileModel(change(model_path, loop))
+
+
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'labels': ('a', 'b')}, r'scores of shape \(1, 3\); it has 2 labels'),
+        (
+            {'spec': spec_for('texture', FeatureConfig(texture_samples=90))},
+            'the feature set has 46 features',
+        ),
+        ({'stages': (FULL_WINDOW,)}, 'does not lead from features to answer, scores'),
+    ],
+)
+def test_a_graph_under_the_manifest_of_another_is_refused(model_path, changes, message):
+    manifest = dataclasses.replace(read_manifest(model_path), **changes)
+    data = change(model_path, manifest=manifest)
+    with pytest.raises(ModelFileError, match=message):
+        TactileModel(data)
+
+
+def test_graph_of_another_form_is_refused(model_path):
+    info = [helper.make_tensor_value_info(n, TensorProto.DOUBLE, [None, 91]) for n in 'ab']
+
+    def edit(op_type):
+        node = helper.make_node(op_type, ['a'], ['b'])
+        graph = helper.make_graph([node], 'g', info[:1], info[1:])
+        return lambda model: model.graph.CopyFrom(graph)
+
+    with pytest.raises(ModelFileError, match='from features to answer, scores, novelty'):
+        TactileModel(change(model_path, edit('Identity')))
+    with pytest.raises(ModelFileError, match='onnxruntime cannot load its graph'):
+        TactileModel(change(model_path, edit('NoSuchOperator')))
+
+
+@pytest.fixture(scope='module')
+def rocket_path(small_table, tmp_path_factory):
+    rng = np.random.default_rng(2)
+    spec = spec_for('texture', FeatureConfig(texture_features='glide_waveform'))
+    level = np.searchsorted(np.unique(small_table.labels), small_table.labels)
+    values = rng.normal(size=(len(small_table), len(spec.names))) + level[:, np.newaxis]
+    table = FeatureTable(values, small_table.labels, spec, small_table.columns)
+    path = tmp_path_factory.mktemp('rocket') / 'rocket.onnx'
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(random_convolution_classifier, 'FEATURES', 168)
+        write_model(path, train(table, 'rocket'))
+    return path
+
+
+def change_constants(path, kind, new):
+    """Return the model file with other constants of one type."""
+
+    def edit(model):
+        for tensor in model.graph.initializer:
+            if tensor.data_type == kind:
+                array = numpy_helper.to_array(tensor)
+                tensor.CopyFrom(
+                    numpy_helper.from_array(np.asarray(new(array), array.dtype), tensor.name)
+                )
+
+    data = change(path, edit)
+    assert data != path.read_bytes()
+    return data
+
+
+def test_a_rocket_whose_kernels_reach_beyond_the_waveform_is_refused(rocket_path):
+    assert TactileModel.load(rocket_path).manifest.classifier == 'rocket'
+
+    def reach(array):
+        return np.where(array == array.max(), 10**9, array) if array.size > 9 else array
+
+    with pytest.raises(ModelFileError, match='its graph does not run'):
+        TactileModel(change_constants(rocket_path, TensorProto.INT64, reach))
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_a_rocket_with_weights_that_are_not_finite_names_nothing(rocket_path, value, make_window):
+    def spoil(array):
+        return np.full_like(array, value) if array.ndim == 2 else array
+
+    model = TactileModel(change_constants(rocket_path, TensorProto.DOUBLE, spoil))
+    window = make_window(
+        feature_set='glide_waveform',
+        feature_set_version=model.spec.version,
+        values=np.arange(float(len(model.spec.names))),
+        specification_digest=model.spec.digest,
+    )
+    answer = model.classify(window)
+    assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
+    assert 'no finite scores' in answer.reason
+
+
+def test_a_rocket_of_other_waveforms_is_refused(rocket_path, model_path):
+    with pytest.raises(ModelFileError, match='the feature set has 91 features'):
+        TactileModel(change(rocket_path, manifest=read_manifest(model_path)))
