@@ -11,7 +11,7 @@ import select
 import tempfile
 import threading
 import time
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from tactile_sim.devices.faults import FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
 from tactile_sim.devices.pty_port import PtyPort
@@ -53,7 +53,7 @@ class PtyServer:
 
     def __init__(self, rig: PalpationRig, links: Path | None = None, seed: int = 0) -> None:
         self._rig = rig
-        self._lines: dict[str, FaultyLine] = {
+        self._lines: dict[str, FaultyLine[Any]] = {
             'guide': GuideLine(rig.guide, seed),
             'tendon': TendonLine(rig.tendon, seed + 1),
             'sensor': SensorLine(rig.sensor, seed + 2),
@@ -123,7 +123,9 @@ class PtyServer:
                 for name, port in self._ports.items():
                     self._exchange(self._lines[name], port, port in readable, now_s)
 
-    def _exchange(self, line: FaultyLine, port: PtyPort, has_input: bool, now_s: float) -> None:
+    def _exchange(
+        self, line: FaultyLine[Any], port: PtyPort, has_input: bool, now_s: float
+    ) -> None:
         output = line.receive(port.read(), now_s) if has_input else b''
         output += line.poll(now_s)
         if line.is_unplugged:

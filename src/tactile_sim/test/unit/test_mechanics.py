@@ -39,12 +39,7 @@ CONSTANTS = Constants(
     per_weakening=1e4,
     inverse_softening=1e3,
     crosstalk=0.0,
-    mass_00=2e-5,
-    mass_01=-6e-6,
-    mass_02=1e-6,
-    mass_11=3e-6,
-    mass_12=-5e-7,
-    mass_22=4e-7,
+    masses=(2e-5, -6e-6, 1e-6, 3e-6, -5e-7, 4e-7),
 )
 MASS_MATRIX = np.array([[2e-5, -6e-6, 1e-6], [-6e-6, 3e-6, -5e-7], [1e-6, -5e-7, 4e-7]])
 RATE, GRID_LINE = 600.0, np.array(NODE_XI)
