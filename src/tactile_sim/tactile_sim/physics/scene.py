@@ -116,10 +116,6 @@ class Scene:
     @cached_property
     def parameters(self) -> tuple[Any, ...]:
         """Constants, springs of the object, surface, its grid, and whether anything yields."""
-        return (self.constants, *self._surroundings)
-
-    @cached_property
-    def _surroundings(self) -> tuple[Any, ...]:
         springs = [0.0] * (1 + at.MAX_BRANCHES)
         if self.body:
             springs[0] = self.body.stiffness_n_m
@@ -132,7 +128,7 @@ class Scene:
             # The last cell's end belongs to it.
             last = math.nextafter(float(len(table)), 0.0)
             grid = (self.surface.origin_m, 1 / self.surface.spacing_m, last)
-        return tuple(springs), table, grid, self.body is not None
+        return self.constants, tuple(springs), table, grid, self.body is not None
 
     @cached_property
     def _rest_coefficients(self) -> FloatArray:
@@ -210,7 +206,7 @@ class Scene:
         advance_trials(
             solver,
             fresh,
-            (self.constants._replace(masses=NO_MASSES), *self._surroundings),  # it rests
+            (self.constants._replace(masses=NO_MASSES), *self.parameters[1:]),  # it rests
             steps,
             inputs,
             np.tile(inputs, (len(steps), 1)),

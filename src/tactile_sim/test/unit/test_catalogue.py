@@ -198,7 +198,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
 @given(
     st.sampled_from(sorted(FILES)),
     st.text(max_size=60).map(lambda text: text.encode('utf-8', 'surrogatepass'))
@@ -221,7 +221,7 @@ def test_any_file_gives_a_catalogue_or_a_sentence(tmp_path, name, data):
     assert '\n' not in said
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
 @given(st.sampled_from([f.name for f in dataclasses.fields(Finger)]), st.floats(1e-9, 1e9))
 def test_any_number_gives_a_finger_or_a_sentence_that_names_it(tmp_path, key, value):
     said = f'finger_flexion.yaml {key}'

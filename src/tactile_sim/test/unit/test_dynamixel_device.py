@@ -232,25 +232,6 @@ def test_reboot_forgets_whole_turns():
     assert bench.device.displacement_m == pytest.approx(wound_m)
 
 
-def test_power_loss_is_silence_and_a_servo_without_torque():
-    bench = Bench()
-    bench.arm()
-    bench.write(known.GOAL_POSITION, 2048 + 4096)
-    bench.wait(2.0)
-    bench.device.fail(0x20)
-    # Half a packet before, the other half after: no packet.
-    packet = encode_instruction(1, 0x01)
-    bench.device.receive(packet[:6], bench.now_s)
-    bench.device.restart()
-    assert bench.send(0x01) is None
-    bench.wait(0.35)
-    assert bench.device.receive(packet[6:], bench.now_s) == b''
-    assert bench.send(0x01)[0] == 0
-    assert bench.read(known.TORQUE_ENABLE) == 0
-    assert bench.read(known.PRESENT_POSITION) == 2048
-    assert bench.read(known.OPERATING_MODE) == 5
-
-
 def test_a_hot_servo_shuts_down_again_after_each_reboot_until_it_is_cool():
     bench = Bench()
     bench.arm()

@@ -12,7 +12,6 @@ from scenery import change, CONTACT_GUIDE_M, draw, free_scene, plate_scene, PULL
 
 from tactile_sim.errors import DescriptionError
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger import solver as solver_module
 from tactile_sim.physics.finger.solver import advance_trials, choose_solver
 from tactile_sim.physics.scene import build_scene
 
@@ -170,13 +169,3 @@ def test_solvers_are_chosen_by_name_and_by_what_is_installed(monkeypatch):
     assert choose_solver() == 'numpy'
     with pytest.raises(DescriptionError, match='pip install numba'):
         choose_solver('compiled')
-
-
-def test_trials_that_do_not_fill_a_block_are_filled_up():
-    assert solver_module._BLOCK == 16
-    scene, *inputs, variation = make_trial('stiffness', 'sponge', 'flexion', 33)
-    counts = {count: variation.select(slice(count)) for count in (1, 15, 16, 17, 33)}
-    runs = {count: run(scene, STEP_S, *inputs, variation=v) for count, v in counts.items()}
-    for count, result in runs.items():
-        assert result.rows.shape[1] == count
-        assert result.rows.tobytes() == runs[33].rows[:, :count].tobytes()
