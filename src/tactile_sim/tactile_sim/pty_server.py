@@ -42,8 +42,6 @@ class PtyServer:
         Names of the ports: guide, tendon, sensor. They stay when a port is unplugged.
     failure : Exception or None
         What ended the thread.
-    slipped_s : float
-        How much the rig's clock has slipped [s].
 
     Raises
     ------
@@ -62,7 +60,6 @@ class PtyServer:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='pty_server', daemon=True)
         self.failure: Exception | None = None
-        self.slipped_s = 0.0
         self._own_folder = None
         if links is None:
             self._own_folder = tempfile.TemporaryDirectory(prefix='tactile_rig_')
@@ -113,7 +110,6 @@ class PtyServer:
             behind_s = time.monotonic() - start_s - self._rig.now_s
             if behind_s > _MOST_BEHIND_S:
                 start_s += behind_s
-                self.slipped_s += behind_s
             wait_s = 0.0 if behind_s > STEP_S else STEP_S - behind_s
             plugged = [port for port in self._ports.values() if port.is_open]
             readable, _, _ = select.select(plugged, [], [], wait_s)

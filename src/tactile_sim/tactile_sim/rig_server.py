@@ -152,7 +152,7 @@ def _answer(server: PtyServer, line: bytes) -> dict[str, Any]:
         return {'error': _USAGE}
     try:
         if request.get('state'):
-            return {**server.call(PalpationRig.read_truth), 'slipped_s': server.slipped_s}
+            return server.call(PalpationRig.read_truth)
         if 'fault' in request:
             server.fault(read_request(request['fault']))
             return {'ok': True}

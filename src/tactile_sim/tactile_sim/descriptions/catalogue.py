@@ -63,7 +63,6 @@ class Catalogue:
     _plates: tuple[tuple[str, Plate], ...] = field(repr=False)
     _bodies: tuple[tuple[str, Body], ...] = field(repr=False)
     _held_objects: tuple[tuple[str, HeldObject], ...] = field(repr=False)
-    folder: Path | None = field(default=None, compare=False)
 
     def __init__(self, folder: Path | None = None) -> None:
         files = {} if folder is None else _read_folder(folder)
@@ -80,7 +79,6 @@ class Catalogue:
             '_plates': _parse_labelled(Plate, _LABELLED['texture'], files),
             '_bodies': _parse_labelled(Body, _LABELLED['stiffness'], files),
             '_held_objects': _parse_labelled(HeldObject, _LABELLED['slip'], files),
-            'folder': folder,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)  # the dataclass is frozen
