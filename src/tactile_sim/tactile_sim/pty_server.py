@@ -11,7 +11,7 @@ import select
 import tempfile
 import threading
 import time
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from tactile_sim.devices.faults import FaultRequest, FaultyLine, GuideLine, SensorLine, TendonLine
 from tactile_sim.devices.pty_port import PtyPort
@@ -42,8 +42,6 @@ class PtyServer:
         Names of the ports: guide, tendon, sensor. They stay when a port is unplugged.
     failure : Exception or None
         What ended the thread.
-    slipped_s : float
-        How much the rig's clock has slipped [s].
 
     Raises
     ------
@@ -53,7 +51,7 @@ class PtyServer:
 
     def __init__(self, rig: PalpationRig, links: Path | None = None, seed: int = 0) -> None:
         self._rig = rig
-        self._lines: dict[str, FaultyLine] = {
+        self._lines: dict[str, FaultyLine[Any]] = {
             'guide': GuideLine(rig.guide, seed),
             'tendon': TendonLine(rig.tendon, seed + 1),
             'sensor': SensorLine(rig.sensor, seed + 2),
@@ -62,7 +60,6 @@ class PtyServer:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='pty_server', daemon=True)
         self.failure: Exception | None = None
-        self.slipped_s = 0.0
         self._own_folder = None
         if links is None:
             self._own_folder = tempfile.TemporaryDirectory(prefix='tactile_rig_')
@@ -113,7 +110,6 @@ class PtyServer:
             behind_s = time.monotonic() - start_s - self._rig.now_s
             if behind_s > _MOST_BEHIND_S:
                 start_s += behind_s
-                self.slipped_s += behind_s
             wait_s = 0.0 if behind_s > STEP_S else STEP_S - behind_s
             plugged = [port for port in self._ports.values() if port.is_open]
             readable, _, _ = select.select(plugged, [], [], wait_s)
@@ -123,7 +119,9 @@ class PtyServer:
                 for name, port in self._ports.items():
                     self._exchange(self._lines[name], port, port in readable, now_s)
 
-    def _exchange(self, line: FaultyLine, port: PtyPort, has_input: bool, now_s: float) -> None:
+    def _exchange(
+        self, line: FaultyLine[Any], port: PtyPort, has_input: bool, now_s: float
+    ) -> None:
         output = line.receive(port.read(), now_s) if has_input else b''
         output += line.poll(now_s)
         if line.is_unplugged:

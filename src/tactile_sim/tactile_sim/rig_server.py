@@ -18,7 +18,7 @@ import time
 from typing import Any
 
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.devices.faults import FaultRequest
+from tactile_sim.devices.faults import read_request
 from tactile_sim.errors import RigError, TactileSimError
 from tactile_sim.pty_server import PtyServer
 from tactile_sim.rig import PalpationRig
@@ -152,9 +152,9 @@ def _answer(server: PtyServer, line: bytes) -> dict[str, Any]:
         return {'error': _USAGE}
     try:
         if request.get('state'):
-            return {**server.call(PalpationRig.read_truth), 'slipped_s': server.slipped_s}
+            return server.call(PalpationRig.read_truth)
         if 'fault' in request:
-            server.fault(FaultRequest.from_json(request['fault']))
+            server.fault(read_request(request['fault']))
             return {'ok': True}
         wanted = request.get('mount')
         if not isinstance(wanted, dict):

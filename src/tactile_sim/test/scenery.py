@@ -11,7 +11,6 @@ import numpy as np
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.finger.solver import advance_trials, TOLERANCE_NM
-from tactile_sim.physics.finger.steps import BDF2
 from tactile_sim.physics.scene import build_scene, Scene
 from tactile_sim.physics.variation import draw_variation, Variation
 
@@ -79,30 +78,31 @@ def run(
     *,
     variation=None,
     solver='compiled',
-    scheme=BDF2,
+    euler=False,
     tolerance_nm=TOLERANCE_NM,
     trusted_nm=0.0,
-    dtype=np.float64,
 ):
-    """Advance from rest; inputs are given before the first step and at the end of each."""
+    """Advance from rest; inputs are given before the first step and at the end of each.
+
+    With ``euler`` each step is as one of another length than the one before.
+    """
     tendon_m = np.asarray(tendon_m)
     steps = len(tendon_m) - 1
     guide_m, pulled_m = (np.broadcast_to(v, steps + 1) for v in (guide_m, pulled_m))
     inputs = scene.compute_inputs(tendon_m, guide_m, pulled_m)
     variation = variation or Variation.none()
-    state = scene.start_trials(solver, variation, inputs[0], dtype=dtype)
+    state = scene.start_trials(solver, variation, inputs[0])
     failed = np.full(len(variation.phase), -1, dtype=np.int64)
     out = advance_trials(
         solver,
         state,
         scene.parameters,
-        np.zeros(steps, dtype=np.int64),
+        np.arange(steps) % 2 if euler else np.zeros(steps, dtype=np.int64),
         inputs[0],
         inputs[1:],
-        scene.compute_coefficients((step_s,)),
+        scene.compute_coefficients((step_s, step_s)),
         tuple(range(at.STATE_ROWS)),
         failed,
-        scheme,
         tolerance_nm=tolerance_nm,
         trusted_nm=trusted_nm,
     )

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -63,7 +63,6 @@ class Catalogue:
     _plates: tuple[tuple[str, Plate], ...] = field(repr=False)
     _bodies: tuple[tuple[str, Body], ...] = field(repr=False)
     _held_objects: tuple[tuple[str, HeldObject], ...] = field(repr=False)
-    folder: Path | None = field(default=None, compare=False)
 
     def __init__(self, folder: Path | None = None) -> None:
         files = {} if folder is None else _read_folder(folder)
@@ -80,7 +79,6 @@ class Catalogue:
             '_plates': _parse_labelled(Plate, _LABELLED['texture'], files),
             '_bodies': _parse_labelled(Body, _LABELLED['stiffness'], files),
             '_held_objects': _parse_labelled(HeldObject, _LABELLED['slip'], files),
-            'folder': folder,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)  # the dataclass is frozen
@@ -128,9 +126,7 @@ class Catalogue:
             One of them is not there.
         """
         self.labels(protocol)
-        find: dict[str, Callable[[str], object]] = dict(
-            zip(PROTOCOLS, (self.plate, self.body, self.held_object), strict=True)
-        )
+        find = {'texture': self.plate, 'stiffness': self.body, 'slip': self.held_object}
         find[protocol](label)
         self.finger(contact)
 
@@ -144,14 +140,8 @@ class Catalogue:
         """
         if protocol not in PROTOCOLS:
             raise DescriptionError(f'protocol is {show(protocol)}; it must be one of {PROTOCOLS}')
-        return tuple(label for known, label in self.mountable if known == protocol)
-
-    @property
-    def mountable(self) -> tuple[tuple[str, str], ...]:
-        """All that can lie under the finger, as pairs of protocol and label."""
         shelves = (self._plates, self._bodies, self._held_objects)
-        pairs = zip(PROTOCOLS, shelves, strict=True)
-        return tuple((protocol, label) for protocol, shelf in pairs for label, _ in shelf)
+        return tuple(label for label, _ in shelves[PROTOCOLS.index(protocol)])
 
 
 @lru_cache

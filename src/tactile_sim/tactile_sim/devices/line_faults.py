@@ -48,28 +48,26 @@ class LineFault:
         return b''
 
 
-class Mute(LineFault):
-    """The transmit wire of the device is broken; it still receives."""
+class Cut(LineFault):
+    """A wire is broken: what the device says is lost, what it would hear, or both.
+
+    Parameters
+    ----------
+    says, hears
+        Whether the device still does.
+    on_end
+        See `LineFault`.
+    """
+
+    def __init__(self, says: bool, hears: bool, on_end: Callable[[], None] = lambda: None) -> None:
+        super().__init__(on_end)
+        self._says, self._hears = says, hears
 
     def say(self, data: bytes, now_s: float) -> bytes:
-        return b''
-
-
-class Deaf(LineFault):
-    """The device's receive wire is broken: it speaks on, and hears nothing."""
+        return data if self._says else b''
 
     def hear(self, data: bytes) -> bytes:
-        return b''
-
-
-class Unplugged(LineFault):
-    """No line at all; the server takes the port away."""
-
-    def say(self, data: bytes, now_s: float) -> bytes:
-        return b''
-
-    def hear(self, data: bytes) -> bytes:
-        return b''
+        return data if self._hears else b''
 
 
 class Burst(LineFault):

@@ -16,7 +16,6 @@ from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
 from tactile_sim.errors import DescriptionError
 from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.finger.solver import advance_trials, choose_solver
-from tactile_sim.physics.finger.steps import BDF2, Scheme
 from tactile_sim.physics.scene import build_scene, Scene
 from tactile_sim.physics.sensing import read_tension
 from tactile_sim.physics.timeline import plan_timeline, Timeline
@@ -140,7 +139,6 @@ def simulate_motion(
     timeline: Timeline,
     variation: Variation,
     solver: str = '',
-    scheme: Scheme = BDF2,
     steps_per_sample: int = STEPS_PER_SAMPLE,
     keep_modes: bool = False,
     trusted_nm: float = TRUSTED_NM,
@@ -163,7 +161,7 @@ def simulate_motion(
     parts = []
     for begin in range(0, len(variation.phase), _BATCH[solver]):
         some = variation.select(slice(begin, begin + _BATCH[solver]))
-        parts.append(_run_batch(scene, schedule, some, solver, scheme, rows, trusted_nm))
+        parts.append(_run_batch(scene, schedule, some, solver, rows, trusted_nm))
     sampled = np.concatenate([part[0] for part in parts], axis=1)
     failed_at_s = np.concatenate([part[1] for part in parts])
     failed = np.flatnonzero(np.isfinite(failed_at_s))
@@ -231,7 +229,6 @@ def _run_batch(
     schedule: _Schedule,
     variation: Variation,
     solver: str,
-    scheme: Scheme,
     rows: tuple[int, ...],
     trusted_nm: float,
 ) -> tuple[FloatArray, FloatArray]:
@@ -248,7 +245,6 @@ def _run_batch(
         schedule.coefficients,
         rows,
         failed,
-        scheme,
         trusted_nm=trusted_nm if scene.inertia else 0.0,
     )
     low, share = schedule.locate_samples(variation.phase)

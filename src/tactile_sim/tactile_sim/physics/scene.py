@@ -18,9 +18,9 @@ from tactile_sim.descriptions.description import Body, Finger, Rig
 from tactile_sim.errors import ConvergenceError, DescriptionError
 from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.finger.inertia import compute_mass_matrix
-from tactile_sim.physics.finger.mechanics import Constants
+from tactile_sim.physics.finger.mechanics import Constants, NO_MASSES
 from tactile_sim.physics.finger.solver import advance_trials
-from tactile_sim.physics.finger.steps import compute_coefficients, EULER
+from tactile_sim.physics.finger.steps import compute_coefficients
 from tactile_sim.physics.surface import build_crown_surface, build_plate_surface, Surface
 from tactile_sim.physics.variation import Variation
 
@@ -77,10 +77,6 @@ class Scene:
     @cached_property
     def constants(self) -> Constants:
         """What all trials share, for the solvers."""
-        return self._still_constants._replace(**self._masses)
-
-    @cached_property
-    def _still_constants(self) -> Constants:
         f = self.finger
         drive = 0.0 if self.rolls else 1 / self.drive_stiffness_n_m
         softening = self.body.softening_m if self.body else 0.0
@@ -107,25 +103,19 @@ class Scene:
             per_weakening=1 / self.weakening_m,
             inverse_softening=1 / softening if softening > 0 else 0.0,
             crosstalk=self.rig.load_cell.crosstalk,
+            masses=self._compute_masses(),
         )
 
-    @cached_property
-    def _masses(self) -> dict[str, float]:
+    def _compute_masses(self) -> tuple[float, ...]:
         if not self.inertia:
-            return {}
+            return NO_MASSES
         f = self.finger
         bend_rad = math.radians(f.contact_bend_deg)
-        masses = compute_mass_matrix(f.length_m, f.mass_kg, f.tip_mass_kg, bend_rad)
-        names = ('mass_00', 'mass_01', 'mass_02', 'mass_11', 'mass_12', 'mass_22')
-        return dict(zip(names, masses, strict=True))
+        return compute_mass_matrix(f.length_m, f.mass_kg, f.tip_mass_kg, bend_rad)
 
     @cached_property
     def parameters(self) -> tuple[Any, ...]:
         """Constants, springs of the object, surface, its grid, and whether anything yields."""
-        return (self.constants, *self._surroundings)
-
-    @cached_property
-    def _surroundings(self) -> tuple[Any, ...]:
         springs = [0.0] * (1 + at.MAX_BRANCHES)
         if self.body:
             springs[0] = self.body.stiffness_n_m
@@ -138,7 +128,7 @@ class Scene:
             # The last cell's end belongs to it.
             last = math.nextafter(float(len(table)), 0.0)
             grid = (self.surface.origin_m, 1 / self.surface.spacing_m, last)
-        return tuple(springs), table, grid, self.body is not None
+        return self.constants, tuple(springs), table, grid, self.body is not None
 
     @cached_property
     def _rest_coefficients(self) -> FloatArray:
@@ -172,8 +162,7 @@ class Scene:
         variation: Variation,
         inputs: FloatArray,
         state: FloatArray | None = None,
-        dtype: Any = np.float64,
-    ) -> Any:
+    ) -> FloatArray:
         """Put trials at rest, with nothing sticking.
 
         Parameters
@@ -192,7 +181,7 @@ class Scene:
             There is no rest.
         """
         count = len(variation.phase)
-        fresh = np.zeros((at.TRIAL_ROWS, count), dtype=dtype)
+        fresh = np.zeros((at.TRIAL_ROWS, count))
         fresh[at.MODES] = _FIRST_BEND_RAD
         if state is not None:
             for rows in (at.MODES, at.CREEP):
@@ -217,14 +206,13 @@ class Scene:
         advance_trials(
             solver,
             fresh,
-            (self._still_constants, *self._surroundings),  # rest needs no inertia
+            (self.constants._replace(masses=NO_MASSES), *self.parameters[1:]),  # it rests
             steps,
             inputs,
             np.tile(inputs, (len(steps), 1)),
             self._rest_coefficients,
             (),
             failed,
-            EULER,
             grip=0.0,
         )
         if (failed >= 0).any():

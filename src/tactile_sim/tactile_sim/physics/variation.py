@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 import hashlib
 
 import numpy as np
@@ -61,24 +61,6 @@ class Variation:
         return Variation(**{item.name: getattr(self, item.name)[trials] for item in fields(self)})
 
 
-@dataclass(frozen=True)
-class _Deviations:
-    """What one level (trial, mounting, session) adds to the described values."""
-
-    contact_height_m: FloatArray
-    placement_m: FloatArray
-    friction: FloatArray
-    object_stiffness: FloatArray
-    finger_stiffness: FloatArray
-    glide_speed: FloatArray
-    tendon_zero_m: FloatArray
-    temperature_k: FloatArray
-
-    def select(self, rows: NDArray[np.intp]) -> _Deviations:
-        """One row for each index."""
-        return _Deviations(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
-
-
 def draw_variation(
     catalogue: Catalogue,
     contact: str,
@@ -124,41 +106,27 @@ def draw_variation(
     generators = [make_generator(seed, session, protocol, contact, label, i) for i in numbers]
     trial = _draw_deviations(rig.variation.trial, generators)
     phase = np.array([generator.random() for generator in generators])
-    mountings = [i // trials_per_mounting for i in numbers]
-    different = range(mountings[0], mountings[-1] + 1) if mountings else ()
-    mounting = _draw_deviations(
-        rig.variation.mounting,
-        [
-            make_generator(seed, session, 'mounting', protocol, contact, label, m)
-            for m in different
-        ],
-    ).select(np.array(mountings, dtype=np.intp) - (mountings[0] if mountings else 0))
+    mountings = np.arange(first, first + count) // trials_per_mounting
+    different, belongs = np.unique(mountings, return_inverse=True)
+    names = (seed, session, 'mounting', protocol, contact, label)
+    mounted = [make_generator(*names, number) for number in different]
+    mounting = _draw_deviations(rig.variation.mounting, mounted)[:, belongs]
     shared = _draw_deviations(rig.variation.session, [make_generator(seed, session, contact)])
-    levels = (shared, mounting, trial)
-    warmer_k = _add(levels, 'temperature_k')
+    height, place, *_, zero, warmer_k = (shared + mounting) + trial
+    factors = ((1 + shared) * (1 + mounting)) * (1 + trial)
+    _, _, friction, body, stiffness, speed, _, _ = factors
     variation = Variation(
-        contact_height_m=_add(levels, 'contact_height_m'),
-        placement_m=_add(levels, 'placement_m'),
-        friction=_multiply(levels, 'friction'),
-        object_stiffness=_multiply(levels, 'object_stiffness'),
-        finger_stiffness=_multiply(levels, 'finger_stiffness')
-        * (1 + finger.stiffness_per_k * warmer_k),
-        glide_speed=_multiply(levels, 'glide_speed'),
-        tendon_zero_m=_add(levels, 'tendon_zero_m'),
+        contact_height_m=height,
+        placement_m=place,
+        friction=friction,
+        object_stiffness=body,
+        finger_stiffness=stiffness * (1 + finger.stiffness_per_k * warmer_k),
+        glide_speed=speed,
+        tendon_zero_m=zero,
         sensor_bias_n=rig.load_cell.bias_n_per_k * warmer_k,
         phase=phase,
     )
     return variation, generators
-
-
-def _add(levels: tuple[_Deviations, ...], name: str) -> FloatArray:
-    shared, mounting, trial = (getattr(level, name) for level in levels)
-    return np.asarray((shared + mounting) + trial)
-
-
-def _multiply(levels: tuple[_Deviations, ...], name: str) -> FloatArray:
-    shared, mounting, trial = (1 + getattr(level, name) for level in levels)
-    return np.asarray((shared * mounting) * trial)
 
 
 def make_generator(*names: int | str) -> np.random.Generator:
@@ -169,18 +137,8 @@ def make_generator(*names: int | str) -> np.random.Generator:
     return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest(), 'big'))
 
 
-def _draw_deviations(
-    spread: VariationSpread, generators: list[np.random.Generator]
-) -> _Deviations:
+def _draw_deviations(spread: VariationSpread, generators: list[np.random.Generator]) -> FloatArray:
+    """Deviations in the order of the fields of ``spread``, shape (8, generators)."""
     drawn = np.array([generator.standard_normal(8) for generator in generators]).reshape(-1, 8).T
-    height, place, friction, body, finger, speed, zero, warmer = np.clip(drawn, -_WIDEST, _WIDEST)
-    return _Deviations(
-        contact_height_m=spread.contact_height_m * height,
-        placement_m=spread.placement_m * place,
-        friction=spread.friction * friction,
-        object_stiffness=spread.object_stiffness * body,
-        finger_stiffness=spread.finger_stiffness * finger,
-        glide_speed=spread.glide_speed * speed,
-        tendon_zero_m=spread.tendon_zero_m * zero,
-        temperature_k=spread.temperature_k * warmer,
-    )
+    sizes = np.array(astuple(spread))[:, np.newaxis]
+    return np.asarray(sizes * np.clip(drawn, -_WIDEST, _WIDEST))

@@ -182,11 +182,11 @@ def smooth(times_s, duration_s):
 
 
 def test_gliding_over_a_groove():
-    duration_s = 0.2
+    duration_s = 0.1
     difference = compare(
         build_scene('texture', 'R3', 'flexion'),
         lambda t: 0.0052 + 0.0 * t,
-        lambda t: 0.064 + 0.006 * smooth(t, duration_s),
+        lambda t: 0.0655 + 0.003 * smooth(t, duration_s),
         duration_s,
         1e-5,
         1e-8,
@@ -198,7 +198,7 @@ def test_gliding_over_a_groove():
     assert difference.max() < 5e-3
 
 
-@pytest.mark.parametrize('label', ['solid_rubber', 'rubber_shell', 'sponge'])
+@pytest.mark.parametrize('label', ['rubber_shell', 'sponge'])
 def test_pressing_on_an_object(label):
     duration_s = 0.3
     difference = compare(

@@ -3,6 +3,9 @@
 
 """The live rig, driven through its devices in virtual time, and the fast path agree."""
 
+import copy
+from functools import lru_cache
+
 import numpy as np
 import pytest
 
@@ -42,7 +45,15 @@ class Driver:
         packet = encode_instruction(1, 3, register.address.to_bytes(2, 'little') + data)
         assert self.rig.tendon.receive(packet, self.rig.now_s)[8] == 0
 
-    def prepare(self):
+    @classmethod
+    def prepare(cls):
+        """A homed rig with the torque on, ten seconds after it was switched on."""
+        return copy.deepcopy(cls._prepare())
+
+    @classmethod
+    @lru_cache
+    def _prepare(cls):
+        self = cls()
         self.guide(b'$H\n')
         self.tendon(known.OPERATING_MODE, 5)
         self.tendon(known.GOAL_CURRENT, 300)
@@ -51,6 +62,7 @@ class Driver:
         self.wait_until(8.0)
         self.guide(b'G1X-140F6000\n')
         self.wait_until(10.0)
+        return self
 
     def pull(self, displacement_m):
         counts = round(displacement_m / default_catalogue().rig().tendon.m_per_count)
@@ -61,8 +73,7 @@ class Driver:
     ('plate', 'contact', 'pull_m'), [('R2', 'flexion', 0.0054), ('T1', 'abduction', 0.0075)]
 )
 def test_texture_trial(plate, contact, pull_m):
-    driver = Driver()
-    driver.prepare()
+    driver = Driver.prepare()
     driver.rig.mount('texture', plate, contact)
     driver.wait_until(10.2)
     driver.pull(pull_m)
@@ -90,8 +101,7 @@ def test_texture_trial(plate, contact, pull_m):
 
 
 def test_stiffness_trial_relaxes_alike():
-    driver = Driver()
-    driver.prepare()
+    driver = Driver.prepare()
     driver.rig.mount('stiffness', 'sponge', 'flexion')
     driver.pull(0.0060)
     driver.wait_until(13.0)
@@ -105,8 +115,7 @@ def test_stiffness_trial_relaxes_alike():
 
 
 def test_mounting_needs_a_slack_tendon():
-    driver = Driver()
-    driver.prepare()
+    driver = Driver.prepare()
     driver.pull(0.003)
     driver.wait_until(11.0)
     with pytest.raises(RigError, match=r'wound in by 3\.0 mm; release it'):
@@ -116,8 +125,7 @@ def test_mounting_needs_a_slack_tendon():
 def test_the_noise_of_a_trial_does_not_depend_on_when_it_begins():
     heard_n = []
     for waited_s in (0.0, 1.0):  # the same phase of the sensor's clock
-        driver = Driver()
-        driver.prepare()
+        driver = Driver.prepare()
         driver.rig.mount('stiffness', 'none', 'flexion')
         driver.wait_until(10.5 + waited_s)
         driver.lines = b''

@@ -115,10 +115,12 @@ def test_control_table_guards_itself():
     assert bench.write(known.MODEL_NUMBER, 1) == ACCESS
     assert bench.write(known.OPERATING_MODE, 2) == RANGE
     assert bench.write(known.BUS_WATCHDOG, 128) == RANGE
-    assert bench.write(known.GOAL_POSITION, 5000) == LIMIT  # mode 3: one turn
     assert bench.write(known.CURRENT_LIMIT, 50) == 0
     assert bench.write(known.GOAL_CURRENT, 51) == LIMIT
     assert bench.send(0x03, b'\x74\x00\x01')[0] == LENGTH
+    assert bench.send(0x03, b'\x74\x00')[0] == LENGTH
+    assert bench.send(0x03, b'\x41\x00\x01')[0] == ACCESS  # the LED is not simulated
+    assert bench.send(0x02, b'\x41\x00\x01\x00') == (0, b'\x00')
     assert bench.send(0x02, b'\x84\x00\xff\x00')[0] == RANGE
     bench.arm(current=50)
     assert bench.write(known.OPERATING_MODE, 4) == ACCESS  # torque is on
@@ -228,39 +230,6 @@ def test_reboot_forgets_whole_turns():
     bench.wait(0.4)
     assert bench.read(known.PRESENT_POSITION) == 2048
     assert bench.device.displacement_m == pytest.approx(wound_m)
-
-
-def test_sync_and_registered_instructions():
-    bench = Bench()
-    error, data = bench.send(0x82, b'\x84\x00\x04\x00\x02\x01', device_id=254)
-    assert (error, int.from_bytes(data, 'little')) == (0, 2048)
-    assert bench.send(0x82, b'\x84\x00\x04\x00\x02', device_id=254) is None
-    assert bench.send(0x83, b'\x62\x00\x01\x00\x02\x05\x01\x09', device_id=254) is None
-    assert bench.read(known.BUS_WATCHDOG) == 9
-    assert bench.send(0x04, b'\x62\x00\x03')[0] == 0
-    assert bench.read(known.BUS_WATCHDOG) == 9
-    assert bench.send(0x05)[0] == 0
-    assert bench.read(known.BUS_WATCHDOG) == 3
-    assert bench.send(0x05)[0] == 1
-
-
-def test_power_loss_is_silence_and_a_servo_without_torque():
-    bench = Bench()
-    bench.arm()
-    bench.write(known.GOAL_POSITION, 2048 + 4096)
-    bench.wait(2.0)
-    bench.device.fail(0x20)
-    # Half a packet before, the other half after: no packet.
-    packet = encode_instruction(1, 0x01)
-    bench.device.receive(packet[:6], bench.now_s)
-    bench.device.restart()
-    assert bench.send(0x01) is None
-    bench.wait(0.35)
-    assert bench.device.receive(packet[6:], bench.now_s) == b''
-    assert bench.send(0x01)[0] == 0
-    assert bench.read(known.TORQUE_ENABLE) == 0
-    assert bench.read(known.PRESENT_POSITION) == 2048
-    assert bench.read(known.OPERATING_MODE) == 5
 
 
 def test_a_hot_servo_shuts_down_again_after_each_reboot_until_it_is_cool():

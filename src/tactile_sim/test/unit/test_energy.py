@@ -12,7 +12,6 @@ from scenery import free_scene, object_scene, ramp, run
 from tactile_sim.descriptions.description import Body, Branch
 from tactile_sim.physics.finger import layout as at
 from tactile_sim.physics.finger.solver import advance_trials
-from tactile_sim.physics.finger.steps import BDF2, EULER
 
 SHARE = np.array([1.0, 1 / 3, 1 / 5])[:, np.newaxis]
 GRAVITY_M_S2 = 9.80665
@@ -42,26 +41,26 @@ def compute_energy(scene, rows):
     return energy
 
 
-@pytest.mark.parametrize('scheme', [EULER, BDF2], ids=lambda scheme: scheme.name)
-def test_a_released_finger_loses_energy(scheme):
+@pytest.mark.parametrize('euler', [True, False], ids=['euler', 'bdf2'])
+def test_a_released_finger_loses_energy(euler):
     """Let go within one step, and watched as it swings back to where it hangs."""
     tendon_m = np.concatenate([[0.012], np.full(3000, -0.02)])
     scene = free_scene()
-    rows = run(scene, 1e-3, tendon_m, scheme=scheme, tolerance_nm=1e-11).rows[:, 0]
+    rows = run(scene, 1e-3, tendon_m, euler=euler, tolerance_nm=1e-11).rows[:, 0]
     assert rows[at.TENSION, 1:].max() == 0.0
     energy = compute_energy(scene, rows)[1:]
     assert energy[0] - energy[-1] > 1e-3
     assert np.diff(energy).max() < 1e-10
 
 
-@pytest.mark.parametrize('scheme', [EULER, BDF2], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize('euler', [True, False], ids=['euler', 'bdf2'])
 @pytest.mark.parametrize('branches', [(), (Branch(300.0, 0.2), Branch(200.0, 0.02))])
-def test_a_finger_held_on_an_elastic_object_loses_energy(scheme, branches):
+def test_a_finger_held_on_an_elastic_object_loses_energy(euler, branches):
     body = Body(200.0, branches, 0.0, 0.0)
     scene = dataclasses.replace(object_scene(body, tendon_friction=0.0), friction=0.0)
     times_s = 1e-3 * np.arange(1501)
     tendon_m = ramp(times_s, 0.0, 0.0, 0.0055, 0.1)
-    rows = run(scene, 1e-3, tendon_m, scheme=scheme, tolerance_nm=1e-11).rows[:, 0]
+    rows = run(scene, 1e-3, tendon_m, euler=euler, tolerance_nm=1e-11).rows[:, 0]
     held = times_s > 0.07  # nothing moves the tendon any more, and the tip's damper is done
     assert rows[at.FORCE, held].min() > 0.1
     energy = compute_energy(scene, rows)[held]
@@ -74,7 +73,7 @@ def test_energy_is_what_the_tendon_puts_in():
     scene = free_scene(tendon_friction=0.0, creep_stiffness_nm_rad=0.0, damping_nm_s_rad=1e-7)
     times_s = 1e-3 * np.arange(1001)
     tendon_m = ramp(times_s, 0.0, 0.0, 0.008, 0.01)
-    rows = run(scene, 1e-3, tendon_m, scheme=EULER, tolerance_nm=1e-11).rows[:, 0]
+    rows = run(scene, 1e-3, tendon_m, euler=True, tolerance_nm=1e-11).rows[:, 0]
     tension = rows[at.TENSION]
     work = np.sum((tension[1:] + tension[:-1]) / 2 * np.diff(tendon_m))
     energy = compute_energy(scene, rows)

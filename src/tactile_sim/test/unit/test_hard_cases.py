@@ -26,8 +26,8 @@ def name_case(value):
 
 @pytest.mark.parametrize(('measure', 'arguments'), CASES, ids=name_case)
 def test_hard_case(measure, arguments):
-    case = measure(*arguments)
-    assert case.value <= case.bound, f'{case.name}: {case.checked}'
+    value, bound = measure(*arguments)
+    assert value <= bound
 
 
 def any_number(field):
@@ -93,14 +93,14 @@ def check(scene):
 
 
 @pytest.mark.parametrize('names', [('stiffness', 'sponge'), ('texture', 'R3')], ids='-'.join)
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(finger=FINGERS)
 def test_any_accepted_finger_gives_finite_trials_or_says_that_it_cannot(names, finger):
     if finger is not None:
         check(dataclasses.replace(build_scene(*names, 'flexion'), finger=finger))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(values=BODIES)
 def test_any_accepted_object_gives_finite_trials_or_says_that_it_cannot(values):
     body = make(Body, values)
@@ -109,7 +109,7 @@ def test_any_accepted_object_gives_finite_trials_or_says_that_it_cannot(values):
         check(dataclasses.replace(scene, friction=body.friction))
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(
     groove=st.sampled_from(['rectangular', 'triangular', 'circular']),
     width_mm=st.floats(0.05, 10.0),

@@ -45,27 +45,10 @@ def test_lines_carry_time_and_filtered_tension_between_steps(step_s):
     assert {tuple(line[2:]) for line in lines} == {(b'kg', b'')}
 
 
-def test_a_constant_is_settled_from_the_first_line():
-    lines = record(QUIET, lambda t: 5.0, 0.2)
-    assert read_newtons(lines) == pytest.approx(5.0, abs=ROUNDING_N)
-
-
 def test_contact_and_bias_reach_the_reading():
     lines = record(QUIET, lambda t: 5.0, 0.2, contact_n=2.0, bias_n=-0.1)
     wanted = 5.0 + QUIET.crosstalk * 2.0 - 0.1
     assert read_newtons(lines) == pytest.approx(wanted, abs=ROUNDING_N)
-
-
-def test_a_new_bias_shows_at_once():
-    device = LoadCellDevice(QUIET, np.random.default_rng(1))
-    readings = []
-    for step in range(200):
-        if step == 100:
-            device.set_bias(0.5)
-        device.record(step * 1e-3, 1.0, 0.0)
-        lines = device.poll(step * 1e-3).split(b'\r\n')[:-1]
-        readings += [float(line.split(b',')[1]) * 9.80665 for line in lines]
-    assert readings == pytest.approx([1.0] * 6 + [1.5] * 6, abs=ROUNDING_N)
 
 
 def test_reading_saturates_at_the_capacity():
@@ -80,10 +63,6 @@ def test_readings_are_those_of_the_fast_path():
     )
     assert read_newtons(lines) == pytest.approx(fast[0], abs=ROUNDING_N)
     assert np.ptp(fast) > 3 * CELL.noise_n
-
-
-def test_noise_repeats_with_the_seed():
-    assert record(CELL, lambda t: 1.0, 0.5) == record(CELL, lambda t: 1.0, 0.5)
 
 
 def test_the_drivers_decoder_reads_every_line():

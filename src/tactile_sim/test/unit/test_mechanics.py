@@ -39,12 +39,7 @@ CONSTANTS = Constants(
     per_weakening=1e4,
     inverse_softening=1e3,
     crosstalk=0.0,
-    mass_00=2e-5,
-    mass_01=-6e-6,
-    mass_02=1e-6,
-    mass_11=3e-6,
-    mass_12=-5e-7,
-    mass_22=4e-7,
+    masses=(2e-5, -6e-6, 1e-6, 3e-6, -5e-7, 4e-7),
 )
 MASS_MATRIX = np.array([[2e-5, -6e-6, 1e-6], [-6e-6, 3e-6, -5e-7], [1e-6, -5e-7, 4e-7]])
 RATE, GRID_LINE = 600.0, np.array(NODE_XI)
@@ -174,6 +169,39 @@ def random_case(generator, kind):
     return case
 
 
+def press(case):
+    """Normal force and its slope."""
+    arguments = (case['tip'], case['held'])
+    if case['material'] is None:
+        return compute_rigid_contact(case['indentation'], *arguments)
+    return compute_object_contact(
+        case['indentation'],
+        case['rest'],
+        case['material'],
+        *arguments,
+        CONSTANTS.inverse_softening,
+    )[:2]
+
+
+def balance(case, creep=(0.0, 0.0, 0.0), grip=1.0):
+    return compute_balance(
+        compute_line(*case['modes'], CONSTANTS.mass, CONSTANTS.tip_mass),
+        press(case),
+        (case['incline'], case['bend']),
+        case['place'],
+        case['modes'],
+        case['bases'],
+        case['swing_bases'],
+        case['sliders'],
+        (*creep, case['creep_stiffness']),
+        (case['friction'], case['stiff']),
+        case['tendon'],
+        RATE,
+        grip,
+        CONSTANTS,
+    )
+
+
 KINDS = ('sticking', 'sliding', 'soft', 'soft, sliding', 'apart', 'slack', 'closed')
 
 
@@ -188,53 +216,25 @@ def test_balance_and_its_derivatives_against_the_documented_sum(kind):
         jacobian = np.stack(
             [reference.moments(case['modes'] + 1e-30j * e).imag / 1e-30 for e in np.eye(3)], axis=1
         )
-        contact = (
-            compute_rigid_contact(case['indentation'], case['tip'], case['held'])
-            if case['material'] is None
-            else compute_object_contact(
-                case['indentation'],
-                case['rest'],
-                case['material'],
-                case['tip'],
-                case['held'],
-                CONSTANTS.inverse_softening,
-            )[:2]
-        )
 
-        def balance(missing, contact=contact, case=case, exact=exact):
-            creep = (exact - missing) / case['stiff']
-            return compute_balance(
-                compute_line(*case['modes'], CONSTANTS.mass, CONSTANTS.tip_mass),
-                contact,
-                (case['incline'], case['bend']),
-                case['place'],
-                case['modes'],
-                case['bases'],
-                case['swing_bases'],
-                case['sliders'],
-                (*creep, case['creep_stiffness']),
-                (case['friction'], case['stiff']),
-                case['tendon'],
-                RATE,
-                1.0,
-                CONSTANTS,
-            )
+        def lend(missing, case=case, exact=exact):
+            return balance(case, (exact - missing) / case['stiff'])
 
         # Lending the finger what the sum says to be missing balances it.
-        assert balance(np.zeros(3))[0] < 2e-9
+        assert lend(np.zeros(3))[0] < 2e-9
         # Away from the balance, the change solves the linear equations, mode by mode.
         for missing in 1e-4 * np.eye(3):
-            residual, changes, *_ = balance(missing)
+            residual, changes, *_ = lend(missing)
             assert residual == pytest.approx(1e-4, rel=1e-4)
             np.testing.assert_allclose(jacobian @ changes, missing, rtol=0, atol=3e-8)
         # A small change comes with what it leads to, but for its square.
         for missing in 1e-6 * np.eye(3):
-            _, changes, _, after, surprise = balance(missing)
+            _, changes, _, after, surprise = lend(missing)
             expected = reference.end(case['modes'] - np.array(changes))
             np.testing.assert_allclose(after[:2], expected[:2], rtol=0, atol=1e-7)
             np.testing.assert_allclose(after[2:], expected[2:], rtol=0, atol=1e-10)
             assert surprise < 1e-12
-        assert max(abs(np.array(balance(np.full(3, 1e6))[1]))) <= MAX_CHANGE_RAD
+        assert max(abs(np.array(lend(np.full(3, 1e6))[1]))) <= MAX_CHANGE_RAD
 
 
 def test_mass_matrix_is_that_of_a_chain_of_points():
@@ -260,48 +260,17 @@ def test_mass_matrix_is_that_of_a_chain_of_points():
 
 def test_letting_go_leaves_no_friction():
     case = random_case(np.random.default_rng(1), 'sliding')
-    arguments = (
-        compute_line(*case['modes'], MASS, TIP_MASS),
-        compute_rigid_contact(case['indentation'], case['tip'], case['held']),
-        (case['incline'], case['bend']),
-        case['place'],
-        case['modes'],
-        case['bases'],
-        case['swing_bases'],
-        case['sliders'],
-        (0.0, 0.0, 0.0, 0.0),
-        (case['friction'], 1.0),
-        case['tendon'],
-        RATE,
-    )
-    _, rub, tip, tendon = compute_balance(*arguments, 0.0, CONSTANTS)[2]
+    _, rub, tip, tendon = balance(case, grip=0.0)[2]
     assert rub == 0.0
     assert tip == case['place']
     assert tendon == case['modes'][0]
-    assert abs(compute_balance(*arguments, 1.0, CONSTANTS)[2][1]) > 0.1
 
 
 def test_sliders_stay_behind_by_what_the_springs_bear():
     case = random_case(np.random.default_rng(2), 'sliding')
     case['sliders'][0] = case['place'] - 5e-3
-    force = compute_rigid_contact(case['indentation'], case['tip'], case['held'])
-    _, rub, tip, tendon = compute_balance(
-        compute_line(*case['modes'], MASS, TIP_MASS),
-        force,
-        (0.0, 0.0),
-        case['place'],
-        case['modes'],
-        case['bases'],
-        case['swing_bases'],
-        case['sliders'],
-        (0.0, 0.0, 0.0, 0.0),
-        (0.4, 1.0),
-        case['tendon'],
-        RATE,
-        1.0,
-        CONSTANTS,
-    )[2]
-    assert rub == pytest.approx(0.4 * force[0], rel=1e-14)
+    _, rub, tip, tendon = balance(case)[2]
+    assert rub == pytest.approx(0.4 * press(case)[0], rel=1e-14)
     assert case['place'] - tip == pytest.approx(rub / CONSTANTS.shear_stiffness, rel=1e-10)
     assert case['modes'][0] - tendon == pytest.approx(CONSTANTS.presliding_rad, rel=1e-10)
 

@@ -12,7 +12,6 @@ from scenery import ramp, run
 
 from tactile_sim.errors import ConvergenceError, DescriptionError, RigError
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.steps import EULER
 from tactile_sim.physics.plant import Plant
 from tactile_sim.physics.scene import build_scene
 from tactile_sim.physics.variation import Variation
@@ -36,7 +35,7 @@ def test_live_steps_are_those_of_a_run_by_euler():
         plant.step(guide_m, tendon_m)
         tension.append(plant.tension_n)
     scene = build_scene('texture', 'R2', 'flexion')
-    at_once = run(scene, STEP_S, TENDON_M, GUIDE_M, scheme=EULER).rows[at.TENSION, 0]
+    at_once = run(scene, STEP_S, TENDON_M, GUIDE_M, euler=True).rows[at.TENSION, 0]
     assert np.ptp(at_once) > 3.0
     np.testing.assert_allclose(tension, at_once, atol=1e-4)
 

@@ -31,7 +31,7 @@ def compute_exactly(step_s, low_pass_hz):
 
 
 @pytest.mark.parametrize(
-    'step_s', [1e-150, 1e-12, 1e-6, 4e-4, 1e-3, 4.5e-3, 1 / (2 * np.pi * 35), 4.6e-3, 0.1, 1e4]
+    'step_s', [1e-150, 1e-6, 1e-3, 4.5e-3, 1 / (2 * np.pi * 35), 4.6e-3, 0.1, 1e4]
 )
 def test_low_pass_coefficients_against_exact_decimals(step_s):
     pairs = zip(low_pass_coefficients(step_s, 35.0), compute_exactly(step_s, 35.0), strict=True)
@@ -67,23 +67,11 @@ def test_low_pass_halves_the_power_at_its_frequency():
     assert np.ptp(y[20000:]) / 2 == pytest.approx(np.sqrt(0.5), rel=1e-4)
 
 
-def test_a_constant_comes_out_within_half_a_step():
-    tension = np.full((2, 50), 5.00037)
-    readings = read_tension(QUIET, tension, np.array([0.0, 0.25]), make_generators(2))
-    assert np.ptp(readings, axis=1).tolist() == [0.0, 0.0]
-    assert readings[:, 0] == pytest.approx([5.000, 5.250], abs=1e-12)
-
-
 @pytest.mark.parametrize(('capacity_n', 'most_n'), [(19.6133, 19.613), (20.0, 20.0), (0.3, 0.3)])
 def test_readings_saturate_at_the_last_step_within_the_capacity(capacity_n, most_n):
     cell = dataclasses.replace(QUIET, capacity_n=capacity_n)
     readings = convert_to_reading(cell, np.array([-1e9, 1e9, capacity_n]), np.zeros(3))
     assert readings == pytest.approx([-most_n, most_n, most_n], abs=1e-12)
-
-
-def test_noise_does_not_leave_saturation():
-    readings = read_tension(CELL, np.full((1, 500), 100.0), np.zeros(1), make_generators(1))
-    assert np.ptp(readings) == 0.0
 
 
 def test_one_sample_has_no_drift():

@@ -12,13 +12,12 @@ from scenery import change, CONTACT_GUIDE_M, draw, free_scene, plate_scene, PULL
 
 from tactile_sim.errors import DescriptionError
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger import solver as solver_module
+from tactile_sim.physics.finger import numpy_solver
 from tactile_sim.physics.finger.solver import advance_trials, choose_solver
-from tactile_sim.physics.finger.steps import BDF2, EULER
 from tactile_sim.physics.scene import build_scene
 
 STEP_S = 1 / 600
-TIMES_S = STEP_S * np.arange(361)
+TIMES_S = STEP_S * np.arange(301)
 
 
 def make_trial(protocol, label, contact, count):
@@ -31,43 +30,31 @@ def make_trial(protocol, label, contact, count):
     return scene, tendon, guide, pulled, draw(count, protocol, label, contact)
 
 
-SCENES = [
-    ('texture', 'R2', 'flexion'),
-    ('texture', 'C1', 'abduction'),
-    ('texture', 'F', 'flexion'),
-    ('stiffness', 'rubber_shell', 'flexion'),
-    ('stiffness', 'sponge', 'abduction'),
-    ('stiffness', 'none', 'flexion'),
-    ('slip', 'smooth', 'flexion'),
-    ('slip', 'cylinder', 'abduction'),
-    ('slip', 'rough', 'flexion'),
-]
-
-
 @pytest.mark.parametrize(
-    ('names', 'scheme'),
-    [*((names, BDF2) for names in SCENES), *((names, EULER) for names in SCENES[::4])],
-    ids=lambda value: value.name if value in (BDF2, EULER) else '-'.join(value),
+    ('names', 'trusted_nm', 'euler'),
+    [
+        (('texture', 'R2', 'flexion'), 1e-2, False),
+        (('texture', 'C1', 'abduction'), 1e-4, False),
+        (('texture', 'F', 'flexion'), 0.0, True),
+        (('stiffness', 'rubber_shell', 'flexion'), 0.0, False),
+        (('stiffness', 'sponge', 'abduction'), 0.0, False),
+        (('stiffness', 'none', 'flexion'), 0.0, False),
+        (('slip', 'smooth', 'flexion'), 0.0, True),
+        (('slip', 'cylinder', 'abduction'), 0.0, False),
+    ],
+    ids=str,
 )
-def test_both_solvers_give_the_same_bytes(names, scheme):
-    *inputs, variation = make_trial(*names, 19)
-    one = run(inputs[0], STEP_S, *inputs[1:], variation=variation, scheme=scheme)
-    other = run(inputs[0], STEP_S, *inputs[1:], variation=variation, scheme=scheme, solver='numpy')
+def test_both_solvers_give_the_same_bytes(names, trusted_nm, euler):
+    scene, *inputs, variation = make_trial(*names, 19)
+    options = {'variation': variation, 'trusted_nm': trusted_nm, 'euler': euler}
+    one, other = (
+        run(scene, STEP_S, *inputs, **options, solver=solver) for solver in ('compiled', 'numpy')
+    )
+    assert (one.failed == -1).all()
     assert np.isfinite(one.rows).all()
     assert one.rows.tobytes() == other.rows.tobytes()
     assert one.state.tobytes() == other.state.tobytes()
     assert np.ptp(one.rows[at.TENSION]) > 1.0
-
-
-@pytest.mark.parametrize('trusted_nm', [0.0, 1e-4, 1e-2])
-def test_unchecked_changes_are_the_same_bytes_too(trusted_nm):
-    scene, *inputs, variation = make_trial('texture', 'R3', 'flexion', 19)
-    one, other = (
-        run(scene, STEP_S, *inputs, variation=variation, solver=solver, trusted_nm=trusted_nm)
-        for solver in ('compiled', 'numpy')
-    )
-    assert (one.failed == -1).all()
-    assert one.rows.tobytes() == other.rows.tobytes()
 
 
 @pytest.mark.parametrize('stiffer', [1.0, 1e3])
@@ -87,10 +74,10 @@ def test_unchecked_changes_solve_the_steps(stiffer):
     assert (error_n < 0.02 * ripple_n).all()
 
 
-@pytest.mark.parametrize('trusted_nm', [0.0, 1e-2])
-@pytest.mark.parametrize('solver', ['compiled', 'numpy'])
+@pytest.mark.parametrize(('solver', 'trusted_nm'), [('compiled', 0.0), ('numpy', 1e-2)])
 def test_a_trial_does_not_depend_on_its_neighbours(solver, trusted_nm):
     scene, *inputs, variation = make_trial('texture', 'R3', 'flexion', 19)
+    inputs = [value[:250] if np.ndim(value) else value for value in inputs]
     options = {'solver': solver, 'trusted_nm': trusted_nm}
     many = run(scene, STEP_S, *inputs, variation=variation, **options)
     for some in (slice(0, 1), slice(3, 10), slice(16, 19)):
@@ -99,7 +86,8 @@ def test_a_trial_does_not_depend_on_its_neighbours(solver, trusted_nm):
 
 
 @pytest.mark.parametrize('solver', ['compiled', 'numpy'])
-def test_a_failing_trial_stands_still_and_disturbs_no_other(solver):
+def test_a_failing_trial_stands_still_and_disturbs_no_other(solver, monkeypatch):
+    monkeypatch.setattr(numpy_solver, 'MAX_HALVINGS', 4)  # so that it gives up sooner
     scene, tendon, guide, _, variation = make_trial('texture', 'R3', 'flexion', 5)
     healthy = run(scene, STEP_S, tendon, guide, variation=variation, solver=solver)
     # One trial alone comes to a place where the surface is not a number.
@@ -122,34 +110,6 @@ def test_a_failing_trial_stands_still_and_disturbs_no_other(solver):
     state = [r for r in range(at.STATE_ROWS) if r != at.FRESH]
     assert np.isfinite(stands[state]).all()
     assert (stands[state] == result.rows[state, 2, failed, np.newaxis]).all()
-
-
-def test_single_precision_is_close_or_says_that_it_failed():
-    scene, tendon, guide, _, variation = make_trial('texture', 'R2', 'flexion', 4)
-    tendon, guide = tendon[:100], guide[:100]
-    double = run(scene, STEP_S, tendon, guide, variation=variation, solver='numpy')
-    single = run(
-        scene,
-        STEP_S,
-        tendon,
-        guide,
-        variation=variation,
-        solver='numpy',
-        dtype=np.float32,
-        tolerance_nm=2e-6,
-    )
-    assert single.rows.dtype == np.float32
-    good = single.failed < 0
-    assert good.sum() >= 2
-    error = np.abs(single.rows[at.TENSION] - double.rows[at.TENSION])[good]
-    assert 0 < error.max() < 0.02
-    # Asked for what its digits cannot give, it fails and says so. One trial: a failure is slow.
-    one = variation.select(slice(1))
-    tight = run(scene, STEP_S, tendon, guide, variation=one, solver='numpy', dtype=np.float32)
-    error = np.abs(tight.rows[at.TENSION] - double.rows[at.TENSION, :1])
-    for trial, step in enumerate(tight.failed):
-        known = slice(None) if step < 0 else slice(0, step)
-        assert error[trial, known].max() < 0.02
 
 
 @pytest.mark.parametrize('solver', ['compiled', 'numpy'])
@@ -175,10 +135,9 @@ def test_a_trial_that_failed_before_is_left_alone(solver):
     assert (state[at.MODES, [0, 2]] != before[at.MODES, [0, 2]]).all()
 
 
-@pytest.mark.parametrize('solver', ['compiled', 'numpy'])
-def test_no_balance_is_a_failure_from_that_step_on(solver):
+def test_no_balance_is_a_failure_from_that_step_on():
     tendon = np.array([0.001, 0.0011, 0.0012, np.nan, 0.0013])
-    result = run(free_scene(), STEP_S, tendon, solver=solver)
+    result = run(free_scene(), STEP_S, tendon)
     assert result.failed.tolist() == [2]
     tension = result.rows[at.TENSION, 0]
     assert tension[3] == tension[4] == tension[2] > tension[1]
@@ -212,13 +171,3 @@ def test_solvers_are_chosen_by_name_and_by_what_is_installed(monkeypatch):
     assert choose_solver() == 'numpy'
     with pytest.raises(DescriptionError, match='pip install numba'):
         choose_solver('compiled')
-
-
-def test_trials_that_do_not_fill_a_block_are_filled_up():
-    assert solver_module._BLOCK == 16
-    scene, *inputs, variation = make_trial('stiffness', 'sponge', 'flexion', 33)
-    counts = {count: variation.select(slice(count)) for count in (1, 15, 16, 17, 33)}
-    runs = {count: run(scene, STEP_S, *inputs, variation=v) for count, v in counts.items()}
-    for count, result in runs.items():
-        assert result.rows.shape[1] == count
-        assert result.rows.tobytes() == runs[33].rows[:, :count].tobytes()

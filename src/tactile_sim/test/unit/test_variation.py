@@ -106,15 +106,6 @@ def test_trials_of_a_mounting_share_it_however_they_are_cut(tmp_path):
         draw(1, per_mounting=0)
 
 
-def test_a_trial_of_a_mounted_plate_differs_by_what_the_guide_repeats():
-    # The plate is bolted down and a stepper reaches it: micrometres, and nothing of the object.
-    many = draw(500, per_mounting=500)[0]
-    for name in ('friction', 'object_stiffness', 'finger_stiffness', 'glide_speed'):
-        assert np.ptp(getattr(many, name)) == 0.0
-    assert 2e-6 < many.placement_m.std() < 2e-5
-    assert many.contact_height_m.std() < 1e-5
-
-
 def test_a_session_shares_its_set_up_whatever_lies_under_the_finger(tmp_path):
     catalogue = lay_over_variation(tmp_path, SESSIONS_ONLY)
 
@@ -134,29 +125,29 @@ def test_a_session_shares_its_set_up_whatever_lies_under_the_finger(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('level', 'per_mounting'), [('trial', 3000), ('mounting', 1)], ids=['trial', 'mounting']
+    ('level', 'per_mounting'), [('trial', 1000), ('mounting', 1)], ids=['trial', 'mounting']
 )
 def test_spread_within_a_session_is_its_levels(tmp_path, level, per_mounting):
     catalogue = lay_over_variation(tmp_path, f'{{trial: {NONE}}}') if level == 'mounting' else None
-    variation = draw(3000, per_mounting=per_mounting, catalogue=catalogue)[0]
+    variation = draw(1000, per_mounting=per_mounting, catalogue=catalogue)[0]
     spread = getattr(default_catalogue().rig().variation, level)
     for name in NAMES:
         deviations = divide_levels(getattr(variation, name), name)
         if name == 'phase':
             assert variation.phase.min() >= 0.0
             assert variation.phase.max() < 1.0
-            assert deviations.std() == pytest.approx(np.sqrt(1 / 12), rel=0.05)
+            assert deviations.std() == pytest.approx(np.sqrt(1 / 12), rel=0.09)
         elif name == 'sensor_bias_n':  # the packaged temperature keeps still within a session
             assert np.ptp(deviations) == 0.0
         elif getattr(spread, name) == 0.0:
             assert np.ptp(deviations) == pytest.approx(0.0, abs=1e-15)
         else:
-            assert deviations.std() == pytest.approx(getattr(spread, name), rel=0.06), name
+            assert deviations.std() == pytest.approx(getattr(spread, name), rel=0.09), name
 
 
 def test_spread_of_sessions_is_the_sessions(tmp_path):
     catalogue = lay_over_variation(tmp_path, SESSIONS_ONLY)
-    drawn = [draw_variation(catalogue, 'flexion', 'texture', 'F', 1, s, 1)[0] for s in range(2000)]
+    drawn = [draw_variation(catalogue, 'flexion', 'texture', 'F', 1, s, 1)[0] for s in range(1000)]
     spread = catalogue.rig().variation.session
     finger, cell = catalogue.finger('flexion'), catalogue.rig().load_cell
     wanted = {name: getattr(spread, name, None) for name in NAMES if name != 'phase'}
@@ -167,8 +158,8 @@ def test_spread_of_sessions_is_the_sessions(tmp_path):
     for name, size in wanted.items():
         values = np.array([getattr(variation, name)[0] for variation in drawn])
         middle = 1.0 if name in FACTORS else 0.0
-        assert values.mean() == pytest.approx(middle, abs=4 * size / np.sqrt(2000)), name
-        assert values.std() == pytest.approx(size, rel=0.07), name
+        assert values.mean() == pytest.approx(middle, abs=4 * size / np.sqrt(1000)), name
+        assert values.std() == pytest.approx(size, rel=0.09), name
         if name != 'finger_stiffness':  # a product of two
             assert np.abs(values - middle).max() <= 3 * size * (1 + 1e-12)
 
@@ -188,8 +179,8 @@ def test_warmth_softens_the_finger_and_moves_the_sensors_zero(tmp_path):
 
 def test_deviations_are_cut_at_three():
     spread = default_catalogue().rig().variation.trial.contact_height_m
-    heights = draw(6000, per_mounting=6000)[0].contact_height_m
-    # 16 of 6000 are expected beyond three standard deviations: they come to lie at the cut.
+    heights = draw(3000, per_mounting=3000)[0].contact_height_m
+    # 8 of 3000 are expected beyond three standard deviations: they come to lie at the cut.
     assert np.ptp(heights) == pytest.approx(6 * spread)
     assert (heights == heights.max()).sum() > 1
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from linear_guide_driver.dynamixel import registers as known
-from linear_guide_driver.dynamixel.registers import COUNTS_PER_TURN, Register
+from linear_guide_driver.dynamixel.registers import COUNTS_PER_TURN
 from tactile_sim.descriptions.description import TendonDrive
 from tactile_sim.devices.dynamixel import control_table as table
 from tactile_sim.devices.dynamixel.control_table import AccessError, ControlTable
@@ -20,20 +20,19 @@ from tactile_sim.devices.dynamixel.packets import (
 )
 from tactile_sim.physics.motion import Motion, plan_move, plan_stop
 
-PING, READ, WRITE, REG_WRITE, ACTION, REBOOT = 0x01, 0x02, 0x03, 0x04, 0x05, 0x08
-SYNC_READ, SYNC_WRITE = 0x82, 0x83
+DEVICE_ID = 1
+PING, READ, WRITE, REBOOT = 0x01, 0x02, 0x03, 0x08
 OVERHEATING = 0x04
 ERROR_RESULT, ERROR_INSTRUCTION, ERROR_CRC = 1, 2, 3
 
 VELOCITY_COUNTS_S = known.VELOCITY_UNIT_RPM / 60 * COUNTS_PER_TURN
 ACCELERATION_COUNTS_S2 = 214.577 / 3600 * COUNTS_PER_TURN
-POSITION_MODES = (3, 4, 5)
 
 
 class DynamixelDevice:
     """The servo and its pulley.
 
-    Positions are counts; winding in counts up. Only the position modes 3, 4 and 5 move it.
+    Positions are counts; winding in counts up. Mode 5 alone moves it.
 
     Parameters
     ----------
@@ -50,7 +49,6 @@ class DynamixelDevice:
         self._silent_until_s = -math.inf
         self._tension_n = 0.0
         self._turns_off = 0  # whole turns that the servo has lost count of [counts]
-        self._registered: tuple[int, bytes] | None = None
         self._stalled = False
         self._is_hot = False
         self._position = float(drive.slack_count)
@@ -96,8 +94,7 @@ class DynamixelDevice:
     def fail(self, hardware_error: int) -> None:
         """Raise a hardware error, as heat or overload would."""
         self._table[known.HARDWARE_ERROR] |= hardware_error
-        if self._table[known.HARDWARE_ERROR] & self._table[table.SHUTDOWN]:
-            self._table[known.TORQUE_ENABLE] = 0
+        self._table[known.TORQUE_ENABLE] = 0
 
     def heat(self, temperature_c: int) -> None:
         """Be this hot, which must be above the limit; a reboot does not help until `cool`."""
@@ -135,118 +132,65 @@ class DynamixelDevice:
     # ---- packets ------------------------------------------------------------------------
 
     def _answer(self, packet: Instruction) -> bytes:
-        own_id = self._table[table.DEVICE_ID]
-        if packet.device_id not in (own_id, BROADCAST_ID):
+        to_all = packet.device_id == BROADCAST_ID and packet.code == PING
+        if packet.device_id != DEVICE_ID and not to_all:
             return b''
         if not packet.is_intact:
-            return self._status(ERROR_CRC) if packet.device_id == own_id else b''
-        parameters: bytes | None
+            return b'' if to_all else self._status(ERROR_CRC)
         try:
-            parameters, error = self._carry_out(packet), 0
+            return self._status(0, self._carry_out(packet))
         except AccessError as refusal:
-            parameters, error = b'', refusal.error
-        level = self._table[known.STATUS_RETURN_LEVEL]
-        reads = packet.code in (READ, SYNC_READ)
-        wanted = packet.code == PING or level >= (1 if reads else 2)
-        addressed = packet.device_id == own_id or packet.code in (PING, SYNC_READ)
-        if parameters is None or not wanted or not addressed:
-            return b''
-        return self._status(error, parameters)
+            return self._status(refusal.error)
 
     def _status(self, error: int, parameters: bytes = b'') -> bytes:
         alert = known.STATUS_ALERT if self._table[known.HARDWARE_ERROR] else 0
-        return encode_status(self._table[table.DEVICE_ID], error | alert, parameters)
+        return encode_status(DEVICE_ID, error | alert, parameters)
 
-    def _carry_out(self, packet: Instruction) -> bytes | None:
-        """Do one instruction; None when nobody expects an answer."""
+    def _carry_out(self, packet: Instruction) -> bytes:
+        """Do one instruction and return the parameters of its answer."""
         given = packet.parameters
+        address = int.from_bytes(given[:2], 'little')
         if packet.code == PING:
             return self._table.read(0, 2) + self._table.read(known.FIRMWARE.address, 1)
         if packet.code == READ:
             if len(given) != 4:
                 raise AccessError(table.ERROR_LENGTH)
-            return self._read(given)
-        if packet.code in (WRITE, REG_WRITE):
-            if len(given) < 3:
-                raise AccessError(table.ERROR_LENGTH)
-            address = int.from_bytes(given[:2], 'little')
-            if packet.code == WRITE:
-                self._write(address, given[2:])
-            else:
-                self._table.check_write(address, given[2:])
-                self._registered = address, given[2:]
-                self._table[table.REGISTERED] = 1
-        elif packet.code == ACTION:
-            if self._registered is None:
-                raise AccessError(ERROR_RESULT)
-            registered, self._registered = self._registered, None
-            self._table[table.REGISTERED] = 0
-            self._write(*registered)
+            self._refresh()
+            return self._table.read(address, int.from_bytes(given[2:], 'little'))
+        if packet.code == WRITE:
+            self._write(address, given[2:])
         elif packet.code == REBOOT:
             self._reboot()
-        elif packet.code == SYNC_READ:
-            mine = self._table[table.DEVICE_ID] in given[4:]
-            return self._read(given[:4]) if mine and len(given) > 4 else None
-        elif packet.code == SYNC_WRITE:
-            self._sync_write(given)
-            return None
         else:
             raise AccessError(ERROR_INSTRUCTION)
         return b''
 
-    def _read(self, given: bytes) -> bytes:
-        self._refresh()
-        address, length = (int.from_bytes(given[i : i + 2], 'little') for i in (0, 2))
-        return self._table.read(address, length)
-
-    def _sync_write(self, given: bytes) -> None:
-        address, length = (int.from_bytes(given[i : i + 2], 'little') for i in (0, 2))
-        for start in range(4, len(given), length + 1):
-            part = given[start + 1 : start + 1 + length]
-            if given[start] == self._table[table.DEVICE_ID] and len(part) == length:
-                self._write(address, part)
-
     def _write(self, address: int, data: bytes) -> None:
-        values = self._table.check_write(address, data)
-        if values.get(known.TORQUE_ENABLE) and self._table[known.HARDWARE_ERROR]:
+        register, value = self._table.check_write(address, data)
+        if register == known.TORQUE_ENABLE and value and self._table[known.HARDWARE_ERROR]:
             raise AccessError(ERROR_RESULT)
-        for register, value in values.items():
-            self._set(register, value)
-
-    def _set(self, register: Register, value: int) -> None:
         before = self._table[register]
         self._table[register] = value
         if register == known.OPERATING_MODE and value != before:
             self._table[known.PROFILE_ACCELERATION] = self._table[known.PROFILE_VELOCITY] = 0
-            self._table[table.GOAL_PWM] = self._table[table.PWM_LIMIT]
             self._table[known.GOAL_CURRENT] = self._table[known.CURRENT_LIMIT]
-            if value == 3:
-                self._forget_turns()
         elif register == known.TORQUE_ENABLE and not value:
             self._rest_at(self._position)
         elif register == known.TORQUE_ENABLE and value != before:
-            if self._table[known.OPERATING_MODE] == 3:
-                self._forget_turns()
             self._fed_s = self._now_s
             self._go(self._table[known.GOAL_POSITION])
         elif register == known.GOAL_POSITION and self._table[known.TORQUE_ENABLE]:
             self._go(value)
 
     def _reboot(self) -> None:
-        goal_mode = self._table[known.OPERATING_MODE]
         temperature_c = self._table[known.PRESENT_TEMPERATURE]
         self._table.reset_ram()
         self._table[known.PRESENT_TEMPERATURE] = temperature_c
-        self._table[known.OPERATING_MODE] = goal_mode
-        self._registered = None
         self._rest_at(self._position)
-        self._forget_turns()
-        self._table[known.GOAL_POSITION] = round(self._position) + self._offset
-        self._silent_until_s = self._now_s + self._drive.reboot_s
-
-    def _forget_turns(self) -> None:
         believed = round(self._position) + self._turns_off
         self._turns_off += believed % COUNTS_PER_TURN - believed
+        self._table[known.GOAL_POSITION] = round(self._position) + self._offset
+        self._silent_until_s = self._now_s + self._drive.reboot_s
 
     # ---- motion -------------------------------------------------------------------------
 
@@ -256,7 +200,7 @@ class DynamixelDevice:
 
     def _go(self, goal: int) -> None:
         """Start the profile to a goal from wherever and however fast it moves."""
-        if self._table[known.OPERATING_MODE] not in POSITION_MODES:
+        if self._table[known.OPERATING_MODE] != known.MODE_CURRENT_BASED_POSITION:
             return
         per_m = 1 / self._drive.m_per_count
         fastest = min(
@@ -292,21 +236,13 @@ class DynamixelDevice:
         return torque_nm / self._drive.torque_constant_nm_a + friction_a
 
     def _limit_a(self) -> float:
-        limit = self._table[known.CURRENT_LIMIT]
-        if self._table[known.OPERATING_MODE] == 5:
-            limit = min(limit, abs(self._table[known.GOAL_CURRENT]))
+        limit = min(self._table[known.CURRENT_LIMIT], abs(self._table[known.GOAL_CURRENT]))
         return limit * known.CURRENT_UNIT_A
 
     def _refresh(self) -> None:
         """Write what is present into the table."""
-        velocity = round(self._velocity / VELOCITY_COUNTS_S)
         current_a = self._load_a(self._velocity) if self._table[known.TORQUE_ENABLE] else 0.0
         current_a = max(min(current_a, self._limit_a()), -self._limit_a())
-        believed = round(self._position) + self._offset
-        profile = self._motion.end_s > self._now_s
-        in_position = believed == self._table[known.GOAL_POSITION]
-        self._table[known.PRESENT_POSITION] = believed
-        self._table[known.PRESENT_VELOCITY] = velocity
+        self._table[known.PRESENT_POSITION] = round(self._position) + self._offset
+        self._table[known.PRESENT_VELOCITY] = round(self._velocity / VELOCITY_COUNTS_S)
         self._table[known.PRESENT_CURRENT] = round(current_a / known.CURRENT_UNIT_A)
-        self._table[table.MOVING] = int(abs(velocity) > self._table[table.MOVING_THRESHOLD])
-        self._table[table.MOVING_STATUS] = int(in_position) | int(profile) << 1

@@ -39,11 +39,6 @@ class Modal:
     distance: str = '90'
     feed_mm_min: float = 0.0
 
-    def describe(self) -> str:
-        """Describe it as ``$G`` does."""
-        words = f'G{self.motion} G54 G17 G21 G{self.distance} G94'
-        return f'[GC:{words} M5 M9 T0 F{self.feed_mm_min:g} S0]'
-
 
 @dataclass(frozen=True)
 class Command:
@@ -97,25 +92,6 @@ def parse_gcode(line: str, modal: Modal, position_mm: float) -> Command:
     relative = distance == '91' and 'machine' not in groups
     target = values['X'] + (position_mm if relative else 0.0)
     return Command(target, feed if motion == '1' else None)
-
-
-def parse_jog(line: str, modal: Modal, position_mm: float) -> Command:
-    """Read what follows ``$J=``; words of a jog are its own and are not remembered.
-
-    Raises
-    ------
-    GcodeError
-        The jog is refused.
-    """
-    groups, values = _read_words(line)
-    if set(groups) - {'units', 'distance', 'machine'} or set(values) - {'X', 'F'}:
-        raise GcodeError(16)
-    if 'X' not in values:
-        raise GcodeError(26)
-    if not values.get('F'):
-        raise GcodeError(22)
-    relative = groups.get('distance', modal.distance) == '91' and 'machine' not in groups
-    return Command(values['X'] + (position_mm if relative else 0.0), values['F'])
 
 
 def _read_words(line: str) -> tuple[dict[str, str], dict[str, float]]:

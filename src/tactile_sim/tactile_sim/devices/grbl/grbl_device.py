@@ -10,14 +10,7 @@ import math
 
 from tactile_sim.descriptions.description import Guide
 from tactile_sim.devices.grbl import settings as setting
-from tactile_sim.devices.grbl.gcode import (
-    Command,
-    GcodeError,
-    Modal,
-    parse_gcode,
-    parse_jog,
-    strip_line,
-)
+from tactile_sim.devices.grbl.gcode import Command, GcodeError, Modal, parse_gcode, strip_line
 from tactile_sim.devices.grbl.planner import Planner
 from tactile_sim.devices.grbl.report import StatusReporter
 from tactile_sim.physics.motion import plan_legs
@@ -31,7 +24,7 @@ RESET_DELAY_S = 0.5
 BOOT_S = 1.0
 """From power to the banner, with the boot loader; assumed."""
 
-_SOFT_RESET, _JOG_CANCEL = 0x18, 0x85
+_SOFT_RESET = 0x18
 
 
 class GrblDevice:
@@ -55,15 +48,13 @@ class GrblDevice:
         self._now_s = 0.0
         self._output = bytearray()
         self._alarmed = bool(self.settings[setting.HOMING])
-        self._start(announce_lock=self._alarmed)
+        self._start()
 
-    def _start(self, announce_lock: bool) -> None:
+    def _start(self) -> None:
         self._modal = Modal()
         self._line = bytearray()
         self._lines: deque[tuple[str, int]] = deque()  # text, bytes that it takes in the buffer
         self._line_bytes = 0
-        self._jogging = False
-        self._canceling = False
         self._homing = False
         self._critical = 0  # alarm code that only a reset ends
         self._dwell_end_s: float | None = None
@@ -71,7 +62,7 @@ class GrblDevice:
         self._reset_at_s: float | None = None
         self._message_at_s: float | None = None
         self._reporter = StatusReporter()
-        self._output += BANNER + (LOCK_MESSAGE if announce_lock else b'')
+        self._output += BANNER + (LOCK_MESSAGE if self._alarmed else b'')
 
     # ---- the world's side ---------------------------------------------------------------
 
@@ -99,14 +90,14 @@ class GrblDevice:
         self._stop_dead(now_s)
         self._zero_mm = self._planner.state_at(now_s)[0]
         self._alarmed = bool(self.settings[setting.HOMING])
-        self._start(announce_lock=False)
+        self._start()
         self._output.clear()  # what it was about to say is lost as well
         self._reset_at_s = now_s + BOOT_S
 
     def trip_limit(self, now_s: float) -> None:
         """Close the limit switch, by contact or by interference: alarm 1."""
         self._stop_dead(now_s)
-        self._homing = self._jogging = self._canceling = self._soft_limit_hit = False
+        self._homing = self._soft_limit_hit = False
         self._dwell_end_s = None
         self._raise_alarm(1)
 
@@ -125,7 +116,7 @@ class GrblDevice:
 
     def _next_event_s(self) -> float:
         times = [self._reset_at_s, self._message_at_s, self._dwell_end_s]
-        if self._homing or self._soft_limit_hit or self._canceling:
+        if self._homing or self._soft_limit_hit:
             times.append(max(self._planner.end_s, self._now_s))
         else:
             times.append(self._planner.next_end_s)
@@ -134,7 +125,7 @@ class GrblDevice:
     def _handle_event(self) -> None:
         now = self._now_s
         if self._reset_at_s is not None and self._reset_at_s <= now:
-            self._restart()
+            self._start()
         elif self._message_at_s is not None and self._message_at_s <= now:
             self._message_at_s = None
             self._output += b'[MSG:Reset to continue]\r\n'
@@ -164,11 +155,6 @@ class GrblDevice:
             self._soft_limit_hit = False
             self._planner.drop_queue()
             self._raise_alarm(2)
-        if self._canceling:
-            self._canceling = False
-            self._planner.drop_queue()
-        if not self._planner.queued:
-            self._jogging = False
 
     def _on_rail(self, position_mm: float) -> float:
         return min(max(position_mm, 0.0), self._travel_mm)
@@ -184,13 +170,11 @@ class GrblDevice:
             if not self._homing:
                 self._report()
         elif byte == ord('!'):
-            self._hold()
+            if self._planner.queued and not self._planner.held:
+                self._planner.hold(self._now_s)
         elif byte == ord('~'):
-            if self._planner.held and not self._canceling and not self._soft_limit_hit:
+            if self._planner.held and not self._soft_limit_hit:
                 self._planner.resume(self._now_s)
-        elif byte == _JOG_CANCEL:
-            if self._jogging:
-                self._cancel_jog()
         elif byte < 0x80:
             self._take_character(byte)
 
@@ -227,7 +211,6 @@ class GrblDevice:
             self._homing
             or self._critical
             or self._soft_limit_hit
-            or self._canceling
             or self._dwell_end_s is not None
             or self._reset_at_s is not None
             or self._planner.queued >= PLANNER_BLOCKS
@@ -242,7 +225,7 @@ class GrblDevice:
             raise GcodeError(11)
         if line.startswith('$'):
             return self._run_system(line)
-        if self._alarmed or self._jogging:
+        if self._alarmed:
             raise GcodeError(9)
         command = parse_gcode(line, self._modal, self._mpos(self._planner.target))
         if command.dwell_s is not None:
@@ -259,28 +242,12 @@ class GrblDevice:
         return True
 
     def _run_system(self, line: str) -> bool:
-        moving = bool(self._planner.queued)
-        if line.startswith('$J='):
-            if self._alarmed or (moving and not self._jogging) or self._planner.held:
-                raise GcodeError(8)
-            command = parse_jog(line[3:], self._modal, self._mpos(self._planner.target))
-            if command.target_mm is None or not self._within_travel(command.target_mm):
-                raise GcodeError(15)
-            self._queue(command)
-            self._jogging = bool(self._planner.queued)
-            return True
-        if line == '$G':
-            self._output += f'{self._modal.describe()}\r\n'.encode()
-        elif line == '$X':
+        if line == '$X':
             if self._alarmed:
                 self._alarmed = False
                 self._output += b'[MSG:Caution: Unlocked]\r\n'
-        elif moving:
+        elif self._planner.queued:
             raise GcodeError(8)
-        elif line == '$':
-            self._output += (
-                b'[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]\r\n'
-            )
         elif line == '$$':
             for number, value in self.settings.items():
                 text = setting.format_setting(number, value)
@@ -316,29 +283,16 @@ class GrblDevice:
         self._homing = True
         negative = bool(int(self.settings[setting.HOMING_DIRECTION]) & 1)
         switch = 0.0 if negative else self._travel_mm
-        clear = switch + (
-            self.settings[setting.PULL_OFF] if negative else -self.settings[setting.PULL_OFF]
-        )
+        pull_off = self.settings[setting.PULL_OFF]
+        clear = switch + (pull_off if negative else -pull_off)
         here = self._planner.state_at(self._now_s)[0]
         fast, slow = (self.settings[n] / 60 for n in (setting.HOMING_FAST, setting.HOMING_SLOW))
         legs = [(switch, fast), (clear, fast), (switch, slow), (clear, slow)]
         segments = plan_legs(self._now_s, here, legs, self.settings[setting.ACCELERATION])
         self._planner.run(self._now_s, segments, clear)
 
-    def _hold(self) -> None:
-        if self._jogging:
-            self._cancel_jog()
-        elif self._planner.queued and not self._planner.held:
-            self._planner.hold(self._now_s)
-
-    def _cancel_jog(self) -> None:
-        if not self._canceling:
-            self._planner.hold(self._now_s)
-            self._canceling = True
-
     def _reset(self) -> None:
-        velocity = self._planner.state_at(self._now_s)[1]
-        position = self._planner.state_at(self._now_s)[0]
+        position, velocity = self._planner.state_at(self._now_s)
         self._planner.place(self._on_rail(position))
         if self._reset_at_s is not None:
             return
@@ -350,10 +304,7 @@ class GrblDevice:
             return
         if self._critical == 2:
             self._say_ok()
-        self._restart()
-
-    def _restart(self) -> None:
-        self._start(announce_lock=self._alarmed)
+        self._start()
 
     def _raise_alarm(self, code: int) -> None:
         self._alarmed = True
@@ -371,10 +322,8 @@ class GrblDevice:
         velocity = self._planner.state_at(self._now_s)[1]
         if self._alarmed:
             return 'Alarm'
-        if self._planner.held and not self._jogging:
+        if self._planner.held:
             return 'Hold:1' if velocity else 'Hold:0'
-        if self._jogging:
-            return 'Jog'
         return 'Run' if self._planner.queued else 'Idle'
 
     def _report(self) -> None:

@@ -34,7 +34,7 @@ class StatusReporter:
         if mask & 2:
             fields.append(f'Bf:{free[0]},{free[1]}')
         fields.append(f'FS:{abs(velocity_mm_s) * 60:.0f},0')
-        busy = state.split(':')[0] in ('Run', 'Jog', 'Hold')
+        busy = state.split(':')[0] in ('Run', 'Hold')
         if self._offset_countdown > 0:
             self._offset_countdown -= 1
         else:

@@ -69,12 +69,12 @@ def make_advance(width: int) -> Callable[..., None]:
     @register_jitable(forceinline=True, **_OPTIONS)
     def solve(z: Any, row: Any, inputs: Any, scene: Any, control: Any) -> None:
         constants, springs, table, grid, yields = scene
-        second, grip, tolerance, trusted, iterations = control
+        grip, tolerance, trusted, iterations = control
         guide_m, material_m = inputs[at.GUIDE_INPUT], inputs[at.MATERIAL_INPUT]
         tendon_m = inputs[at.TENDON_INPUT]
         present = inputs[at.PRESENT_INPUT] > 0.0
         for t in range(width):
-            row_operations.begin_step(z, t, row, second)
+            row_operations.begin_step(z, t, row)
         for t in range(width):
             row_operations.begin_creep(z, t, row, constants)
         if yields:

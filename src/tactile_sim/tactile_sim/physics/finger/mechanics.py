@@ -19,6 +19,7 @@ import numpy as np
 
 from tactile_sim.physics.finger.bent_line import curve_line
 
+NO_MASSES = (0.0,) * 6
 MAX_CHANGE_RAD = 0.2
 """Largest change of a mode in one iteration; a longer one is shortened."""
 
@@ -27,8 +28,8 @@ class Constants(NamedTuple):
     """What all trials of a scene share, in SI units; see `Finger` for the names.
 
     Reciprocals (``per_``) stand beside what they belong to: a division costs as much as
-    several products. ``mass_ij`` is the mass matrix of the modes [kg m^2], zero for a finger
-    without inertia.
+    several products. ``masses`` is the mass matrix of the modes in the order 00, 01, 02, 11, 12,
+    22 [kg m^2], zero for a finger without inertia.
     """
 
     length: float
@@ -52,12 +53,7 @@ class Constants(NamedTuple):
     per_weakening: float
     inverse_softening: float
     crosstalk: float
-    mass_00: float = 0.0
-    mass_01: float = 0.0
-    mass_02: float = 0.0
-    mass_11: float = 0.0
-    mass_12: float = 0.0
-    mass_22: float = 0.0
+    masses: tuple[float, ...] = NO_MASSES
 
 
 def select(condition: Any, yes: Any, no: Any) -> Any:
@@ -221,8 +217,9 @@ def compute_balance(
     swing = rate * rate
     g0, g1 = q0 * swing - swing_bases[0], q1 * swing - swing_bases[1]
     g2 = q2 * swing - swing_bases[2]
-    i00, i01, i02 = swing * c.mass_00, swing * c.mass_01, swing * c.mass_02
-    i11, i12, i22 = swing * c.mass_11, swing * c.mass_12, swing * c.mass_22
+    mass_00, mass_01, mass_02, mass_11, mass_12, mass_22 = c.masses
+    i00, i01, i02 = swing * mass_00, swing * mass_01, swing * mass_02
+    i11, i12, i22 = swing * mass_11, swing * mass_12, swing * mass_22
     weight = c.length
     e0 = d0 * (q0 - bases[0]) + k0 * q0 - stiff * m0 - weight * line[8] - pull * p0
     e1 = d1 * (q1 - bases[1]) + k1 * q1 - stiff * m1 - weight * line[9] - pull * p1
@@ -230,10 +227,9 @@ def compute_balance(
     e0 = e0 + select(stopped, c.stop_stiffness * stop, 0.0) + force * n0 + rub * t0
     e1 = e1 + force * n1 + rub * t1
     e2 = e2 + force * n2 + rub * t2
-
-    e0 = e0 + (c.mass_00 * g0 + c.mass_01 * g1 + c.mass_02 * g2)
-    e1 = e1 + (c.mass_01 * g0 + c.mass_11 * g1 + c.mass_12 * g2)
-    e2 = e2 + (c.mass_02 * g0 + c.mass_12 * g1 + c.mass_22 * g2)
+    e0 = e0 + (mass_00 * g0 + mass_01 * g1 + mass_02 * g2)
+    e1 = e1 + (mass_01 * g0 + mass_11 * g1 + mass_12 * g2)
+    e2 = e2 + (mass_02 * g0 + mass_12 * g1 + mass_22 * g2)
 
     # The derivatives: second ones of z and x share their factors.
     a00, a01, a02, a11, a12, a22 = curve_line(

@@ -88,8 +88,8 @@ def _solve_in_parts(
 
 def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, springs, _, _, yields = scene
-    second, grip, _, _, iterations = control
-    row_operations.begin_step(z, _ALL, row, second)
+    grip, _, _, iterations = control
+    row_operations.begin_step(z, _ALL, row)
     row_operations.begin_creep(z, _ALL, row, constants)
     if yields:
         row_operations.begin_object(z, _ALL, row, springs)
@@ -120,7 +120,7 @@ def _solve(z: Any, row: list[float], inputs: list[float], scene: Any, control: A
 
 def _iterate(z: Any, row: list[float], inputs: list[float], scene: Any, control: Any) -> None:
     constants, _, table, grid, yields = scene
-    _, grip, tolerance, trusted, _ = control
+    grip, tolerance, trusted, _ = control
     row_operations.locate(z, _ALL, inputs[at.GUIDE_INPUT], constants)
     if len(table) > 1:
         row_operations.find_cell(z, _ALL, inputs[at.SHAPE_INPUT], *grid)

@@ -29,23 +29,24 @@ _SURPRISE = 0.01
 """How much of an unchecked change's bound friction may do unforeseen [1]."""
 
 
-def begin_step(z: Any, t: Any, coefficients: Any, second: float) -> None:
+def begin_step(z: Any, t: Any, coefficients: Any) -> None:
     """Start from where the trial is, and guess that it goes on as in the step before.
 
     The rate of change at the step's end is ``(q - base) * RATE``: Euler's in a fresh step,
-    else, for ``second`` 1, that of the second backward difference. The acceleration is the
-    same difference of these rates: ``q * RATE^2 - swing base``.
+    else that of the second backward difference (Gear, "Numerical initial value problems in
+    ordinary differential equations", 1971). The acceleration is the same difference of these
+    rates: ``q * RATE^2 - swing base``.
     """
     z[at.OPEN, t] = z[at.ACTIVE, t]
     known = 1.0 - z[at.FRESH, t]
-    share = (second / 3.0) * known
+    share = (1.0 / 3.0) * known
     q0, q1, q2 = z[at.MODES, t], z[at.MODES + 1, t], z[at.MODES + 2, t]
     d0, d1, d2 = z[at.DIFFERENCES, t], z[at.DIFFERENCES + 1, t], z[at.DIFFERENCES + 2, t]
     z[at.BASES, t], z[at.NEW_MODES, t] = q0 + share * d0, q0 + known * d0
     z[at.BASES + 1, t], z[at.NEW_MODES + 1, t] = q1 + share * d1, q1 + known * d1
     z[at.BASES + 2, t], z[at.NEW_MODES + 2, t] = q2 + share * d2, q2 + known * d2
     z[at.SQUEEZED_BASE, t] = z[at.SQUEEZED, t] + share * z[at.SQUEEZED_DIFFERENCE, t]
-    z[at.RATE, t] = coefficients[at.RATE_COLUMN] * (1.0 + (0.5 * second) * known)
+    z[at.RATE, t] = coefficients[at.RATE_COLUMN] * (1.0 + 0.5 * known)
     for i in range(3):
         velocity = z[at.VELOCITIES + i, t] + share * z[at.VELOCITY_DIFFERENCES + i, t]
         z[at.SWING_BASES + i, t] = z[at.RATE, t] * (z[at.RATE, t] * z[at.BASES + i, t] + velocity)

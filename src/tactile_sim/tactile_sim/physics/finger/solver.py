@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from tactile_sim.errors import DescriptionError
 from tactile_sim.physics.finger import layout as at
-from tactile_sim.physics.finger.steps import BDF2, Scheme
 
 FloatArray = NDArray[np.float64]
 
@@ -55,7 +54,6 @@ def advance_trials(
     coefficients: FloatArray,
     rows: tuple[int, ...],
     failed: NDArray[np.int64],
-    scheme: Scheme = BDF2,
     grip: float = 1.0,
     tolerance_nm: float = TOLERANCE_NM,
     trusted_nm: float = 0.0,
@@ -96,7 +94,7 @@ def advance_trials(
         Before the first step and after each; of a failed trial, as it was last. Trial i
         stands in block i // width at place i % width.
     """
-    control = (scheme.second, grip, tolerance_nm, trusted_nm, _ITERATIONS)
+    control = (grip, tolerance_nm, trusted_nm, _ITERATIONS)
     trials = state.shape[1]
     wanted = np.array(rows, dtype=np.int64)
     width = trials if solver == 'numpy' else _BLOCK

@@ -1,12 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Integration schemes, and the coefficients that belong to a length of step."""
+"""The coefficients that belong to a length of step, and the inputs of its parts."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,32 +27,6 @@ FloatArray = NDArray[np.float64]
 
 MAX_HALVINGS = 10
 """A step that finds no balance is cut into up to 2^10 parts."""
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """How rates of change follow from steps: a backward difference.
-
-    Attributes
-    ----------
-    name
-        In tables.
-    order
-        Of convergence, where nothing sticks, slips or touches down within a step.
-    """
-
-    name: str
-    order: int
-
-    @property
-    def second(self) -> float:
-        """1 for the second backward difference, 0 for the first."""
-        return float(self.order - 1)
-
-
-EULER = Scheme('euler', 1)
-BDF2 = Scheme('bdf2', 2)
-"""Gear, "Numerical initial value problems in ordinary differential equations", 1971."""
 
 
 def compute_coefficients(
