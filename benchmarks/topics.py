@@ -51,7 +51,7 @@ TOPICS = (
     Topic('significance', 'kernels.significance', 'rank-sum tests of all pairs of classes'),
     Topic('extractor', 'kernels.features', 'sample blocks and events to windows'),
     Topic('inference', 'kernels.inference', 'one window through a model file'),
-    Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by scheme and step'),
+    Topic('simulator', 'simulator.schemes', 'texture trials: speed and error by step'),
     Topic('paths', 'simulator.paths', 'the NumPy solver, stiffness trials, the live rig'),
     Topic('twin', 'simulator.twin', 'error beside the same scene in MuJoCo (needs mujoco)', LONG),
     Topic('twin-speed', 'simulator.twin', 'speed beside the same scene in MuJoCo', LONG),

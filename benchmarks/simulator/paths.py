@@ -20,7 +20,6 @@ from benchmarks.simulator.trials import (
 from tactile_features.feature_sets.stiffness_regression import compute_regression
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.physics.fast_trials import simulate_trials, STEPS_PER_SAMPLE
-from tactile_sim.physics.finger.steps import BDF2
 from tactile_sim.physics.plant import Plant
 from tactile_sim.physics.timeline import plan_timeline
 from tactile_sim.physics.variation import Variation
@@ -39,7 +38,7 @@ def run_paths(quick: bool) -> Report:
     readings_s = time_best(
         lambda: simulate_trials('texture', PLATE, 'flexion', timeline, count, 1), rounds
     )
-    motion_s = time_best(lambda: trials.simulate(BDF2, STEPS_PER_SAMPLE), rounds)
+    motion_s = time_best(lambda: trials.simulate(STEPS_PER_SAMPLE), rounds)
     rows = [
         Row('texture, physics', more={'trials/s': count / motion_s}),
         Row('texture, readings', more={'trials/s': count / readings_s}),
@@ -66,9 +65,9 @@ def run_paths(quick: bool) -> Report:
 def _run_numpy(count: int) -> Row:
     trials = draw_trials('texture', PLATE, 'flexion', count)
     start_s = time.process_time()
-    ours = trials.simulate(BDF2, STEPS_PER_SAMPLE, 'numpy')
+    ours = trials.simulate(STEPS_PER_SAMPLE, 'numpy')
     elapsed_s = time.process_time() - start_s
-    other = trials.simulate(BDF2, STEPS_PER_SAMPLE, 'compiled')
+    other = trials.simulate(STEPS_PER_SAMPLE, 'compiled')
     differ = sum(
         a.tobytes() != b.tobytes() for a, b in zip(ours.sensed_n, other.sensed_n, strict=True)
     )
@@ -80,7 +79,7 @@ def _run_stiffness(label: str, contact: str, count: int, rounds: int) -> Row:
     trials = draw_trials('stiffness', label, contact, count)
     found = _regress(trials, STEPS_PER_SAMPLE)
     reference = _regress(trials, REFERENCE_STEPS)
-    best_s = time_best(lambda: trials.simulate(BDF2, STEPS_PER_SAMPLE), rounds)
+    best_s = time_best(lambda: trials.simulate(STEPS_PER_SAMPLE), rounds)
     relative = 100 * np.abs(found / reference - 1).max(axis=0)
     more = {
         'trials/s': count / best_s,
@@ -92,7 +91,7 @@ def _run_stiffness(label: str, contact: str, count: int, rounds: int) -> Row:
 
 
 def _regress(trials: TrialSet, steps: int) -> FloatArray:
-    motion = trials.simulate(BDF2, steps)
+    motion = trials.simulate(steps)
     window = trials.window
     time_ns = np.rint(1e9 * motion.sample_times_s[window]).astype(np.int64)
     return compute_regression(time_ns, motion.sensed_n[:, window])

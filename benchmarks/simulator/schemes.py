@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator of texture trials: speed against error, by scheme and step."""
+"""The simulator of texture trials: speed against error, by step."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from benchmarks.simulator.trials import (
     TrialSet,
 )
 from tactile_sim.physics.fast_trials import STEPS_PER_SAMPLE, TRUSTED_NM
-from tactile_sim.physics.finger.steps import BDF2, EULER, Scheme
 
 STEPS = (4, 6, 8, 10, 12, 16, 20, 24, 40)
 REFERENCE_STEPS = 160
@@ -32,24 +31,23 @@ BOUND_PERCENT = 2.5
 
 
 class Choice(NamedTuple):
-    """A scheme, its steps a sample, and the residual below which a step is not checked [N m]."""
+    """Steps a sample, and the residual below which a step is not checked [N m]."""
 
-    scheme: Scheme
     steps: int
     trusted_nm: float = TRUSTED_NM
 
 
-DEFAULT = Choice(BDF2, STEPS_PER_SAMPLE)
-SOLVED = Choice(BDF2, STEPS_PER_SAMPLE, 0.0)
-REFERENCE = Choice(BDF2, REFERENCE_STEPS)
-FINER = Choice(BDF2, 2 * REFERENCE_STEPS)
+DEFAULT = Choice(STEPS_PER_SAMPLE)
+SOLVED = Choice(STEPS_PER_SAMPLE, 0.0)
+REFERENCE = Choice(REFERENCE_STEPS)
+FINER = Choice(2 * REFERENCE_STEPS)
 
 
 def run_simulator(quick: bool) -> Report:
-    """Vary scheme and step on drawn texture trials."""
+    """Vary the step on drawn texture trials."""
     sets = _draw_sets(32 if quick else 64)
     count = sum(len(trials.variation.phase) for trials in sets)
-    choices = [Choice(scheme, steps) for scheme in (EULER, BDF2) for steps in STEPS]
+    choices = [Choice(steps) for steps in STEPS]
     choices.append(SOLVED)
     works = [partial(_simulate_all, sets, choice) for choice in choices]
     times_s = time_in_turns(works, 3 if quick else 9)
@@ -61,7 +59,7 @@ def run_simulator(quick: bool) -> Report:
         solved = ', each step solved' if choice == SOLVED else ''
         rows.append(
             _row(
-                name_choice(choice.scheme, choice.steps) + solved,
+                name_choice(choice.steps) + solved,
                 _simulate_all(sets, choice),
                 reference,
                 Ratio(median, low, high),
@@ -74,8 +72,8 @@ def run_simulator(quick: bool) -> Report:
     rows.append(_row(case, _simulate_all(few, REFERENCE), _simulate_all(few, FINER)))
     return Report(
         f'simulator: texture trials on {", ".join(PLATES)}, flexion and abduction; errors in %',
-        f'the default, {BDF2.name} with {STEPS_PER_SAMPLE} steps a sample',
-        f'rms deviation from {name_choice(BDF2, REFERENCE_STEPS)}, over the rms, in the 180 '
+        f'the default, {STEPS_PER_SAMPLE} steps a sample',
+        f'rms deviation from {name_choice(REFERENCE_STEPS)}, over the rms, in the 180 '
         'samples without their straight line: of the tension, and of what the sensor gets (error: '
         'its 95th percentile over the trials)',
         rows,
@@ -92,7 +90,7 @@ def _simulate_all(sets: list[TrialSet], choice: Choice) -> tuple[FloatArray, Flo
     """Return the windows of tension and of what the sensor gets, shape (trials, samples) [N]."""
     tension, sensed = [], []
     for trials in sets:
-        motion = trials.simulate(choice.scheme, choice.steps, trusted_nm=choice.trusted_nm)
+        motion = trials.simulate(choice.steps, trusted_nm=choice.trusted_nm)
         if np.isfinite(motion.failed_at_s).any():
             raise RuntimeError(f'a texture trial failed with {choice}')
         tension.append(motion.truth['tension_n'][:, trials.window])

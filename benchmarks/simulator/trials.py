@@ -25,7 +25,6 @@ from tactile_sim.physics.fast_trials import (
     STEPS_PER_SAMPLE,
     TRUSTED_NM,
 )
-from tactile_sim.physics.finger.steps import BDF2, Scheme
 from tactile_sim.physics.scene import build_scene, Scene
 from tactile_sim.physics.timeline import Timeline
 from tactile_sim.physics.variation import draw_variation, Variation
@@ -56,12 +55,12 @@ class TrialSet:
     window: slice
 
     def simulate(
-        self, scheme: Scheme, steps: int, solver: str = '', trusted_nm: float = TRUSTED_NM
+        self, steps: int, solver: str = '', trusted_nm: float = TRUSTED_NM
     ) -> SimulatedMotion:
         """Simulate all of them with so many steps a sample."""
         timeline = self.planned.timeline
         return simulate_motion(
-            self.scene, timeline, self.variation, solver, scheme, steps, trusted_nm=trusted_nm
+            self.scene, timeline, self.variation, solver, steps, trusted_nm=trusted_nm
         )
 
 
@@ -149,7 +148,6 @@ def time_best(work: Callable[[], object], rounds: int) -> float:
     return float(time_in_turns([work], rounds).min())
 
 
-def name_choice(scheme: Scheme, steps: int) -> str:
-    """Name of a scheme with so many steps a sample."""
-    is_default = scheme == BDF2 and steps == STEPS_PER_SAMPLE
-    return f'{scheme.name} {steps}' + (', default' if is_default else '')
+def name_choice(steps: int) -> str:
+    """Name of a simulation with so many steps a sample."""
+    return f'{steps} steps' + (', default' if steps == STEPS_PER_SAMPLE else '')

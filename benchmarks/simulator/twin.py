@@ -34,7 +34,6 @@ from benchmarks.simulator.trials import (
     time_in_turns,
 )
 from tactile_sim.physics.fast_trials import simulate_motion, STEPS_PER_SAMPLE
-from tactile_sim.physics.finger.steps import BDF2
 from tactile_sim.physics.scene import Scene
 from tactile_sim.physics.sensing import low_pass_coefficients
 from tactile_sim.physics.timeline import plan_timeline, Timeline
@@ -85,9 +84,7 @@ class Match:
         fast = dataclasses.replace(cell, rate_hz=DENSE * cell.rate_hz)
         rig = dataclasses.replace(self.scene.rig, load_cell=fast)
         scene = dataclasses.replace(self.scene, rig=rig, inertia=inertia)
-        motion = simulate_motion(
-            scene, self.timeline, Variation.none(), scheme=BDF2, steps_per_sample=factor
-        )
+        motion = simulate_motion(scene, self.timeline, Variation.none(), steps_per_sample=factor)
         tension_n = motion.truth['tension_n'][0, self.window]
         return Tensions(tension_n, motion.sensed_n[0, self.window])
 
@@ -208,7 +205,7 @@ def _measure_ours(matches: list[Match], quick: bool) -> tuple[list[Row], float]:
     rows = []
     for factor, trial_s in zip(OUR_FACTORS, times_s, strict=True):
         found = [match.compute_window(factor) for match in matches]
-        case = f'ours, {name_choice(BDF2, factor * DENSE)}'
+        case = f'ours, {name_choice(factor * DENSE)}'
         rows.append(_speed_row(case, found, reference, trial_s, times_s[0], {}))
     return rows, times_s[0]
 
