@@ -12,7 +12,13 @@ from tactile_ros.configs import check_parameters, parameter
 from tactile_ros.strain import StrainStatus
 
 SENSORS = ('line', 'net_ft', 'digital_ft', 'topic')
-UNITS = ('kg', 'g', 'N', 'lbf')
+NEWTONS = {
+    'kg': 9.80665,
+    'g': 0.00980665,
+    'N': 1.0,
+    'lbf': 4.4482216152605,  # 0.45359237 kg
+}
+"""Newtons in one unit, exact; of a weight at standard gravity (CGPM 1901)."""
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 NORM = 'norm'
 """The length of the force vector of a wrench on a topic."""
@@ -59,7 +65,7 @@ class TendonSensorConfig:
     unit: str = parameter(
         'kg',
         'what the value of a line counts; kg and g are weights at standard gravity',
-        choices=UNITS,
+        choices=tuple(NEWTONS),
     )
     scale: float = parameter(
         1.0,

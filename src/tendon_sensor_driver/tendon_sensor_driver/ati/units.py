@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.records import NEWTONS
 
-_POUND_N = 4.4482216152605  # 0.45359237 kg at standard gravity, exact
+_POUND_N, _KILOGRAM_N = NEWTONS['lbf'], NEWTONS['kg']
 _INCH_M = 0.0254
-_KILOGRAM_N = 9.80665
 
 # In the order of ATI's codes, which begin with 1.
 _FORCES = {

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from fractions import Fraction
 import time
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from tendon_sensor_driver.stream.clock_skew import ClockSkewFilter, SECOND_NS, STEP_NS
 
@@ -88,48 +89,50 @@ class Instant(NamedTuple):
     is_step: bool = False
 
 
-class SampleClock(Protocol):
-    """What gives the samples of one sensor their time."""
+class SampleClock(ABC):
+    """What gives the samples of one sensor their time.
 
-    duplicates: int
-    late_samples: int
-    outliers: int
-    restarts: int
+    Attributes
+    ----------
+    duplicates, late_samples, outliers : int
+        Samples without a place.
+    restarts : int
+        Times that the device's clock began anew.
+    """
 
-    def note_reconnection(self) -> None:
+    duplicates = late_samples = outliers = restarts = 0
+
+    def note_reconnection(self) -> None:  # noqa: B027 - arrival times go on as before
         """Say that the link was lost and came back before the next sample."""
-        ...
 
+    @abstractmethod
     def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this [ns]."""
-        ...
+        """Follow the host's clock, which was set by this before the next sample [ns]."""
 
+    @abstractmethod
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
-        """Return when a sample was taken, or None when its time fits nowhere."""
-        ...
+        """Return when a sample was taken, or None when its time fits nowhere.
+
+        Parameters
+        ----------
+        ticks : int or None
+            Device time of the sample; None for a device without a clock.
+        received_at_ns : int
+            Host time of its arrival [ns].
+        """
 
 
-class HostClock:
+class HostClock(SampleClock):
     """Stamps for a device without a clock: the time of arrival, made strictly increasing."""
-
-    duplicates = 0
-    late_samples = 0
-    outliers = 0
-    restarts = 0
 
     def __init__(self) -> None:
         self._stamp_ns: int | None = None
 
-    def note_reconnection(self) -> None:
-        """Do nothing: arrival times go on as before."""
-
     def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this [ns]."""
         if self._stamp_ns is not None:
             self._stamp_ns += step_ns
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant:
-        """Return when a sample was taken, as far as its arrival tells."""
         stamp_ns = received_at_ns
         if self._stamp_ns is not None:
             stamp_ns = max(stamp_ns, self._stamp_ns + 1)
@@ -137,7 +140,7 @@ class HostClock:
         return Instant(None, stamp_ns, -1.0)
 
 
-class DeviceClock:
+class DeviceClock(SampleClock):
     """Maps the ticks of one device to ROS time.
 
     stamp = device time + offset. The offset follows the line under "arrival minus device
@@ -160,13 +163,6 @@ class DeviceClock:
     ----------
     tick_s : float
         Device time of one tick [s].
-
-    Attributes
-    ----------
-    duplicates, late_samples, outliers : int
-        Readings without a place.
-    restarts : int
-        Times that the device's clock began anew.
     """
 
     def __init__(self, tick_s: float) -> None:
@@ -174,10 +170,6 @@ class DeviceClock:
         # As a fraction (0.001 is 1/1000 again), so that days of ticks stay exact.
         tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS
         self._numerator, self._denominator = tick_ns.numerator, tick_ns.denominator
-        self.duplicates = 0
-        self.late_samples = 0
-        self.outliers = 0
-        self.restarts = 0
         self._skew = ClockSkewFilter()
         self._last: Instant | None = None
         self._last_ns = 0  # device time of the last reading
@@ -187,11 +179,10 @@ class DeviceClock:
         self._is_reconnected = False
 
     def note_reconnection(self) -> None:
-        """Expect the next reading to be fresh, and perhaps the device to have restarted."""
+        # The next reading is fresh; perhaps the device has restarted.
         self._is_reconnected = True
 
     def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this before the next reading [ns]."""
         self._skew.shift(step_ns)
         self._offset_ns += step_ns
         if self._outlier is not None:
@@ -200,15 +191,6 @@ class DeviceClock:
             self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
-        """Return when a sample was taken, or None when its time fits nowhere.
-
-        Parameters
-        ----------
-        ticks : int
-            Device time of the sample.
-        received_at_ns : int
-            Host time of its arrival [ns].
-        """
         if ticks is None:
             raise ValueError('a device clock needs readings with device time')
         if self._last is None:

@@ -11,7 +11,6 @@ from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver import Health, TendonSensorConfig
 from tendon_sensor_driver.conversions import (
     assess_health,
-    describe_status,
     LEVEL_ERROR,
     LEVEL_OK,
     LEVEL_WARN,
@@ -153,8 +152,8 @@ def test_a_silent_six_axis_sensor_is_not_told_about_lines():
 
 
 def test_status_bits_are_told_in_words():
-    assert describe_status(StrainStatus.OK) == 'ok'
-    assert describe_status(StrainStatus.STUCK | StrainStatus.SATURATED) == 'saturated, stuck'
+    assert StrainStatus.OK.describe() == 'ok'
+    assert (StrainStatus.STUCK | StrainStatus.SATURATED).describe() == 'saturated, stuck'
 
 
 def test_every_counter_is_a_value_of_the_diagnostics():
