@@ -203,10 +203,6 @@ def test_autostart_is_read_once(make_node):
     assert not result.successful
 
 
-def test_config_that_refuses_itself_refuses_configure(make_node):
-    assert not make_node(path='nowhere').bring_up()
-
-
 def test_bring_up_and_take_down_in_order(make_node):
     node = make_node()
     assert node.bring_up()

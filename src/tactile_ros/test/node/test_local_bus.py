@@ -108,8 +108,9 @@ def check(record):
 
 
 @pytest.fixture
-def run(context):
+def run(context, monkeypatch):
     """Return a function that configures, activates and spins nodes."""
+    monkeypatch.setattr('tactile_ros.bus.local_bus.LOOK_PERIOD_S', 0.1)
     groups = []
 
     def start(*nodes, **options):

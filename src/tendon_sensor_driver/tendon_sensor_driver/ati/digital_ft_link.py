@@ -5,11 +5,8 @@
 
 from __future__ import annotations
 
-import os
-import termios
+from contextlib import suppress
 import time
-
-import serial
 
 from tendon_sensor_driver.ati.digital_ft_protocol import (
     ACCEPTED,
@@ -40,19 +37,20 @@ from tendon_sensor_driver.ati.modbus import (
     MOST_REGISTERS,
 )
 from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.transport import SerialTransport
 
 READ_TIMEOUT_S = 0.25
 _ANSWER_TIMEOUT_S = 0.3
 _QUIET_S = 0.05
 _TRIES = 4
-_FAILURES = (OSError, termios.error, ValueError)
 
 
 class DigitalFtLink:
     """A Digital F/T on a serial port, from construction to `close`.
 
-    8 data bits, even parity, 1 stop bit. While it streams it answers no questions; so
-    everything begins with stopping a stream that another run may have left.
+    8 data bits, even parity, 1 stop bit. The check of a record does not see the highest bit of a
+    byte, parity does. While it streams it answers no questions; so everything begins with stopping
+    a stream that another run may have left.
 
     Parameters
     ----------
@@ -69,24 +67,8 @@ class DigitalFtLink:
 
     def __init__(self, port: str, baud: int) -> None:
         self._name = port
-        # Linux pseudo-terminals know no parity and refuse it.
-        is_pty = os.path.realpath(port).startswith('/dev/pts/')
-        try:
-            self._port = serial.Serial(
-                port,
-                baud,
-                parity=serial.PARITY_NONE if is_pty else serial.PARITY_EVEN,
-                timeout=READ_TIMEOUT_S,
-                write_timeout=1.0,
-                exclusive=True,
-            )
-            if not is_pty:
-                _check_parity(self._port)
-        except _FAILURES as error:
-            raise LinkError(
-                f'cannot open serial port {port}: {error}; check the cable, the parameter '
-                '"port" and the permission'
-            ) from error
+        self._transport = SerialTransport(port, baud, has_parity=True)
+        self._rest = b''  # what came behind an answer
 
     def read(self) -> bytes:
         """Return what has arrived, or nothing after 0.25 s without any.
@@ -96,21 +78,14 @@ class DigitalFtLink:
         LinkError
             When the port has gone.
         """
-        try:
-            data: bytes = self._port.read(1)
-            if data:
-                data += self._port.read(self._port.in_waiting)
-        except _FAILURES as error:
-            raise LinkError(f'lost serial port {self._name}: {error}') from error
-        return data
+        rest, self._rest = self._rest, b''
+        return rest or self._transport.read(READ_TIMEOUT_S)
 
     def close(self) -> None:
         """Stop the stream and close the port."""
-        try:
-            self._port.write(JAM)
-            self._port.close()
-        except _FAILURES:
-            pass
+        with suppress(LinkError):
+            self._transport.write(JAM)
+        self._transport.close()
 
     def stop_stream(self) -> None:
         """Make the device listen again, whatever it does.
@@ -121,7 +96,7 @@ class DigitalFtLink:
             When it goes on sending, or the port has gone.
         """
         for _ in range(_TRIES):
-            self._write(JAM)
+            self._transport.write(JAM)
             if self._is_quiet():
                 return
         raise LinkError(
@@ -206,43 +181,19 @@ class DigitalFtLink:
         ) from reason
 
     def _ask(self, request: bytes, size: int) -> bytes:
-        self._write(request)
+        self._transport.write(request)
         deadline_s = time.monotonic() + _ANSWER_TIMEOUT_S
         answer = b''
-        try:
-            while len(answer) < size and time.monotonic() < deadline_s:
-                answer += self._port.read(min(size - len(answer), max(1, self._port.in_waiting)))
-        except _FAILURES as error:
-            raise LinkError(f'lost serial port {self._name}: {error}') from error
-        return answer
-
-    def _write(self, data: bytes) -> None:
-        try:
-            self._port.write(data)
-        except _FAILURES as error:
-            raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
+        while len(answer) < size and (left_s := deadline_s - time.monotonic()) > 0:
+            answer += self._transport.read(left_s)
+        self._rest = answer[size:]
+        return answer[:size]
 
     def _is_quiet(self) -> bool:
         """Drop what arrives until nothing does; whether that was soon."""
         deadline_s = time.monotonic() + 10 * _QUIET_S
-        try:
-            self._port.timeout = _QUIET_S
-            while time.monotonic() < deadline_s:
-                if not self._port.read(max(1, self._port.in_waiting)):
-                    return True
-        except _FAILURES as error:
-            raise LinkError(f'lost serial port {self._name}: {error}') from error
-        finally:
-            self._port.timeout = READ_TIMEOUT_S
+        self._rest = b''
+        while time.monotonic() < deadline_s:
+            if not self._transport.read(_QUIET_S):
+                return True
         return False
-
-
-def _check_parity(port: serial.Serial) -> None:
-    """Make the kernel look at the parity bit: a byte that is wrong is read as 0.
-
-    pyserial sends the bit and turns the check off. It sees what the 7-bit check of a record
-    cannot, the highest bit of a byte.
-    """
-    settings = termios.tcgetattr(port.fileno())
-    settings[0] = (settings[0] | termios.INPCK) & ~termios.IGNPAR
-    termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)

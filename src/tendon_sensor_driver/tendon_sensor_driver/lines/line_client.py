@@ -10,9 +10,9 @@ import time
 from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.client_base import LinkClient, NowNs, OnBlock
 from tendon_sensor_driver.lines.line_protocol import LineDecoder
-from tendon_sensor_driver.lines.transport import find_serial_number, SerialTransport
 from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.stream.strain_stream import StrainStream
+from tendon_sensor_driver.transport import find_serial_number, SerialTransport
 
 LONGEST_DELIVERY_NS = 250_000_000
 """What arrives while a consumer takes longer may not fit in the kernel's buffer."""

@@ -15,8 +15,8 @@ from tendon_sensor_driver import (
     TendonSensorClient,
     TendonSensorConfig,
     TendonSensorError,
+    transport,
 )
-from tendon_sensor_driver.lines import transport
 from waiting import wait_until
 
 
@@ -103,14 +103,6 @@ def test_close_lets_go_of_the_port_and_hands_out_what_arrived(sensor, make_clien
     make_client()
 
 
-def test_it_is_a_context_manager(sensor, blocks):
-    config = TendonSensorConfig(port=sensor.port)
-    with TendonSensorClient(config, blocks.append, time.time_ns) as client:
-        sensor.write(b'\n' + encode_reading(0, 0.5))
-        wait_until(lambda: blocks)
-    assert not client.health().is_connected
-
-
 def test_an_unfinished_block_does_not_wait_out_a_silence(sensor, make_client, blocks):
     client = make_client(samples_per_block=100, silence_s=0.05)
     sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(17, 0.6))
@@ -151,13 +143,6 @@ def test_ports_that_vanish_while_they_are_listed_keep_no_sensor_away(
     assert not vanishing
     sensor.write(b'\n' + encode_reading(0, 0.5))
     wait_until(lambda: blocks)
-
-
-def test_a_lost_line_is_a_gap(sensor, make_client, blocks):
-    make_client()
-    sensor.write(b'\n' + encode_reading(0, 0.5) + encode_reading(50, 0.5))
-    wait_until(lambda: len(blocks) == 2)
-    assert (blocks[1].sequence, blocks[1].lost_before) == (3, 2)
 
 
 def test_unplugging_mid_line_reconnects_and_joins_nothing(sensor, make_client, blocks):
