@@ -22,8 +22,9 @@ NEWTONS = {
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 NORM = 'norm'
 """The length of the force vector of a wrench on a topic."""
-LOW_PASSES_HZ = (0, 5, 8, 18, 35, 73, 152, 326, 838, 1500, 2000, 2500, 3000)
-"""Cut-off frequencies of the low pass in a Net F/T [Hz]; 0 is off. The manual's list."""
+_LOW_PASSES_HZ = (0, 838, 326, 152, 73, 35, 18, 8, 5, 1500, 2000, 2500, 3000)
+LOW_PASS_CODES = {cutoff_hz: code for code, cutoff_hz in enumerate(_LOW_PASSES_HZ)}
+"""The manual's code of the low pass in a Net F/T by its cut-off frequency [Hz]; 0: off."""
 
 _LEAST_RATE_HZ = 0.1
 _MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on the one before
@@ -93,7 +94,7 @@ class TendonSensorConfig:
         choices=(*AXES, NORM),
     )
     low_pass_hz: int = parameter(
-        18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=LOW_PASSES_HZ
+        18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=tuple(sorted(LOW_PASS_CODES))
     )
     calibration_slot: int = parameter(
         1, 'calibration of a Digital F/T that is used', range=(1, 16)
