@@ -48,7 +48,7 @@ class SerialTransport:
     Raises
     ------
     LinkError
-        When the port cannot be opened.
+        By every method, when the port cannot be opened, has gone or takes nothing.
     """
 
     def __init__(self, port: str, baud: int, *, has_parity: bool = False) -> None:
@@ -75,13 +75,7 @@ class SerialTransport:
         os.set_blocking(self._cancel, False)
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, or nothing after some time without any or after `cancel`.
-
-        Raises
-        ------
-        LinkError
-            When the port has gone.
-        """
+        """Return what has arrived, or nothing after some time without any or after `cancel`."""
         # As pyserial's read, but with one wait and one read for all that has come.
         try:
             port = self._port.fileno()
@@ -101,13 +95,7 @@ class SerialTransport:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send bytes.
-
-        Raises
-        ------
-        LinkError
-            When the port has gone or takes nothing.
-        """
+        """Send bytes."""
         try:
             self._port.write(data)
         except _FAILURES as error:

@@ -62,7 +62,8 @@ class DigitalFtLink:
     Raises
     ------
     LinkError
-        When the port cannot be opened.
+        By every method, when the port cannot be opened or has gone, and when the device does not
+        answer, refuses or has not what is asked for.
     """
 
     def __init__(self, port: str, baud: int) -> None:
@@ -71,13 +72,7 @@ class DigitalFtLink:
         self._rest = b''  # what came behind an answer
 
     def read(self) -> bytes:
-        """Return what has arrived, or nothing after 0.25 s without any.
-
-        Raises
-        ------
-        LinkError
-            When the port has gone.
-        """
+        """Return what has arrived, or nothing after 0.25 s without any."""
         rest, self._rest = self._rest, b''
         return rest or self._transport.read(READ_TIMEOUT_S)
 
@@ -88,13 +83,7 @@ class DigitalFtLink:
         self._transport.close()
 
     def stop_stream(self) -> None:
-        """Make the device listen again, whatever it does.
-
-        Raises
-        ------
-        LinkError
-            When it goes on sending, or the port has gone.
-        """
+        """Make the device listen again, whatever it does."""
         for _ in range(_TRIES):
             self._transport.write(JAM)
             if self._is_quiet():
@@ -104,23 +93,11 @@ class DigitalFtLink:
         )
 
     def read_status(self) -> int:
-        """Return the status word.
-
-        Raises
-        ------
-        LinkError
-            When the device does not answer.
-        """
+        """Return the status word."""
         return self._read_registers(STATUS_REGISTER, 1)[0]
 
     def read_calibration(self, slot: int) -> DigitalCalibration:
-        """Return the calibration in a slot, 1 to 16.
-
-        Raises
-        ------
-        LinkError
-            When the device does not answer, or the slot is empty.
-        """
+        """Return the calibration in a slot, 1 to 16."""
         first = CALIBRATION_REGISTER + CALIBRATION_STEP * (slot - 1)
         values: tuple[int, ...] = ()
         while len(values) < CALIBRATION_REGISTERS:
@@ -129,40 +106,23 @@ class DigitalFtLink:
         return decode_calibration(values)
 
     def set_gauges(self, settings: tuple[int, ...]) -> None:
-        """Make the gains and offsets of a calibration the active ones, if they are not.
-
-        Raises
-        ------
-        LinkError
-            When the device does not take them.
-        """
+        """Make the gains and offsets of a calibration the active ones, if they are not."""
         if self._read_registers(GAINS_REGISTER, GAUGE_REGISTERS) == settings:
             return
         self._command(LOCK_STORAGE, UNLOCK_DATA)
         frame = self._ask(encode_write(ADDRESS, GAINS_REGISTER, settings), 8)
         try:
             decode_write(frame, ADDRESS, GAINS_REGISTER, len(settings))
-        except ModbusError as error:
-            raise LinkError(str(error)) from error
         finally:
             self._command(LOCK_STORAGE, LOCK_DATA)
 
     def start_stream(self) -> None:
-        """Start the stream.
-
-        Raises
-        ------
-        LinkError
-            When the device does not agree.
-        """
+        """Start the stream."""
         self._command(START_STREAM, START_DATA)
 
     def _command(self, function: int, data: bytes) -> None:
         frame = self._ask(encode_frame(ADDRESS, function, data), 5)
-        try:
-            answer = decode_frame(frame, ADDRESS, function)
-        except ModbusError as error:
-            raise LinkError(str(error)) from error
+        answer = decode_frame(frame, ADDRESS, function)
         if answer != ACCEPTED:
             raise LinkError(f'the Digital F/T refuses function {function} with {answer.hex()}')
 

@@ -30,10 +30,6 @@ class DigitalFtStream:
     as bring it near the wanted rate are averaged to one sample. Samples carry host time; how
     many are lost is told by the bytes that were dropped, and across a pause by its length.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-
     Attributes
     ----------
     decoder : StreamDecoder

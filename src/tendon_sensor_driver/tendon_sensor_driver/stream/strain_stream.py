@@ -126,10 +126,6 @@ class StrainStream(SampleStream):
     """Turns the readings of a load-cell line into blocks of tension.
 
     Newtons are value * scale * (newtons in one unit) + offset.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:

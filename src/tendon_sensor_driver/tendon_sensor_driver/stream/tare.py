@@ -55,10 +55,6 @@ class Tare:
     Then the bias is a number about another zero, and is forgotten.
 
     Its methods may be called from several threads.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
