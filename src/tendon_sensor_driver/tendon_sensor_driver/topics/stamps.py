@@ -92,6 +92,7 @@ class StampClock(SampleClock):
     """
 
     def __init__(self, period_ns: int) -> None:
+        super().__init__()
         self._nominal_ns = period_ns
         self.steps = 0
         self.number: int | None = None  # of the message that is placed next
@@ -100,7 +101,6 @@ class StampClock(SampleClock):
         self._received_ns = 0  # arrival of the last sample with a stamp
         self._last: Instant | None = None
         self._has_stamps = False
-        self._outlier: tuple[int, int] | None = None  # stamp, arrival
         self._last_number: int | None = None
         self._index = 0
         self._grid = StampGrid(period_ns, 0)
@@ -115,11 +115,10 @@ class StampClock(SampleClock):
         self._last_number = None
 
     def note_step(self, step_ns: int) -> None:
+        super().note_step(step_ns)
         self._delays_ns = [delay_ns + step_ns for delay_ns in self._delays_ns]
         self._span_ns += step_ns
         self._received_ns += step_ns
-        if self._outlier is not None:
-            self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
         if self._last is not None and not self._has_stamps:
             self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
 
@@ -133,18 +132,13 @@ class StampClock(SampleClock):
             return self._begin(ticks, received_at_ns, is_step=True)
         elapsed_ns = ticks - self._last.stamp_ns
         if -_LATE_NS < elapsed_ns <= 0:
-            if elapsed_ns == 0:
-                self.duplicates += 1
-            else:
-                self.late_samples += 1
+            self._drop_old(-elapsed_ns)
             return None
         if elapsed_ns > 0 and not self._leaps(ticks, elapsed_ns, received_at_ns):
             return self._continue(ticks, received_at_ns)
-        if self._continues_outlier(ticks, received_at_ns):
+        if self._continues_outlier(ticks, received_at_ns, _STEP_NS):
             self.steps += 1
             return self._begin(ticks, received_at_ns, is_step=True)
-        self._outlier = (ticks, received_at_ns)
-        self.outliers += 1
         return None
 
     def _place_by_arrival(self, received_at_ns: int) -> Instant:
@@ -170,12 +164,6 @@ class StampClock(SampleClock):
             received_at_ns - ticks < least_ns - _STEP_NS
             and elapsed_ns > received_at_ns - self._received_ns + _STEP_NS
         )
-
-    def _continues_outlier(self, ticks: int, received_at_ns: int) -> bool:
-        if self._outlier is None:
-            return False
-        stamp_ns, outlier_at_ns = self._outlier
-        return 0 < ticks - stamp_ns <= received_at_ns - outlier_at_ns + _STEP_NS
 
     def _begin(self, ticks: int, received_at_ns: int, *, is_step: bool) -> Instant:
         self._has_stamps = True
