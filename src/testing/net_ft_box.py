@@ -20,25 +20,11 @@ from tendon_sensor_driver.ati.net_ft_protocol import (
     SATURATED,
 )
 from tendon_sensor_driver.ati.net_ft_web import CONFIGURATION_PAGE
-from tendon_sensor_driver.records import AXES
+from tendon_sensor_driver.records import AXES, NEWTONS
 
 Force = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Axial force [N] at times since power-up [s], both of shape (samples,)."""
 
-FAULTS = (
-    'burst',
-    'drop',
-    'duplicate',
-    'garbage',
-    'mute',
-    'reorder',
-    'restart',
-    'saturate',
-    'stale',
-    'status',
-    'stuck',
-    'unplug',
-)
 _STORED = {'comrdtrate': 1000, 'comrdtbsiz': 10, 'comrdte': 1, 'setuserfilter': 0}
 _RANGES = {
     'comrdtrate': (1, INTERNAL_RATE_HZ),
@@ -62,16 +48,14 @@ class NetFtBox:
         Axial force [N]: a function of time, or samples at 7000 Hz that are repeated.
     axis : str
         Component that carries it.
-    counts_per_force, counts_per_torque : int
+    counts_per_force : int
         Of the calibration.
     force_unit : str
-        ``N``, ``lbf`` or ``kgf``: in what the box counts.
+        ``N`` or ``lbf``: in what the box counts.
     noise_counts : float
         Standard deviation of every component.
-    generator : Generator or None
-        Source of the noise and of the faults by chance.
-    product, serial : str
-        What it says of itself.
+    serial : str
+        Of the calibration.
     """
 
     def __init__(
@@ -80,25 +64,20 @@ class NetFtBox:
         *,
         axis: str = 'fz',
         counts_per_force: int = 1_000_000,
-        counts_per_torque: int = 1_000_000,
         force_unit: str = 'N',
         noise_counts: float = 500.0,
-        generator: np.random.Generator | None = None,
-        product: str = 'ATI Net F/T (simulated)',
         serial: str = 'FT00000',
     ) -> None:
         self._force = _repeat(force) if isinstance(force, np.ndarray) else force
         self._axis = AXES.index(axis)
-        self._counts_per_newton = counts_per_force / {'N': 1.0, 'lbf': 4.4482216152605}.get(
-            force_unit, 9.80665
-        )
+        self._counts_per_newton = counts_per_force / NEWTONS[force_unit]
         self._noise_counts = noise_counts
-        self._generator = generator or np.random.default_rng(0)
+        self._generator = np.random.default_rng(0)
         self._identity = {
-            'prodname': product,
+            'prodname': 'ATI Net F/T (simulated)',
             'cfgcalsn': serial,
             'cfgcpf': counts_per_force,
-            'cfgcpt': counts_per_torque,
+            'cfgcpt': 1_000_000,
             'scfgfu': force_unit,
             'scfgtu': 'Nm',
         }
@@ -120,16 +99,9 @@ class NetFtBox:
     ) -> None:
         """Begin a fault; without a duration it lasts until `heal`.
 
-        Options: ``fraction`` of the datagrams for drop, duplicate, reorder and garbage
-        (default 0.1), ``word`` for status.
-
-        Raises
-        ------
-        ValueError
-            When there is no such fault.
+        Kinds: burst, mute, restart, saturate, stale, status, stuck, unplug; and drop, duplicate,
+        reorder and garbage with the ``fraction`` of the datagrams (default 0.1).
         """
-        if kind not in FAULTS:
-            raise ValueError(f'a Net F/T has no fault "{kind}"; it has {", ".join(FAULTS)}')
         if kind == 'restart':
             duration_s = 0.5 if duration_s is None else duration_s
             self._begun_s = now_s + duration_s
@@ -237,7 +209,7 @@ class NetFtBox:
             force_n = np.full(len(ticks), _SATURATED_N)
             self._status = ERROR_SUMMARY | SATURATED
         if self.has('status', now_s):
-            self._status |= int(self._faults['status'][1].get('word', ERROR_SUMMARY | 1 << 6))
+            self._status |= ERROR_SUMMARY | 1 << 6
         records['status'] = self._status
         counts[:, self._axis] += force_n * self._counts_per_newton
         if self.has('stuck', now_s):

@@ -37,7 +37,7 @@ class NetFtDevice:
     Parameters
     ----------
     box : NetFtBox
-        The box; from `start` on it belongs to the device's threads, see `fault`.
+        While the device runs, the box belongs to its threads; see `fault`.
 
     Attributes
     ----------
@@ -60,43 +60,27 @@ class NetFtDevice:
         self._begun_s = time.monotonic()
         self._peer: tuple[str, int] | None = None
         self._threads = [
-            threading.Thread(target=self._run, name='net-ft-device', daemon=True),
-            threading.Thread(
-                target=self._web.serve_forever,
-                kwargs={'poll_interval': 0.05},
-                name='net-ft-web',
-                daemon=True,
-            ),
+            threading.Thread(target=self._run, daemon=True),
+            threading.Thread(target=self._web.serve_forever, args=(0.05,), daemon=True),
         ]
 
     def __enter__(self) -> NetFtDevice:
-        self.start()
+        for thread in self._threads:
+            thread.start()
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self.close()
+        self._stopping.set()
+        self._web.shutdown()
+        for thread in self._threads:
+            thread.join()
+        self._web.server_close()
+        self._socket.close()
 
     @property
     def now_s(self) -> float:
         """Time since power-up [s]."""
         return time.monotonic() - self._begun_s
-
-    def start(self) -> None:
-        """Switch it on."""
-        for thread in self._threads:
-            thread.start()
-
-    def close(self) -> None:
-        """Stop the threads and close the sockets; harmless when called twice."""
-        if self._stopping.is_set():
-            return
-        self._stopping.set()
-        if self._threads[0].is_alive():
-            self._web.shutdown()
-            for thread in self._threads:
-                thread.join()
-        self._web.server_close()
-        self._socket.close()
 
     def fault(self, kind: str, duration_s: float | None = None, **options: float) -> None:
         """Begin a fault, see `NetFtBox.fault`."""

@@ -28,6 +28,10 @@ class StrainStatus(IntFlag):
     RESTARTED = 64
     CLOCK_STEP = 128
 
+    def describe(self) -> str:
+        """Return the names of the bits, such as ``saturated, stuck``, or ``ok``."""
+        return ', '.join(str(bit.name).lower() for bit in StrainStatus if bit & self) or 'ok'
+
 
 NOT_LIVE = int(StrainStatus.STUCK | StrainStatus.DEVICE_ERROR)
 """With one of these bits a sample says nothing about the tension."""

@@ -10,12 +10,11 @@ from typing import Any
 
 _HOMES = {
     'Bias': '.stream.tare',
-    'Calibration': '.stream.calibration',
     'Health': '.records',
     'LineDecoder': '.lines.line_protocol',
     'LinkError': '.errors',
     'Reading': '.records',
-    'SensorClient': '.sensors',
+    'SensorClient': '.client_base',
     'StrainBlock': 'tactile_ros.strain',
     'StrainStatus': 'tactile_ros.strain',
     'StrainStream': '.stream.strain_stream',

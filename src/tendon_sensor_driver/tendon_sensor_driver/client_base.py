@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all sensor clients share, and what those share that read over one link on one thread."""
+"""The client of a sensor: what all share, and those that read over one link on one thread."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from collections.abc import Callable
 import logging
 import threading
 import time
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.errors import LinkError, TendonSensorError
-from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.stream.clock import ArrivalClock
 
-_Self = TypeVar('_Self', bound='BlockClient')
+_Self = TypeVar('_Self', bound='SensorClient')
+
+OnBlock = Callable[[StrainBlock], None]
+NowNs = Callable[[], int]
 
 FIRST_DELAY_S = 0.25
 LONGEST_DELAY_S = 0.5
@@ -26,8 +29,8 @@ JOIN_TIMEOUT_S = 5.0
 _logger = logging.getLogger(__name__)
 
 
-class BlockClient(ABC):
-    """A client that is opened once, hands out blocks, and is closed.
+class SensorClient(ABC):
+    """One sensor, opened once, that hands out blocks on a thread of its own until it is closed.
 
     Parameters
     ----------
@@ -36,14 +39,15 @@ class BlockClient(ABC):
         ``on_block(block)``; called on a thread of the client.
     now_ns : callable
         The present ROS time [ns].
+
+    Attributes
+    ----------
+    identity : str
+        Serial number or the like, empty while it is not known.
     """
 
-    def __init__(
-        self,
-        config: TendonSensorConfig,
-        on_block: Callable[[StrainBlock], None],
-        now_ns: Callable[[], int],
-    ) -> None:
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
+        self.identity = ''
         self._config = config
         self._on_block = on_block
         self._host_ns = now_ns
@@ -62,24 +66,38 @@ class BlockClient(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def _heard_at_ns(self) -> int:
-        """Time of the last reading on the host's clock as it is set now [ns]."""
-        return self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
-
-    def _note_heard(self) -> None:
-        self._heard_monotonic_ns = time.monotonic_ns()
-
     @abstractmethod
     def open(self) -> None:
-        """Open the link and start to read."""
+        """Open the link and start to read.
+
+        Raises
+        ------
+        TendonSensorError
+            When there is no such sensor, or it refuses its settings.
+        """
 
     @abstractmethod
     def close(self) -> None:
         """Hand out what has arrived and close the link. Harmless when called twice."""
 
-    def _check_is_new(self, thread: threading.Thread) -> None:
-        if thread.ident is not None or self._stop.is_set():
+    @abstractmethod
+    def health(self) -> Health:
+        """Return the state of the link now."""
+
+    # -- for subclasses ------------------------------------------------------------------
+
+    def _make_health(self, **values: Any) -> Health:
+        """Return what all sensors tell, and these values."""
+        # Of the last reading, on the host's clock as it is set now.
+        heard_at_ns = self._host_ns() - (time.monotonic_ns() - self._heard_monotonic_ns)
+        common = {'reconnects': self._reconnects, 'last_error': self._last_error}
+        return Health(self._is_connected, heard_at_ns, **{**common, **values})
+
+    def _note_heard(self) -> None:
+        self._heard_monotonic_ns = time.monotonic_ns()
+
+    def _check_is_new(self, was_opened: bool) -> None:
+        if was_opened or self._stop.is_set():
             raise TendonSensorError('this client has been opened before; make a new one')
 
     def _deliver(self, blocks: list[StrainBlock]) -> None:
@@ -101,18 +119,13 @@ class _Link(Protocol):
 LinkType = TypeVar('LinkType', bound=_Link)
 
 
-class LinkClient(BlockClient, Generic[LinkType]):
+class LinkClient(SensorClient, Generic[LinkType]):
     """Reads over a link on one thread, and makes the link anew after every loss.
 
     The first attempt comes after 0.25 s, further ones every 0.5 s.
     """
 
-    def __init__(
-        self,
-        config: TendonSensorConfig,
-        on_block: Callable[[StrainBlock], None],
-        now_ns: Callable[[], int],
-    ) -> None:
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
         self._link: LinkType | None = None
         name = type(self).__name__
@@ -128,7 +141,7 @@ class LinkClient(BlockClient, Generic[LinkType]):
         TendonSensorError
             When this client has been opened before.
         """
-        self._check_is_new(self._thread)
+        self._check_is_new(self._has_started)
         self._link = self._connect()
         self._note_heard()
         self._is_connected = True
@@ -145,7 +158,7 @@ class LinkClient(BlockClient, Generic[LinkType]):
     # -- for subclasses ------------------------------------------------------------------
 
     @property
-    def _is_reconnecting(self) -> bool:
+    def _has_started(self) -> bool:
         return self._thread.ident is not None
 
     @abstractmethod

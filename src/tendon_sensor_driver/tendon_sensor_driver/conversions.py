@@ -176,10 +176,5 @@ def _describe_silence(
 def to_values(health: Health) -> dict[str, object]:
     """Return the values of the diagnostics by name."""
     values = dataclasses.asdict(health)
-    values['status'] = describe_status(health.status)
+    values['status'] = health.status.describe()
     return values
-
-
-def describe_status(status: StrainStatus) -> str:
-    """Return the names of the bits, such as ``saturated, stuck``, or ``ok``."""
-    return ', '.join(str(bit.name).lower() for bit in StrainStatus if bit & status) or 'ok'

@@ -12,12 +12,19 @@ from tactile_ros.configs import check_parameters, parameter
 from tactile_ros.strain import StrainStatus
 
 SENSORS = ('line', 'net_ft', 'digital_ft', 'topic')
-UNITS = ('kg', 'g', 'N', 'lbf')
+NEWTONS = {
+    'kg': 9.80665,
+    'g': 0.00980665,
+    'N': 1.0,
+    'lbf': 4.4482216152605,  # 0.45359237 kg
+}
+"""Newtons in one unit, exact; of a weight at standard gravity (CGPM 1901)."""
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 NORM = 'norm'
 """The length of the force vector of a wrench on a topic."""
-LOW_PASSES_HZ = (0, 5, 8, 18, 35, 73, 152, 326, 838, 1500, 2000, 2500, 3000)
-"""Cut-off frequencies of the low pass in a Net F/T [Hz]; 0 is off. The manual's list."""
+_LOW_PASSES_HZ = (0, 838, 326, 152, 73, 35, 18, 8, 5, 1500, 2000, 2500, 3000)
+LOW_PASS_CODES = {cutoff_hz: code for code, cutoff_hz in enumerate(_LOW_PASSES_HZ)}
+"""The manual's code of the low pass in a Net F/T by its cut-off frequency [Hz]; 0: off."""
 
 _LEAST_RATE_HZ = 0.1
 _MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on the one before
@@ -59,7 +66,7 @@ class TendonSensorConfig:
     unit: str = parameter(
         'kg',
         'what the value of a line counts; kg and g are weights at standard gravity',
-        choices=UNITS,
+        choices=tuple(NEWTONS),
     )
     scale: float = parameter(
         1.0,
@@ -87,7 +94,7 @@ class TendonSensorConfig:
         choices=(*AXES, NORM),
     )
     low_pass_hz: int = parameter(
-        18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=LOW_PASSES_HZ
+        18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=tuple(sorted(LOW_PASS_CODES))
     )
     calibration_slot: int = parameter(
         1, 'calibration of a Digital F/T that is used', range=(1, 16)

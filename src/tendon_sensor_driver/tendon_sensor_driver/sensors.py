@@ -1,47 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every sensor looks like to the node, and which one a configuration names."""
+"""Which client reads the sensor that a configuration names."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
-
-from tactile_ros.strain import StrainBlock
+from tendon_sensor_driver.client_base import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.lines.line_client import TendonSensorClient
-from tendon_sensor_driver.records import Health, TendonSensorConfig
-
-OnBlock = Callable[[StrainBlock], None]
-NowNs = Callable[[], int]
-
-
-class SensorClient(Protocol):
-    """One sensor, opened once, that hands out blocks on a thread of its own."""
-
-    @property
-    def identity(self) -> str:
-        """Serial number or the like, empty while it is not known."""
-        ...
-
-    def open(self) -> None:
-        """Open the link and start to read.
-
-        Raises
-        ------
-        TendonSensorError
-            When there is no such sensor, or it refuses its settings.
-        """
-        ...
-
-    def close(self) -> None:
-        """Hand out what has arrived and close the link. Harmless when called twice."""
-        ...
-
-    def health(self) -> Health:
-        """Return the state of the link now."""
-        ...
+from tendon_sensor_driver.records import TendonSensorConfig
 
 
 def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> SensorClient:

@@ -22,6 +22,7 @@ from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver.client_base import SensorClient
 from tendon_sensor_driver.conversions import (
     assess_health,
     LEVEL_OK,
@@ -31,7 +32,7 @@ from tendon_sensor_driver.conversions import (
     to_wrench_msg,
 )
 from tendon_sensor_driver.records import Health, TendonSensorConfig
-from tendon_sensor_driver.sensors import make_sensor, SensorClient
+from tendon_sensor_driver.sensors import make_sensor
 from tendon_sensor_driver.stream import tare
 
 WATCH_PERIOD_S = 0.1

@@ -15,9 +15,10 @@ import numpy as np
 
 from tactile_lab.devices.device_checks import CheckReport, Problem
 from tactile_ros.strain import StrainBlock, StrainStatus
+from tendon_sensor_driver.client_base import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import Health, TendonSensorConfig
-from tendon_sensor_driver.sensors import make_sensor, NowNs, OnBlock, SensorClient
+from tendon_sensor_driver.sensors import make_sensor
 
 MakeSensor = Callable[[TendonSensorConfig, OnBlock, NowNs], SensorClient]
 """Makes the client of a sensor, as `make_sensor` does."""

@@ -15,8 +15,9 @@ from collections.abc import Callable, Hashable
 import copy
 import sys
 import threading
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
@@ -28,9 +29,6 @@ from rclpy.qos import (
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
-
-if TYPE_CHECKING:
-    from tactile_ros.bus.data_node import DataNode
 
 LOOK_PERIOD_S = 1.0
 """How often a subscription looks for publishers outside the process."""
@@ -120,7 +118,7 @@ class RecordPublisher:
 
     Parameters
     ----------
-    node : DataNode
+    node : rclpy.lifecycle.LifecycleNode
     message_type : type
     topic : str
     to_message : callable
@@ -131,7 +129,7 @@ class RecordPublisher:
 
     def __init__(
         self,
-        node: DataNode,
+        node: LifecycleNode,
         message_type: Any,
         topic: str,
         to_message: Callable[[Any], Any],
@@ -183,8 +181,8 @@ class RecordSubscription:
 
     Parameters
     ----------
-    node : DataNode
-        Its worker calls.
+    node : rclpy.node.Node
+        A node with a ``worker``, which calls, and a ``message_guard``, as a `DataNode` has.
     message_type : type
     topic : str
     callback : callable
@@ -206,7 +204,7 @@ class RecordSubscription:
 
     def __init__(
         self,
-        node: DataNode,
+        node: Any,
         message_type: Any,
         topic: str,
         callback: Callable[[Any], object],

@@ -38,10 +38,6 @@ class Receiver:
 
     An executor goes through all services, timers and parameters of its node each time that it
     wakes, which takes 0.6 ms for a lifecycle node. Here a message takes 0.1 ms.
-
-    Parameters
-    ----------
-    context : rclpy.context.Context
     """
 
     def __init__(self, context: Context) -> None:

@@ -92,7 +92,7 @@ class GoalRunner:
 
     Parameters
     ----------
-    node : rclpy.node.Node
+    node : TactileNode
     action_type : type
     name : str
         Name of the action, usually ``~/verb``.
@@ -135,8 +135,7 @@ class GoalRunner:
             goal_callback=lambda _: GoalResponse.ACCEPT,
             cancel_callback=self._cancel,
         )
-        if hasattr(node, 'goal_runners'):
-            node.goal_runners.append(self)
+        node.goal_runners.append(self)
 
     @property
     def is_busy(self) -> bool:
@@ -161,9 +160,8 @@ class GoalRunner:
         if self._server is not None:
             self._server.destroy()
             self._server = None
-        runners = getattr(self._node, 'goal_runners', [])
-        if self in runners:
-            runners.remove(self)
+        if self in self._node.goal_runners:
+            self._node.goal_runners.remove(self)
 
     def _cancel(self, _: ServerGoalHandle) -> CancelResponse:
         self.end_goal()
@@ -172,7 +170,7 @@ class GoalRunner:
 
     async def _execute(self, handle: ServerGoalHandle) -> Any:
         if self._preempts(handle.request):
-            for runner in getattr(self._node, 'goal_runners', [self]):
+            for runner in self._node.goal_runners:
                 while runner.is_busy:
                     runner.end_goal()
                     await runner._ended  # noqa: SLF001 - of its own class

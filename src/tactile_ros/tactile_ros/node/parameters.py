@@ -106,7 +106,7 @@ def _find_objection(node: Node, field: dataclasses.Field[Any], parameter: Parame
     """Return why a parameter cannot take a value; empty when it can."""
     if objection := find_objection(field, parameter.value):
         return objection
-    if not getattr(node, 'is_configured', False) or field.metadata.get('live'):
+    if not node.is_configured or field.metadata.get('live'):
         return ''
     # A file of parameters may be loaded again: what it does not change is no change.
     present = node.get_parameter_or(field.name, None)

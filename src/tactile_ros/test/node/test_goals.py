@@ -208,23 +208,6 @@ def test_goal_that_is_not_accepted_says_why(rig):
     assert result.message == 'home the guide first'
 
 
-def test_closing_the_group_ends_a_running_goal(rig, context):
-    ended = threading.Event()
-
-    def work(goal):
-        goal.wait(DEADLINE_S)
-        ended.set()
-        return MoveGuide.Result()
-
-    server = Server(work, context=context)
-    node = Node('other_client', context=context)
-    client = Client(node)
-    with NodeGroup([node, server], context=context):
-        client.send()
-        wait_until(lambda: server.runner.is_busy)
-    assert ended.is_set()
-
-
 def test_closing_the_group_still_tells_the_client_how_its_goal_ended(rig, context):
     """The client lives elsewhere, so its executor goes on."""
 

@@ -12,11 +12,10 @@ from rclpy.context import Context
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
 from std_msgs.msg import Int32
 
 from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.local_bus import BUS, Inbox
+from tactile_ros.bus.local_bus import BUS
 from tactile_ros.errors import MessageError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import STREAM
@@ -108,8 +107,9 @@ def check(record):
 
 
 @pytest.fixture
-def run(context):
+def run(context, monkeypatch):
     """Return a function that configures, activates and spins nodes."""
+    monkeypatch.setattr('tactile_ros.bus.local_bus.LOOK_PERIOD_S', 0.1)
     groups = []
 
     def start(*nodes, **options):
@@ -328,20 +328,3 @@ def test_a_transition_waits_for_the_callback_that_runs(context, run):
     thread.join(DEADLINE_S)
     assert over == [TransitionCallbackReturn.SUCCESS]
     assert sink.values == [1]
-
-
-def test_an_inbox_gives_records_in_order_and_drops_the_oldest():
-    notified = []
-    inbox = Inbox(3, lambda: notified.append(1))
-    for record in range(5):
-        inbox.put(record)
-    assert len(notified) == 3  # one for each record that is there
-    assert [inbox.take() for _ in notified] == [2, 3, 4]
-
-
-def test_a_latched_topic_is_none_for_records(context):
-    source = Source(context=context)
-    latched = QoSProfile(depth=1, durability=rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL)
-    with pytest.raises(AssertionError):
-        source.publish_records(Int32, 'state', source.build, latched)
-    source.take_down()

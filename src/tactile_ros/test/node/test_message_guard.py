@@ -45,7 +45,8 @@ class Listener(TactileNode):
 
 
 @pytest.fixture
-def graph(context):
+def graph(context, monkeypatch):
+    monkeypatch.setattr('tactile_ros.health.diagnostics.PERIOD_S', 0.1)
     listener, peer = Listener(context=context), Node('peer', context=context)
     publisher = peer.create_publisher(Int32, 'numbers', STREAM)
     wait_until(publisher.get_subscription_count)

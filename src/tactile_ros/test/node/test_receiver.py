@@ -171,21 +171,6 @@ def test_a_profile_that_does_not_fit_is_told(context, spun):
     assert told.wait(DEADLINE_S)
 
 
-def test_a_fault_of_a_callback_ends_the_group(context, spun):
-    peer, listener = Node('peer', context=context), Listener('listener', context=context)
-
-    def take(message):
-        raise ValueError('a fault of the program')
-
-    listener.create_subscription(Int32, 'numbers', take, STREAM)
-    group = spun(peer, listener)
-    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
-    wait_until(lambda: publisher.get_subscription_count() == 1)
-    publisher.publish(Int32(data=1))
-    assert group.ended.wait(DEADLINE_S)
-    assert isinstance(group.error, ValueError)
-
-
 def test_a_fault_of_one_delivery_is_told_and_the_others_go_on(context, spun):
     peer, listener = Node('peer', context=context), Listener('listener', context=context)
     publisher = peer.create_publisher(Int32, 'numbers', STREAM)

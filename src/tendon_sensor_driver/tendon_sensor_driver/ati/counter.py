@@ -83,14 +83,14 @@ class SampleCounter:
     ----------
     ticks_per_sample : int
         Ticks from one sample to the next.
-    duplicates, late, reordered, restarts : int
-        Samples that repeat another one, samples older than one handed out before, samples
-        that were put in order, and new beginnings of the counter.
+    duplicates, late, restarts : int
+        Samples that repeat another one, samples older than one handed out before, and new
+        beginnings of the counter.
     """
 
     def __init__(self) -> None:
         self.ticks_per_sample = 1
-        self.duplicates = self.late = self.reordered = self.restarts = 0
+        self.duplicates = self.late = self.restarts = 0
         self._tick_rate_hz = 1.0
         self._newest: tuple[int, int] | None = None  # ticks, host time [ns]
         self._record: int | None = None
@@ -158,13 +158,9 @@ class SampleCounter:
         if ahead[0] > 0 and (ahead[1:] > ahead[:-1]).all():
             return np.arange(len(ahead), dtype=np.intp)
         unique, indices = np.unique(ahead, return_index=True)
-        is_new = unique > 0
         self.duplicates += len(ahead) - len(unique) + int((unique == 0).sum())
         self.late += int((unique < 0).sum())
-        chosen: NDArray[np.intp] = indices[is_new]
-        newest: NDArray[np.int64] = np.maximum.accumulate(ahead)
-        is_overtaken = ahead < newest
-        self.reordered += int(is_overtaken[chosen].sum())
+        chosen: NDArray[np.intp] = indices[unique > 0]
         return chosen
 
     def _measure(self, record: int, ahead_ticks: int) -> None:

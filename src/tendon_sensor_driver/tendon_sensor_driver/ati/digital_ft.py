@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import logging
 import time
 
@@ -13,7 +12,7 @@ from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.ati.digital_ft_link import DigitalFtLink
 from tendon_sensor_driver.ati.digital_ft_protocol import describe_status
 from tendon_sensor_driver.ati.digital_ft_stream import DigitalFtStream
-from tendon_sensor_driver.client_base import LinkClient
+from tendon_sensor_driver.client_base import LinkClient, NowNs, OnBlock
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.records import Health, TendonSensorConfig
 
@@ -29,25 +28,11 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
     calibration from the device, makes that calibration's gains the active ones and starts
     the stream; after every loss of the link the same is done again. When the stream marks an
     error, it is stopped to read the status word, at most once until the mark goes away.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    on_block : callable
-        ``on_block(block)``; called on the client's thread.
-    now_ns : callable
-        The present ROS time [ns].
     """
 
-    def __init__(
-        self,
-        config: TendonSensorConfig,
-        on_block: Callable[[StrainBlock], None],
-        now_ns: Callable[[], int],
-    ) -> None:
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
         self._stream = DigitalFtStream(config)
-        self.identity = ''
         self._connected_monotonic_ns = 0
         self._status_word = 0
         self._is_marked = False
@@ -60,19 +45,15 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
     def health(self) -> Health:
         """Return the state of the link now."""
         stream = self._stream
-        return Health(
-            is_connected=self._is_connected,
-            heard_at_ns=self._heard_at_ns,
+        return self._make_health(
             bytes=stream.decoder.bytes,
             lines=stream.decoder.records,
-            readings=stream.readings,
+            readings=stream.samples.readings,
             rejected_lines=stream.decoder.dropped_bytes // 13,
-            lost_samples=stream.lost_samples,
-            reconnects=self._reconnects,
-            status=stream.status,
+            lost_samples=stream.samples.lost_samples,
+            status=stream.samples.status,
             device_status=', '.join(describe_status(self._status_word)),
             rate_hz=stream.rate_hz,
-            last_error=self._last_error,
         )
 
     def _connect(self) -> DigitalFtLink:
@@ -92,7 +73,7 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
         return link
 
     def _flush(self) -> list[StrainBlock]:
-        return self._stream.flush()
+        return self._stream.samples.flush()
 
     def _read(self, link: DigitalFtLink) -> None:
         data = link.read()
@@ -110,7 +91,7 @@ class DigitalFtClient(LinkClient[DigitalFtLink]):
                 f'no records from the Digital F/T at {self._config.port} for {_DEAD_S} s; '
                 'check its power and cable'
             )
-        is_marked = StrainStatus.DEVICE_ERROR in self._stream.status
+        is_marked = StrainStatus.DEVICE_ERROR in self._stream.samples.status
         if is_marked and not self._is_marked:
             self._is_marked = True
             raise LinkError('the Digital F/T marks an error; its stream is stopped to ask which')

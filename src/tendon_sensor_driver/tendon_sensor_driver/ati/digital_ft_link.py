@@ -5,11 +5,8 @@
 
 from __future__ import annotations
 
-import os
-import termios
+from contextlib import suppress
 import time
-
-import serial
 
 from tendon_sensor_driver.ati.digital_ft_protocol import (
     ACCEPTED,
@@ -40,19 +37,20 @@ from tendon_sensor_driver.ati.modbus import (
     MOST_REGISTERS,
 )
 from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.transport import SerialTransport
 
 READ_TIMEOUT_S = 0.25
 _ANSWER_TIMEOUT_S = 0.3
 _QUIET_S = 0.05
 _TRIES = 4
-_FAILURES = (OSError, termios.error, ValueError)
 
 
 class DigitalFtLink:
     """A Digital F/T on a serial port, from construction to `close`.
 
-    8 data bits, even parity, 1 stop bit. While it streams it answers no questions; so
-    everything begins with stopping a stream that another run may have left.
+    8 data bits, even parity, 1 stop bit. The check of a record does not see the highest bit of a
+    byte, parity does. While it streams it answers no questions; so everything begins with stopping
+    a stream that another run may have left.
 
     Parameters
     ----------
@@ -64,64 +62,30 @@ class DigitalFtLink:
     Raises
     ------
     LinkError
-        When the port cannot be opened.
+        By every method, when the port cannot be opened or has gone, and when the device does not
+        answer, refuses or has not what is asked for.
     """
 
     def __init__(self, port: str, baud: int) -> None:
         self._name = port
-        # Linux pseudo-terminals know no parity and refuse it.
-        is_pty = os.path.realpath(port).startswith('/dev/pts/')
-        try:
-            self._port = serial.Serial(
-                port,
-                baud,
-                parity=serial.PARITY_NONE if is_pty else serial.PARITY_EVEN,
-                timeout=READ_TIMEOUT_S,
-                write_timeout=1.0,
-                exclusive=True,
-            )
-            if not is_pty:
-                _check_parity(self._port)
-        except _FAILURES as error:
-            raise LinkError(
-                f'cannot open serial port {port}: {error}; check the cable, the parameter '
-                '"port" and the permission'
-            ) from error
+        self._transport = SerialTransport(port, baud, has_parity=True)
+        self._rest = b''  # what came behind an answer
 
     def read(self) -> bytes:
-        """Return what has arrived, or nothing after 0.25 s without any.
-
-        Raises
-        ------
-        LinkError
-            When the port has gone.
-        """
-        try:
-            data: bytes = self._port.read(1)
-            if data:
-                data += self._port.read(self._port.in_waiting)
-        except _FAILURES as error:
-            raise LinkError(f'lost serial port {self._name}: {error}') from error
-        return data
+        """Return what has arrived, or nothing after 0.25 s without any."""
+        rest, self._rest = self._rest, b''
+        return rest or self._transport.read(READ_TIMEOUT_S)
 
     def close(self) -> None:
         """Stop the stream and close the port."""
-        try:
-            self._port.write(JAM)
-            self._port.close()
-        except _FAILURES:
-            pass
+        with suppress(LinkError):
+            self._transport.write(JAM)
+        self._transport.close()
 
     def stop_stream(self) -> None:
-        """Make the device listen again, whatever it does.
-
-        Raises
-        ------
-        LinkError
-            When it goes on sending, or the port has gone.
-        """
+        """Make the device listen again, whatever it does."""
         for _ in range(_TRIES):
-            self._write(JAM)
+            self._transport.write(JAM)
             if self._is_quiet():
                 return
         raise LinkError(
@@ -129,23 +93,11 @@ class DigitalFtLink:
         )
 
     def read_status(self) -> int:
-        """Return the status word.
-
-        Raises
-        ------
-        LinkError
-            When the device does not answer.
-        """
+        """Return the status word."""
         return self._read_registers(STATUS_REGISTER, 1)[0]
 
     def read_calibration(self, slot: int) -> DigitalCalibration:
-        """Return the calibration in a slot, 1 to 16.
-
-        Raises
-        ------
-        LinkError
-            When the device does not answer, or the slot is empty.
-        """
+        """Return the calibration in a slot, 1 to 16."""
         first = CALIBRATION_REGISTER + CALIBRATION_STEP * (slot - 1)
         values: tuple[int, ...] = ()
         while len(values) < CALIBRATION_REGISTERS:
@@ -154,40 +106,23 @@ class DigitalFtLink:
         return decode_calibration(values)
 
     def set_gauges(self, settings: tuple[int, ...]) -> None:
-        """Make the gains and offsets of a calibration the active ones, if they are not.
-
-        Raises
-        ------
-        LinkError
-            When the device does not take them.
-        """
+        """Make the gains and offsets of a calibration the active ones, if they are not."""
         if self._read_registers(GAINS_REGISTER, GAUGE_REGISTERS) == settings:
             return
         self._command(LOCK_STORAGE, UNLOCK_DATA)
         frame = self._ask(encode_write(ADDRESS, GAINS_REGISTER, settings), 8)
         try:
             decode_write(frame, ADDRESS, GAINS_REGISTER, len(settings))
-        except ModbusError as error:
-            raise LinkError(str(error)) from error
         finally:
             self._command(LOCK_STORAGE, LOCK_DATA)
 
     def start_stream(self) -> None:
-        """Start the stream.
-
-        Raises
-        ------
-        LinkError
-            When the device does not agree.
-        """
+        """Start the stream."""
         self._command(START_STREAM, START_DATA)
 
     def _command(self, function: int, data: bytes) -> None:
         frame = self._ask(encode_frame(ADDRESS, function, data), 5)
-        try:
-            answer = decode_frame(frame, ADDRESS, function)
-        except ModbusError as error:
-            raise LinkError(str(error)) from error
+        answer = decode_frame(frame, ADDRESS, function)
         if answer != ACCEPTED:
             raise LinkError(f'the Digital F/T refuses function {function} with {answer.hex()}')
 
@@ -206,43 +141,19 @@ class DigitalFtLink:
         ) from reason
 
     def _ask(self, request: bytes, size: int) -> bytes:
-        self._write(request)
+        self._transport.write(request)
         deadline_s = time.monotonic() + _ANSWER_TIMEOUT_S
         answer = b''
-        try:
-            while len(answer) < size and time.monotonic() < deadline_s:
-                answer += self._port.read(min(size - len(answer), max(1, self._port.in_waiting)))
-        except _FAILURES as error:
-            raise LinkError(f'lost serial port {self._name}: {error}') from error
-        return answer
-
-    def _write(self, data: bytes) -> None:
-        try:
-            self._port.write(data)
-        except _FAILURES as error:
-            raise LinkError(f'cannot write to serial port {self._name}: {error}') from error
+        while len(answer) < size and (left_s := deadline_s - time.monotonic()) > 0:
+            answer += self._transport.read(left_s)
+        self._rest = answer[size:]
+        return answer[:size]
 
     def _is_quiet(self) -> bool:
         """Drop what arrives until nothing does; whether that was soon."""
         deadline_s = time.monotonic() + 10 * _QUIET_S
-        try:
-            self._port.timeout = _QUIET_S
-            while time.monotonic() < deadline_s:
-                if not self._port.read(max(1, self._port.in_waiting)):
-                    return True
-        except _FAILURES as error:
-            raise LinkError(f'lost serial port {self._name}: {error}') from error
-        finally:
-            self._port.timeout = READ_TIMEOUT_S
+        self._rest = b''
+        while time.monotonic() < deadline_s:
+            if not self._transport.read(_QUIET_S):
+                return True
         return False
-
-
-def _check_parity(port: serial.Serial) -> None:
-    """Make the kernel look at the parity bit: a byte that is wrong is read as 0.
-
-    pyserial sends the bit and turns the check off. It sees what the 7-bit check of a record
-    cannot, the highest bit of a byte.
-    """
-    settings = termios.tcgetattr(port.fileno())
-    settings[0] = (settings[0] | termios.INPCK) & ~termios.IGNPAR
-    termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)

@@ -15,11 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tendon_sensor_driver.ati.units import (
-    compute_si_per_count,
-    force_unit_of_code,
-    torque_unit_of_code,
-)
+from tendon_sensor_driver.ati.units import compute_si_per_count, unit_of_code
 from tendon_sensor_driver.errors import LinkError
 
 ADDRESS = 10
@@ -101,8 +97,8 @@ def decode_calibration(registers: tuple[int, ...]) -> DigitalCalibration:
         raise LinkError('this calibration of the Digital F/T is empty; choose another slot')
     per_force, per_torque = struct.unpack_from('>ii', data, 2 * 117)
     si = compute_si_per_count(
-        force_unit_of_code(data[2 * 104]),
-        torque_unit_of_code(data[2 * 104 + 1]),
+        unit_of_code('force', data[2 * 104]),
+        unit_of_code('torque', data[2 * 104 + 1]),
         per_force,
         per_torque,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_ros.strain import StrainBlock, StrainStatus
-from tendon_sensor_driver.ati.counter import Batch, SampleCounter
+from tendon_sensor_driver.ati.counter import Batch
 from tendon_sensor_driver.ati.digital_ft_protocol import (
     DigitalCalibration,
     StreamDecoder,
@@ -30,20 +30,18 @@ class DigitalFtStream:
     as bring it near the wanted rate are averaged to one sample. Samples carry host time; how
     many are lost is told by the bytes that were dropped, and across a pause by its length.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-
     Attributes
     ----------
     decoder : StreamDecoder
         Counts bytes and records.
+    samples : CountedStream
+        Counts and stamps the samples.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
         self._config = config
         self.decoder = StreamDecoder()
-        self._stream = CountedStream(config)
+        self.samples = CountedStream(config)
         self._matrix = np.eye(6)
         self._averaged = 0  # records in a sample; 0: the rate is not known yet
         self._index = 0  # of the next sample
@@ -56,27 +54,9 @@ class DigitalFtStream:
         self._counted = 0
 
     @property
-    def counter(self) -> SampleCounter:
-        """What was dropped."""
-        return self._stream.counter
-
-    @property
-    def readings(self) -> int:
-        return self._stream.readings
-
-    @property
-    def lost_samples(self) -> int:
-        return self._stream.lost_samples
-
-    @property
-    def status(self) -> StrainStatus:
-        """Of the newest sample."""
-        return self._stream.status
-
-    @property
     def rate_hz(self) -> float:
         """Rate of the samples as measured [Hz]; 0 as long as it is not."""
-        return self._stream.rate_hz if self._averaged else 0.0
+        return self.samples.rate_hz if self._averaged else 0.0
 
     def begin_session(self, calibration: DigitalCalibration) -> None:
         """Say that the link stands, for the first time or again."""
@@ -86,12 +66,12 @@ class DigitalFtStream:
         self._begun_ns = None
         self._measure_s = _FIRST_MEASUREMENT_S
         if self._averaged:
-            self._stream.begin_session(self._stream.rate_hz, 1, is_clock=False)
+            self.samples.begin_session(self.samples.rate_hz, 1, is_clock=False)
             self._is_resumed = True
 
     def note_clock_step(self, step_ns: int) -> None:
         """Say that the host's clock was set by this before the next bytes [ns]."""
-        self._stream.note_clock_step(step_ns)
+        self.samples.note_clock_step(step_ns)
         self._newest_ns += step_ns
         if self._begun_ns is not None:
             self._begun_ns += step_ns
@@ -104,15 +84,11 @@ class DigitalFtStream:
             if not self._averaged:
                 continue
             if part.lost_before:
-                self._stream.note_dropped_bytes()
+                self.samples.note_dropped_bytes()
                 self._index += -(-part.lost_before // self._averaged)
                 self._forget()
             blocks += self._average(part, received_at_ns)
         return blocks
-
-    def flush(self) -> list[StrainBlock]:
-        """Return the unfinished block, if there is one."""
-        return self._stream.flush()
 
     def _forget(self) -> None:
         self._wait.clear()
@@ -129,10 +105,10 @@ class DigitalFtStream:
             return
         rate_hz = self._counted / elapsed_s
         if self._averaged:
-            self._stream.correct_rate(rate_hz / self._averaged)
+            self.samples.correct_rate(rate_hz / self._averaged)
         else:
             self._averaged = max(1, round(rate_hz / self._config.rate_hz))
-            self._stream.begin_session(rate_hz / self._averaged, 1, is_clock=False)
+            self.samples.begin_session(rate_hz / self._averaged, 1, is_clock=False)
         if self._measure_s < _LONGEST_MEASUREMENT_S:
             self._measure_s *= 2
         else:
@@ -157,7 +133,7 @@ class DigitalFtStream:
         self._newest_ns = received_at_ns
         numbers = (self._index + np.arange(count)).astype(np.uint32)
         self._index += count
-        return self._stream.add(
+        return self.samples.add(
             Batch(
                 records=numbers,
                 ticks=numbers,

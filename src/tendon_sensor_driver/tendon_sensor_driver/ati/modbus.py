@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import struct
 
-from tendon_sensor_driver.errors import TendonSensorError
+from tendon_sensor_driver.errors import LinkError
 
 READ_REGISTERS = 3
 WRITE_REGISTERS = 16
@@ -17,7 +17,7 @@ _FEWEST_BYTES = 4  # address, function, check
 _EXCEPTION = 0x80
 
 
-class ModbusError(TendonSensorError):
+class ModbusError(LinkError):
     """A frame is damaged, is not the expected one, or carries a refusal."""
 
 

@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from tactile_ros.strain import StrainBlock
-from tendon_sensor_driver.ati.counter import CounterRestartError, SampleCounter
+from tendon_sensor_driver.ati.counter import CounterRestartError
 from tendon_sensor_driver.ati.net_ft_links import LinkCounts, NetFtLink, open_link
-from tendon_sensor_driver.ati.net_ft_protocol import compute_rate_hz, describe_status, MOST_RECORDS
+from tendon_sensor_driver.ati.net_ft_protocol import compute_rate_hz, MOST_RECORDS
 from tendon_sensor_driver.ati.net_ft_web import BoxConfiguration, BoxWeb
 from tendon_sensor_driver.ati.sample_stream import CountedStream
-from tendon_sensor_driver.client_base import LinkClient
+from tendon_sensor_driver.client_base import LinkClient, NowNs, OnBlock
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.records import Health, TendonSensorConfig
 
@@ -27,52 +25,22 @@ class NetFtClient(LinkClient[NetFtLink]):
 
     One thread reads, decodes and calls ``on_block``; while that does not return, the kernel
     keeps what arrives, and what does not fit there is counted as lost.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    on_block : callable
-        ``on_block(block)``; called on the client's thread.
-    now_ns : callable
-        The present ROS time [ns].
     """
 
-    def __init__(
-        self,
-        config: TendonSensorConfig,
-        on_block: Callable[[StrainBlock], None],
-        now_ns: Callable[[], int],
-    ) -> None:
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
         self._web = BoxWeb(config.host, config.http_port)
         self._stream = CountedStream(config)
-        self._box: BoxConfiguration | None = None
         self._before = LinkCounts()  # of the links before this one
         self._seen_rejected = 0
-
-    @property
-    def identity(self) -> str:
-        """Serial number of the box's calibration, or its product name."""
-        box = self._box
-        return '' if box is None else box.serial or box.product
-
-    @property
-    def counter(self) -> SampleCounter:
-        """What was dropped, and what was put in order."""
-        return self._stream.counter
 
     def health(self) -> Health:
         """Return the state of the link now."""
         stream, counter, link = self._stream, self._stream.counter, self._link
         counts = self._before
-        device_status = ''
         if link is not None:
             counts = counts.plus(link.counts)
-            is_axia = self._box is not None and self._box.is_axia
-            device_status = ', '.join(describe_status(link.status_word, is_axia=is_axia))
-        return Health(
-            is_connected=self._is_connected,
-            heard_at_ns=self._heard_at_ns,
+        return self._make_health(
             bytes=counts.bytes,
             lines=counts.datagrams,
             readings=stream.readings,
@@ -81,25 +49,19 @@ class NetFtClient(LinkClient[NetFtLink]):
             duplicates=counter.duplicates + counts.duplicates,
             late_samples=counter.late + counts.late,
             outliers=stream.outliers,
-            reconnects=self._reconnects,
             restarts=counter.restarts,
             status=stream.status,
-            device_status=device_status,
+            device_status='' if link is None else link.describe_status(),
             rate_hz=stream.rate_hz,
-            last_error=self._last_error,
         )
 
     # -- the client's thread -----------------------------------------------------------
 
     def _connect(self) -> NetFtLink:
-        config = self._config
         box, rate_hz = self._set_up(self._web.read_configuration())
-        link = open_link(
-            *(config.host, config.rdt_port, box, rate_hz),
-            *(config.samples_per_block, self._arrivals.now_ns),
-        )
+        link = open_link(self._config, box, rate_hz, self._arrivals.now_ns)
         self._seen_rejected = 0
-        self._box = box
+        self.identity = box.serial or box.product
         self._stream.begin_session(box.internal_rate_hz, round(box.internal_rate_hz / rate_hz))
         return link
 

@@ -10,12 +10,13 @@ the rates up to `PYNETFT_MOST_HZ`, and NumPy over a socket of our own those abov
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 import contextlib
 import select
 import socket
 import time
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +27,14 @@ from tendon_sensor_driver.ati.net_ft_protocol import (
     classify_status,
     Command,
     decode_records,
+    describe_status,
     encode_request,
     MOST_RECORDS,
     RECORD_BYTES,
 )
 from tendon_sensor_driver.ati.net_ft_web import BoxConfiguration
 from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.records import TendonSensorConfig
 
 PYNETFT_MOST_HZ = 1000.0
 _WAIT_S = 0.1
@@ -63,57 +66,16 @@ class LinkCounts(NamedTuple):
         return LinkCounts(*(own + its for own, its in zip(self, other, strict=True)))
 
 
-class NetFtLink(Protocol):
+class NetFtLink(ABC):
     """A running stream of records.
-
-    Attributes
-    ----------
-    status_word
-        Status word of the newest record.
-    """
-
-    status_word: int
-
-    @property
-    def counts(self) -> LinkCounts:
-        """What has been received."""
-        ...
-
-    def read(self) -> Batch | None:
-        """Return what has arrived, or None after a quarter of a second without any.
-
-        Raises
-        ------
-        LinkError
-            When no records come any more.
-        """
-        ...
-
-    def close(self) -> None:
-        """Ask the box to stop, and let go of it."""
-        ...
-
-
-def open_link(
-    host: str,
-    rdt_port: int,
-    box: BoxConfiguration,
-    rate_hz: float,
-    samples_per_block: int,
-    now_ns: Callable[[], int],
-) -> NetFtLink:
-    """Start the stream.
 
     Parameters
     ----------
-    host, rdt_port
-        Where the box is.
+    config : TendonSensorConfig
     box : BoxConfiguration
-        What it says of itself.
+        What the box says of itself.
     rate_hz : float
         Rate at which it sends [Hz].
-    samples_per_block : int
-        Samples that are wanted at once.
     now_ns : callable
         The present host time [ns].
 
@@ -122,26 +84,55 @@ def open_link(
     LinkError
         When there is no such host.
     """
-    gather_s = min((samples_per_block - 1) / rate_hz, _LONGEST_GATHER_S)
-    if rate_hz <= PYNETFT_MOST_HZ:
-        return PynetftLink(host, rdt_port, box, rate_hz, gather_s, now_ns)
-    return ArrayLink(host, rdt_port, box, rate_hz, gather_s, now_ns)
 
-
-class _Watch:
-    """Tells how long to wait for a record, and when to give up."""
-
-    def __init__(self, host: str, rate_hz: float) -> None:
-        self._host = host
-        self._wait_s = max(_WAIT_S, _PERIODS / rate_hz)
-        self._dead_s = max(_DEAD_S, 2 * self._wait_s)
-        self.wait_s = min(self._wait_s, _LONGEST_WAIT_S)
+    def __init__(
+        self,
+        config: TendonSensorConfig,
+        box: BoxConfiguration,
+        rate_hz: float,
+        now_ns: Callable[[], int],
+    ) -> None:
+        self._host = config.host
+        self._is_axia = box.is_axia
+        self._now_ns = now_ns
+        self._gather_s = min((config.samples_per_block - 1) / rate_hz, _LONGEST_GATHER_S)
+        self._missing_s = max(_WAIT_S, _PERIODS / rate_hz)
+        self._dead_s = max(_DEAD_S, 2 * self._missing_s)
+        self._wait_s = min(self._missing_s, _LONGEST_WAIT_S)
         self._heard_s = self._asked_s = time.monotonic()
+        self._status_word = box.status
+        self._counts = LinkCounts()
 
-    def note_record(self) -> None:
+    @property
+    def counts(self) -> LinkCounts:
+        """What has been received."""
+        return self._counts
+
+    def describe_status(self) -> str:
+        """Return what the newest record says is wrong with the box; empty when nothing is."""
+        return ', '.join(describe_status(self._status_word, is_axia=self._is_axia))
+
+    @abstractmethod
+    def read(self) -> Batch | None:
+        """Return what has arrived, or None after a quarter of a second without any.
+
+        Raises
+        ------
+        LinkError
+            When no records come any more.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ask the box to stop, and let go of it."""
+
+    def _take_status(self, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Note that records came; return the bits of `StrainStatus` of their status words."""
         self._heard_s = self._asked_s = time.monotonic()
+        self._status_word = int(words[-1])
+        return classify_status(words, is_axia=self._is_axia)
 
-    def check(self) -> bool:
+    def _check_silence(self) -> bool:
         """Whether to ask for the stream again; LinkError when that has not helped."""
         now_s = time.monotonic()
         if now_s - self._heard_s > self._dead_s:
@@ -149,13 +140,24 @@ class _Watch:
                 f'no records from the Net F/T at {self._host} for {now_s - self._heard_s:.1f} s; '
                 'check its power and cable, and that no other program has started its stream'
             )
-        if now_s - self._asked_s < self._wait_s:
+        if now_s - self._asked_s < self._missing_s:
             return False
         self._asked_s = now_s
         return True
 
 
-class PynetftLink:
+def open_link(
+    config: TendonSensorConfig,
+    box: BoxConfiguration,
+    rate_hz: float,
+    now_ns: Callable[[], int],
+) -> NetFtLink:
+    """Start the stream; see `NetFtLink`."""
+    kind = PynetftLink if rate_hz <= PYNETFT_MOST_HZ else ArrayLink
+    return kind(config, box, rate_hz, now_ns)
+
+
+class PynetftLink(NetFtLink):
     """The records as pynetft hands them out, one by one.
 
     pynetft ends its session at every record with a serious status, saturation included, and
@@ -165,26 +167,19 @@ class PynetftLink:
 
     def __init__(
         self,
-        host: str,
-        rdt_port: int,
+        config: TendonSensorConfig,
         box: BoxConfiguration,
         rate_hz: float,
-        gather_s: float,
         now_ns: Callable[[], int],
     ) -> None:
-        self._watch = _Watch(host, rate_hz)
-        self._is_axia = box.is_axia
-        self._gather_s = gather_s
-        self._now_ns = now_ns
-        self.status_word = box.status
+        super().__init__(config, box, rate_hz, now_ns)
         self._records = 0
-        self._counts = LinkCounts()
         self._counted_s = 0.0
         force_n, torque_n_m = float(box.si_per_count[0]), float(box.si_per_count[3])
-        config = pynetft.Config(
-            sensor_host=host,
-            rdt_port=rdt_port,
-            receive_timeout=max(_WAIT_S, _PERIODS / rate_hz),
+        settings = pynetft.Config(
+            sensor_host=config.host,
+            rdt_port=config.rdt_port,
+            receive_timeout=self._missing_s,
             reconnect_initial_delay=0.001,
             reconnect_max_delay=_WAIT_S,
             deliver_samples_with_error_status=True,
@@ -196,10 +191,10 @@ class PynetftLink:
             ),
         )
         try:
-            self._client = pynetft.Client(config, queue_size=_PYNETFT_QUEUE)
+            self._client = pynetft.Client(settings, queue_size=_PYNETFT_QUEUE)
             self._client.start()
         except pynetft.NetFTError as error:
-            raise LinkError(f'cannot reach the Net F/T at {host}: {error}') from error
+            raise LinkError(f'cannot reach the Net F/T at {config.host}: {error}') from error
 
     @property
     def counts(self) -> LinkCounts:
@@ -219,25 +214,24 @@ class PynetftLink:
     def read(self) -> Batch | None:
         samples: list[pynetft.Sample] = []
         try:
-            samples.append(next(self._client.samples(self._watch.wait_s)))
+            samples.append(next(self._client.samples(self._wait_s)))
             if self._gather_s:
                 time.sleep(self._gather_s)
                 samples.extend(self._take_waiting())
         except TimeoutError:
-            self._watch.check()  # pynetft itself asks again
+            self._check_silence()  # pynetft itself asks again
             return None
         except (StopIteration, pynetft.NetFTError) as error:
             raise LinkError(f'pynetft gave up: {error}') from error
-        self._watch.note_record()
         self._records += len(samples)
-        words = np.array([sample.status for sample in samples], dtype=np.uint32)
-        self.status_word = int(words[-1])
         age_ns = time.monotonic_ns() - samples[0].received_at_ns
         return Batch(
             records=np.array([sample.rdt_sequence for sample in samples], dtype=np.uint32),
             ticks=np.array([sample.ft_sequence for sample in samples], dtype=np.uint32),
             wrench=np.array([sample.wrench for sample in samples]),
-            status=classify_status(words, is_axia=self._is_axia),
+            status=self._take_status(
+                np.array([sample.status for sample in samples], dtype=np.uint32)
+            ),
             timed=0,
             received_at_ns=self._now_ns() - age_ns,
         )
@@ -254,7 +248,7 @@ class PynetftLink:
         self._counted_s = 0.0
 
 
-class ArrayLink:
+class ArrayLink(NetFtLink):
     """The records in whole arrays, from a socket that is emptied at once.
 
     In buffered mode a datagram holds up to 40 records: then the kernel keeps some hundred
@@ -263,21 +257,13 @@ class ArrayLink:
 
     def __init__(
         self,
-        host: str,
-        rdt_port: int,
+        config: TendonSensorConfig,
         box: BoxConfiguration,
         rate_hz: float,
-        gather_s: float,
         now_ns: Callable[[], int],
     ) -> None:
-        self._host = host
-        self._watch = _Watch(host, rate_hz)
-        self._is_axia = box.is_axia
+        super().__init__(config, box, rate_hz, now_ns)
         self._si_per_count = box.si_per_count
-        self._gather_s = gather_s
-        self._now_ns = now_ns
-        self.status_word = box.status
-        self.counts = LinkCounts()
         self._start = (
             Command.START_BUFFERED
             if 1 < box.records_per_datagram <= MOST_RECORDS
@@ -288,17 +274,17 @@ class ArrayLink:
             # The kernel grants less than is asked for where its limit is lower.
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
             self._socket.setblocking(False)
-            self._socket.connect((host, rdt_port))  # so that nobody else is heard
+            self._socket.connect((config.host, config.rdt_port))  # so that nobody else is heard
             self._socket.send(encode_request(Command.STOP))
             self._socket.send(encode_request(self._start))
         except OSError as error:
             self._socket.close()
-            raise LinkError(f'cannot reach the Net F/T at {host}: {error}') from error
+            raise LinkError(f'cannot reach the Net F/T at {config.host}: {error}') from error
 
     def read(self) -> Batch | None:
         try:
-            if not select.select([self._socket], [], [], self._watch.wait_s)[0]:
-                if self._watch.check():  # the request may have been lost
+            if not select.select([self._socket], [], [], self._wait_s)[0]:
+                if self._check_silence():  # the request may have been lost
                     self._socket.send(encode_request(self._start))
                 return None
             received_at_ns = self._now_ns()
@@ -308,7 +294,7 @@ class ArrayLink:
         except OSError as error:
             raise LinkError(f'lost the Net F/T at {self._host}: {error}') from error
         good = [datagram for datagram in datagrams if _is_whole(datagram)]
-        self.counts = self.counts.plus(
+        self._counts = self._counts.plus(
             LinkCounts(
                 bytes=sum(map(len, datagrams)),
                 datagrams=len(datagrams),
@@ -316,9 +302,8 @@ class ArrayLink:
             )
         )
         if not good:
-            self._watch.check()
+            self._check_silence()
             return None
-        self._watch.note_record()
         return self._decode(good, received_at_ns)
 
     def _take_waiting(self) -> list[bytes]:
@@ -330,13 +315,11 @@ class ArrayLink:
 
     def _decode(self, datagrams: list[bytes], received_at_ns: int) -> Batch:
         records: NDArray[np.void] = decode_records(b''.join(datagrams))
-        words = records['status'].astype(np.uint32)
-        self.status_word = int(words[-1])
         return Batch(
             records=records['rdt_sequence'].astype(np.uint32),
             ticks=records['ft_sequence'].astype(np.uint32),
             wrench=records['counts'] * self._si_per_count,
-            status=classify_status(words, is_axia=self._is_axia),
+            status=self._take_status(records['status'].astype(np.uint32)),
             # A datagram is sent as soon as its last record is there.
             timed=len(datagrams[0]) // RECORD_BYTES - 1,
             received_at_ns=received_at_ns,

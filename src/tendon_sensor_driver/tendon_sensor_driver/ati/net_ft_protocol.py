@@ -88,9 +88,9 @@ class Command(IntEnum):
     START_BUFFERED = 0x0003
 
 
-def encode_request(command: Command, samples: int = 0) -> bytes:
-    """Return a request; 0 samples are samples without end."""
-    return _REQUEST.pack(_HEADER, command, samples)
+def encode_request(command: Command) -> bytes:
+    """Return a request, for samples without end."""
+    return _REQUEST.pack(_HEADER, command, 0)
 
 
 def decode_records(datagram: bytes) -> NDArray[np.void]:

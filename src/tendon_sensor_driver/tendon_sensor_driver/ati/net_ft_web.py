@@ -15,31 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendon_sensor_driver.ati.net_ft_protocol import INTERNAL_RATE_HZ, MOST_RECORDS
-from tendon_sensor_driver.ati.units import (
-    compute_si_per_count,
-    force_unit_of_code,
-    torque_unit_of_code,
-)
+from tendon_sensor_driver.ati.units import compute_si_per_count, unit_of_code
 from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.records import LOW_PASS_CODES
 
 CONFIGURATION_PAGE = '/netftapi2.xml'
 HTTP_TIMEOUT_S = 1.0
-FILTER_CODES = {
-    0: 0,
-    838: 1,
-    326: 2,
-    152: 3,
-    73: 4,
-    35: 5,
-    18: 6,
-    8: 7,
-    5: 8,
-    1500: 9,
-    2000: 10,
-    2500: 11,
-    3000: 12,
-}
-"""Code of ``setuserfilter`` by cut-off [Hz]; 0: off."""
 _MOST_BYTES = 1 << 20
 
 
@@ -98,9 +79,9 @@ def parse_configuration(page: bytes) -> BoxConfiguration:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise LinkError(f'the configuration page of the Net F/T is no XML: {error}') from error
     tags = {element.tag: (element.text or '').strip() for element in root}
-    force_unit = tags.get('scfgfu') or force_unit_of_code(int(_number(tags, 'cfgfu')))
-    torque_unit = tags.get('scfgtu') or torque_unit_of_code(int(_number(tags, 'cfgtu')))
-    filters = {code: cutoff_hz for cutoff_hz, code in FILTER_CODES.items()}
+    force_unit = tags.get('scfgfu') or unit_of_code('force', int(_number(tags, 'cfgfu')))
+    torque_unit = tags.get('scfgtu') or unit_of_code('torque', int(_number(tags, 'cfgtu')))
+    filters = {code: cutoff_hz for cutoff_hz, code in LOW_PASS_CODES.items()}
     # One public stand-in for a box spells the rate with two m.
     rate_tag = 'comrdtrate' if 'comrdtrate' in tags else 'commrdtrate'
     return BoxConfiguration(
@@ -169,7 +150,7 @@ class BoxWeb:
         rate_hz : float
             Rate of the records [Hz]; the box takes the next 7000 / n above it.
         low_pass_hz : int
-            Cut-off [Hz], a key of `FILTER_CODES`.
+            Cut-off [Hz], a key of `LOW_PASS_CODES`.
         records : int
             Per datagram in buffered mode, 1 to 40.
 
@@ -178,7 +159,7 @@ class BoxWeb:
         LinkError
             When the box does not answer, or refuses.
         """
-        self._set('setting.cgi', setuserfilter=FILTER_CODES[low_pass_hz])
+        self._set('setting.cgi', setuserfilter=LOW_PASS_CODES[low_pass_hz])
         self._set(
             'comm.cgi',
             comrdte=1,

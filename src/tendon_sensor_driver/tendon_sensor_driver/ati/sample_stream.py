@@ -40,10 +40,6 @@ class CountedStream:
     The counter is clock and number in one. A block ends when it is full, before a gap,
     before a change of status, and where the clock was corrected by more than half a period.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-
     Attributes
     ----------
     counter : SampleCounter

@@ -9,53 +9,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.records import NEWTONS
 
-_POUND_N = 4.4482216152605  # 0.45359237 kg at standard gravity, exact
+_POUND_N, _KILOGRAM_N = NEWTONS['lbf'], NEWTONS['kg']
 _INCH_M = 0.0254
-_KILOGRAM_N = 9.80665
 
-# In the order of ATI's codes, which begin with 1.
-_FORCES = {
-    'lbf': _POUND_N,
-    'N': 1.0,
-    'klbf': 1e3 * _POUND_N,
-    'kN': 1e3,
-    'kgf': _KILOGRAM_N,
-    'gf': 1e-3 * _KILOGRAM_N,
+_UNITS = {
+    'force': {
+        'lbf': _POUND_N,
+        'N': 1.0,
+        'klbf': 1e3 * _POUND_N,
+        'kN': 1e3,
+        'kgf': _KILOGRAM_N,
+        'gf': 1e-3 * _KILOGRAM_N,
+    },
+    'torque': {
+        'lbf-in': _POUND_N * _INCH_M,
+        'lbf-ft': _POUND_N * 12 * _INCH_M,
+        'N-m': 1.0,
+        'N-mm': 1e-3,
+        'kgf-cm': 1e-2 * _KILOGRAM_N,
+        'kN-m': 1e3,
+    },
 }
-_TORQUES = {
-    'lbf-in': _POUND_N * _INCH_M,
-    'lbf-ft': _POUND_N * 12 * _INCH_M,
-    'N-m': 1.0,
-    'N-mm': 1e-3,
-    'kgf-cm': 1e-2 * _KILOGRAM_N,
-    'kN-m': 1e3,
-}
+"""Newtons or newton metres in one unit, in the order of ATI's codes, which begin with 1."""
 
 
-def force_unit_of_code(code: int) -> str:
-    """Return the name of a force unit by ATI's code.
+def unit_of_code(kind: str, code: int) -> str:
+    """Return the name of a unit of ``force`` or ``torque`` by ATI's code.
 
     Raises
     ------
     LinkError
         When there is no such code.
     """
-    return _by_code(code, tuple(_FORCES), 'force')
-
-
-def torque_unit_of_code(code: int) -> str:
-    """Return the name of a torque unit by ATI's code.
-
-    Raises
-    ------
-    LinkError
-        When there is no such code.
-    """
-    return _by_code(code, tuple(_TORQUES), 'torque')
-
-
-def _by_code(code: int, names: tuple[str, ...], kind: str) -> str:
+    names = tuple(_UNITS[kind])
     if not 1 <= code <= len(names):
         raise LinkError(f'the sensor names {kind} unit {code}; known are 1 to {len(names)}')
     return names[code - 1]
@@ -89,16 +77,16 @@ def compute_si_per_count(
                 f'the sensor states {counts} counts per {name} unit; '
                 'check that its active configuration has a calibration'
             )
-    force_n = _find(_FORCES, force_unit, 'force') / counts_per_force
-    torque_n_m = _find(_TORQUES, torque_unit, 'torque') / counts_per_torque
+    force_n = _find('force', force_unit) / counts_per_force
+    torque_n_m = _find('torque', torque_unit) / counts_per_torque
     return np.array([force_n] * 3 + [torque_n_m] * 3)
 
 
-def _find(units: dict[str, float], name: str, kind: str) -> float:
+def _find(kind: str, name: str) -> float:
     wanted = name.replace('-', '').strip().lower()
-    for unit, value in units.items():
+    for unit, value in _UNITS[kind].items():
         if unit.replace('-', '').lower() == wanted:
             return value
     raise LinkError(
-        f'the sensor states its {kind} in "{name}"; set it to one of {", ".join(units)}'
+        f'the sensor states its {kind} in "{name}"; set it to one of {", ".join(_UNITS[kind])}'
     )

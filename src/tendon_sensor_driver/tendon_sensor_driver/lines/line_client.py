@@ -5,15 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import time
 
 from tactile_ros.strain import StrainBlock
-from tendon_sensor_driver.client_base import LinkClient
+from tendon_sensor_driver.client_base import LinkClient, NowNs, OnBlock
 from tendon_sensor_driver.lines.line_protocol import LineDecoder
-from tendon_sensor_driver.lines.transport import find_serial_number, SerialTransport
 from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.stream.strain_stream import StrainStream
+from tendon_sensor_driver.transport import find_serial_number, SerialTransport
 
 LONGEST_DELIVERY_NS = 250_000_000
 """What arrives while a consumer takes longer may not fit in the kernel's buffer."""
@@ -35,15 +34,8 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     carriage return makes the menu show itself and means nothing to a board that measures;
     the prompt of a menu is answered with the ``x`` that leaves it.
 
-    A client is opened once; make a new one to open the port again.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
-    on_block : callable
-        ``on_block(block)``; called on the client's thread.
-    now_ns : callable
-        The present ROS time [ns].
+    A client is opened once; make a new one to open the port again. Its ``identity`` is the serial
+    number of the USB adapter.
 
     Examples
     --------
@@ -51,24 +43,13 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     ...     time.sleep(10)
     """
 
-    def __init__(
-        self,
-        config: TendonSensorConfig,
-        on_block: Callable[[StrainBlock], None],
-        now_ns: Callable[[], int],
-    ) -> None:
+    def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
         self._decoder = LineDecoder(config)
         self._stream = StrainStream(config)
         self._delivered_in_ns = 0
         self._overruns = 0
         self._bursts = 0
-        self._identity = ''
-
-    @property
-    def identity(self) -> str:
-        """Serial number of the USB adapter, empty when it has none."""
-        return self._identity
 
     def close(self) -> None:
         """Hand out what has arrived and close the port. Harmless when called twice."""
@@ -81,32 +62,28 @@ class TendonSensorClient(LinkClient[SerialTransport]):
     def health(self) -> Health:
         """Return the state of the link now."""
         decoder, stream = self._decoder, self._stream
-        return Health(
-            is_connected=self._is_connected,
-            heard_at_ns=self._heard_at_ns,
+        return self._make_health(
             bytes=decoder.bytes,
             lines=decoder.lines,
             readings=decoder.readings,
             rejected_lines=decoder.rejected_lines,
             lost_samples=stream.lost_samples,
-            duplicates=stream.duplicates,
-            late_samples=stream.late_samples,
-            outliers=stream.outliers,
+            duplicates=stream.clock.duplicates,
+            late_samples=stream.clock.late_samples,
+            outliers=stream.clock.outliers,
             bursts=self._bursts,
-            reconnects=self._reconnects,
-            restarts=stream.restarts,
+            restarts=stream.clock.restarts,
             overruns=self._overruns,
             status=stream.status,
             last_rejected=decoder.last_rejected.decode('ascii', 'backslashreplace'),
-            last_error=self._last_error,
         )
 
     # -- the client's thread -----------------------------------------------------------
 
     def _connect(self) -> SerialTransport:
         link = SerialTransport(self._config.port, self._config.baud)
-        self._identity = find_serial_number(self._config.port)
-        if self._is_reconnecting:
+        self.identity = find_serial_number(self._config.port)
+        if self._has_started:
             self._is_connected = True
             self._reconnects += 1
             self._decoder.reset()

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from fractions import Fraction
 import time
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from tendon_sensor_driver.stream.clock_skew import ClockSkewFilter, SECOND_NS, STEP_NS
 
@@ -88,48 +89,69 @@ class Instant(NamedTuple):
     is_step: bool = False
 
 
-class SampleClock(Protocol):
-    """What gives the samples of one sensor their time."""
+class SampleClock(ABC):
+    """What gives the samples of one sensor their time.
 
-    duplicates: int
-    late_samples: int
-    outliers: int
-    restarts: int
-
-    def note_reconnection(self) -> None:
-        """Say that the link was lost and came back before the next sample."""
-        ...
-
-    def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this [ns]."""
-        ...
-
-    def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
-        """Return when a sample was taken, or None when its time fits nowhere."""
-        ...
-
-
-class HostClock:
-    """Stamps for a device without a clock: the time of arrival, made strictly increasing."""
-
-    duplicates = 0
-    late_samples = 0
-    outliers = 0
-    restarts = 0
+    Attributes
+    ----------
+    duplicates, late_samples, outliers : int
+        Samples without a place.
+    restarts : int
+        Times that the device's clock began anew.
+    """
 
     def __init__(self) -> None:
-        self._stamp_ns: int | None = None
+        self.duplicates = self.late_samples = self.outliers = self.restarts = 0
+        self._outlier: tuple[int, int] | None = None  # its own time, arrival [ns]
 
-    def note_reconnection(self) -> None:
-        """Do nothing: arrival times go on as before."""
+    def note_reconnection(self) -> None:  # noqa: B027 - arrival times go on as before
+        """Say that the link was lost and came back before the next sample."""
 
     def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this [ns]."""
+        """Follow the host's clock, which was set by this before the next sample [ns]."""
+        if self._outlier is not None:
+            self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
+
+    @abstractmethod
+    def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
+        """Return when a sample was taken, or None when its time fits nowhere.
+
+        Parameters
+        ----------
+        ticks : int or None
+            Device time of the sample; None for a device without a clock.
+        received_at_ns : int
+            Host time of its arrival [ns].
+        """
+
+    def _drop_old(self, behind_ns: int) -> None:
+        """Count a sample that is so far behind the newest one, or is that one again."""
+        if behind_ns:
+            self.late_samples += 1
+        else:
+            self.duplicates += 1
+
+    def _continues_outlier(self, time_ns: int, received_at_ns: int, slack_ns: int) -> bool:
+        """Tell whether a sample follows the outlier before it; if not, it is one itself."""
+        before, self._outlier = self._outlier, (time_ns, received_at_ns)
+        if before is not None and 0 < time_ns - before[0] <= received_at_ns - before[1] + slack_ns:
+            return True
+        self.outliers += 1
+        return False
+
+
+class HostClock(SampleClock):
+    """Stamps for a device without a clock: the time of arrival, made strictly increasing."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._stamp_ns: int | None = None
+
+    def note_step(self, step_ns: int) -> None:
         if self._stamp_ns is not None:
             self._stamp_ns += step_ns
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant:
-        """Return when a sample was taken, as far as its arrival tells."""
         stamp_ns = received_at_ns
         if self._stamp_ns is not None:
             stamp_ns = max(stamp_ns, self._stamp_ns + 1)
@@ -137,7 +159,7 @@ class HostClock:
         return Instant(None, stamp_ns, -1.0)
 
 
-class DeviceClock:
+class DeviceClock(SampleClock):
     """Maps the ticks of one device to ROS time.
 
     stamp = device time + offset. The offset follows the line under "arrival minus device
@@ -160,55 +182,33 @@ class DeviceClock:
     ----------
     tick_s : float
         Device time of one tick [s].
-
-    Attributes
-    ----------
-    duplicates, late_samples, outliers : int
-        Readings without a place.
-    restarts : int
-        Times that the device's clock began anew.
     """
 
     def __init__(self, tick_s: float) -> None:
+        super().__init__()
         self._tick_s = tick_s
         # As a fraction (0.001 is 1/1000 again), so that days of ticks stay exact.
         tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS
         self._numerator, self._denominator = tick_ns.numerator, tick_ns.denominator
-        self.duplicates = 0
-        self.late_samples = 0
-        self.outliers = 0
-        self.restarts = 0
         self._skew = ClockSkewFilter()
         self._last: Instant | None = None
         self._last_ns = 0  # device time of the last reading
         self._wrapped_ticks = 0
         self._offset_ns = 0  # at the last reading
-        self._outlier: tuple[int, int] | None = None  # (ticks, arrival)
         self._is_reconnected = False
 
     def note_reconnection(self) -> None:
-        """Expect the next reading to be fresh, and perhaps the device to have restarted."""
+        # The next reading is fresh; perhaps the device has restarted.
         self._is_reconnected = True
 
     def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this before the next reading [ns]."""
+        super().note_step(step_ns)
         self._skew.shift(step_ns)
         self._offset_ns += step_ns
-        if self._outlier is not None:
-            self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
         if self._last is not None:
             self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
-        """Return when a sample was taken, or None when its time fits nowhere.
-
-        Parameters
-        ----------
-        ticks : int
-            Device time of the sample.
-        received_at_ns : int
-            Host time of its arrival [ns].
-        """
         if ticks is None:
             raise ValueError('a device clock needs readings with device time')
         if self._last is None:
@@ -226,26 +226,14 @@ class DeviceClock:
         if fits:
             return self._continue(device_ns, received_at_ns)
         if self._last_ns - _LATE_NS < device_ns <= self._last_ns:
-            if device_ns == self._last_ns:
-                self.duplicates += 1
-            else:
-                self.late_samples += 1
+            self._drop_old(self._last_ns - device_ns)
             return None
-        if self._continues_outlier(ticks, received_at_ns):
+        if self._continues_outlier(self._to_ns(ticks), received_at_ns, _EARLY_NS):
             return self._begin(ticks, received_at_ns, is_restart=True)
-        self._outlier = (ticks, received_at_ns)
-        self.outliers += 1
         return None
 
     def _to_ns(self, ticks: int) -> int:
         return ticks * self._numerator // self._denominator
-
-    def _continues_outlier(self, ticks: int, received_at_ns: int) -> bool:
-        if self._outlier is None:
-            return False
-        outlier_ticks, outlier_at_ns = self._outlier
-        elapsed_ns = self._to_ns(ticks - outlier_ticks)
-        return 0 < elapsed_ns <= received_at_ns - outlier_at_ns + _EARLY_NS
 
     def _begin(self, ticks: int, received_at_ns: int, *, is_restart: bool) -> Instant:
         device_ns = self._to_ns(ticks)

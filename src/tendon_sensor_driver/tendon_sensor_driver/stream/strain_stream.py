@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 
 from tactile_ros.strain import StrainBlock, StrainStatus
-from tendon_sensor_driver.records import Reading, TendonSensorConfig
-from tendon_sensor_driver.stream.calibration import Calibration
+from tendon_sensor_driver.records import NEWTONS, Reading, TendonSensorConfig
 from tendon_sensor_driver.stream.clock import DeviceClock, HostClock, SampleClock
 from tendon_sensor_driver.stream.sequencer import Sequencer
 
@@ -28,6 +27,11 @@ class SampleStream:
         Time between two samples, as the device truly takes them [ns].
     status : StrainStatus
         What holds for every sample, such as HOST_TIME.
+
+    Attributes
+    ----------
+    clock : SampleClock
+        Counts the samples that have no place in time.
     """
 
     def __init__(
@@ -37,7 +41,7 @@ class SampleStream:
         period_ns: int,
         status: StrainStatus = StrainStatus.OK,
     ) -> None:
-        self._clock = clock
+        self.clock = clock
         self._sequencer = Sequencer(period_ns, config.samples_per_block)
         self._always = status
         self._saturation_n = config.saturation_n or math.inf
@@ -54,22 +58,6 @@ class SampleStream:
     @property
     def lost_samples(self) -> int:
         return self._sequencer.lost_samples
-
-    @property
-    def duplicates(self) -> int:
-        return self._clock.duplicates
-
-    @property
-    def late_samples(self) -> int:
-        return self._clock.late_samples
-
-    @property
-    def outliers(self) -> int:
-        return self._clock.outliers
-
-    @property
-    def restarts(self) -> int:
-        return self._clock.restarts
 
     def add_sample(
         self,
@@ -94,20 +82,20 @@ class SampleStream:
         wrench : list of 6 floats, optional
             Of a six-axis sensor [N, N m].
         """
-        outliers = self._clock.outliers
-        instant = self._clock.place(device_ticks, received_at_ns)
+        outliers = self.clock.outliers
+        instant = self.clock.place(device_ticks, received_at_ns)
         if instant is None:
-            if self._clock.outliers > outliers:  # a sample was dropped after all
+            if self.clock.outliers > outliers:  # a sample was dropped after all
                 self._event |= StrainStatus.RESYNCHRONISED
             return []
-        status = status | self._always if status else self._always
+        status = status | self._always
         if abs(tension_n) >= self._saturation_n:
             status |= StrainStatus.SATURATED
         self._equal = self._equal + 1 if tension_n == self._last_n else 1
         self._last_n = tension_n
         if self._equal > self._most_equal:
             status |= StrainStatus.STUCK
-        event = self._take_event()
+        event, self._event = self._event, StrainStatus.OK
         if instant.is_restart:
             event |= StrainStatus.RECONNECTED | StrainStatus.RESTARTED
         if instant.is_step:
@@ -121,33 +109,28 @@ class SampleStream:
 
     def note_reconnection(self) -> None:
         """Say that the link was lost and came back before the next sample."""
-        self._clock.note_reconnection()
+        self.clock.note_reconnection()
         self._event |= StrainStatus.RECONNECTED
 
     def note_clock_step(self, step_ns: int) -> None:
         """Say that the host's clock was set by this before the next sample [ns]."""
-        self._clock.note_step(step_ns)
+        self.clock.note_step(step_ns)
         self._event |= StrainStatus.CLOCK_STEP
 
     def flush(self) -> list[StrainBlock]:
         """Return the unfinished block, if there is one."""
         return self._sequencer.flush()
 
-    def _take_event(self) -> StrainStatus:
-        event, self._event = self._event, StrainStatus.OK
-        return event
-
 
 class StrainStream(SampleStream):
     """Turns the readings of a load-cell line into blocks of tension.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
+    Newtons are value * scale * (newtons in one unit) + offset.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
-        self._calibration = Calibration(config.unit, config.scale, config.offset_n)
+        self._newtons_per_value = NEWTONS[config.unit] * config.scale
+        self._offset_n = config.offset_n
         if config.time_column < 0:
             super().__init__(config, HostClock(), config.period_ns, StrainStatus.HOST_TIME)
         else:
@@ -157,5 +140,5 @@ class StrainStream(SampleStream):
         """Take one reading; return the blocks that it completes."""
         if reading.resynchronised:
             self.note_dropped_bytes()
-        tension_n = self._calibration.to_newtons(reading.value)
+        tension_n = reading.value * self._newtons_per_value + self._offset_n
         return self.add_sample(reading.device_ticks, reading.received_at_ns, tension_n)

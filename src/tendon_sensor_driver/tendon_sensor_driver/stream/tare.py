@@ -12,7 +12,7 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_ros.strain import NO_MEASUREMENT, StrainBlock, StrainStatus
+from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import TendonSensorConfig
 
@@ -55,10 +55,6 @@ class Tare:
     Then the bias is a number about another zero, and is forgotten.
 
     Its methods may be called from several threads.
-
-    Parameters
-    ----------
-    config : TendonSensorConfig
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -152,10 +148,10 @@ class Tare:
         if silence_s > config.silence_s:
             raise TareError(f'no sample for {silence_s:.1f} s; see the diagnostics of the sensor')
         for block in blocks:
-            if block.status & NO_MEASUREMENT:
-                bad = block.status & NO_MEASUREMENT
-                names = ', '.join(str(bit.name).lower() for bit in StrainStatus if bit & bad)
-                raise TareError(f'the last samples are marked {names}; see the diagnostics')
+            if bad := block.status & NO_MEASUREMENT:
+                raise TareError(
+                    f'the last samples are marked {bad.describe()}; see the diagnostics'
+                )
         return blocks
 
     def _compute(self, blocks: list[StrainBlock], now_ns: int) -> Bias:

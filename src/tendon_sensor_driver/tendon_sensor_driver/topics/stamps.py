@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import pairwise
 import statistics
 
-from tendon_sensor_driver.stream.clock import Instant
+from tendon_sensor_driver.stream.clock import Instant, SampleClock
 
 _SECOND_NS = 1_000_000_000
 _LATE_NS = _SECOND_NS // 4
@@ -61,7 +61,7 @@ class StampGrid:
         return steps
 
 
-class StampClock:
+class StampClock(SampleClock):
     """Stamps samples with the headers of their messages, or with their arrival.
 
     A header's stamp is ROS time already, and is the sample's. The bound on its error is the
@@ -87,61 +87,43 @@ class StampClock:
 
     Attributes
     ----------
-    duplicates, late_samples, outliers : int
-        Samples without a place.
     steps : int
         Times that the publisher's clock was set.
-    least_delay_ns : int or None
-        Shortest delay from a stamp to its arrival [ns]; None before a stamp.
     """
 
-    restarts = 0  # of a device, which nobody sees from here
-
     def __init__(self, period_ns: int) -> None:
+        super().__init__()
         self._nominal_ns = period_ns
-        self.duplicates = self.late_samples = self.outliers = self.steps = 0
-        self.least_delay_ns: int | None = None
+        self.steps = 0
         self.number: int | None = None  # of the message that is placed next
-        self._older_delay_ns: int | None = None
-        self._newer_delay_ns: int | None = None
-        self._bucket_ns = 0
+        self._delays_ns: list[int] = []  # the shortest of the last two spans of 5 s
+        self._span_ns = 0  # arrival that began the newer one
         self._received_ns = 0  # arrival of the last sample with a stamp
         self._last: Instant | None = None
         self._has_stamps = False
-        self._outlier: tuple[int, int] | None = None  # stamp, arrival
         self._last_number: int | None = None
         self._index = 0
         self._grid = StampGrid(period_ns, 0)
 
+    @property
+    def least_delay_ns(self) -> int | None:
+        """Shortest delay from stamp to arrival in the last ten seconds [ns]; None: no stamp."""
+        return min(self._delays_ns, default=None)
+
     def note_reconnection(self) -> None:
-        """Expect another publisher, which numbers its messages anew."""
+        # Another publisher numbers its messages anew.
         self._last_number = None
 
     def note_step(self, step_ns: int) -> None:
-        """Follow the host's clock, which was set by this [ns]."""
-        if self.least_delay_ns is not None:
-            self.least_delay_ns += step_ns
-        if self._older_delay_ns is not None:
-            self._older_delay_ns += step_ns
-        if self._newer_delay_ns is not None:
-            self._newer_delay_ns += step_ns
-        self._bucket_ns += step_ns
+        super().note_step(step_ns)
+        self._delays_ns = [delay_ns + step_ns for delay_ns in self._delays_ns]
+        self._span_ns += step_ns
         self._received_ns += step_ns
-        if self._outlier is not None:
-            self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
         if self._last is not None and not self._has_stamps:
             self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
-        """Return when a sample was taken, or None when it has no place.
-
-        Parameters
-        ----------
-        ticks : int or None
-            Stamp of the header [ns]; None: there is none.
-        received_at_ns : int
-            Time of arrival [ns].
-        """
+        # The ticks are the stamp of the header [ns].
         if ticks is None:
             return self._place_by_arrival(received_at_ns)
         if self._last is None:
@@ -150,18 +132,13 @@ class StampClock:
             return self._begin(ticks, received_at_ns, is_step=True)
         elapsed_ns = ticks - self._last.stamp_ns
         if -_LATE_NS < elapsed_ns <= 0:
-            if elapsed_ns == 0:
-                self.duplicates += 1
-            else:
-                self.late_samples += 1
+            self._drop_old(-elapsed_ns)
             return None
         if elapsed_ns > 0 and not self._leaps(ticks, elapsed_ns, received_at_ns):
             return self._continue(ticks, received_at_ns)
-        if self._continues_outlier(ticks, received_at_ns):
+        if self._continues_outlier(ticks, received_at_ns, _STEP_NS):
             self.steps += 1
             return self._begin(ticks, received_at_ns, is_step=True)
-        self._outlier = (ticks, received_at_ns)
-        self.outliers += 1
         return None
 
     def _place_by_arrival(self, received_at_ns: int) -> Instant:
@@ -188,15 +165,9 @@ class StampClock:
             and elapsed_ns > received_at_ns - self._received_ns + _STEP_NS
         )
 
-    def _continues_outlier(self, ticks: int, received_at_ns: int) -> bool:
-        if self._outlier is None:
-            return False
-        stamp_ns, outlier_at_ns = self._outlier
-        return 0 < ticks - stamp_ns <= received_at_ns - outlier_at_ns + _STEP_NS
-
     def _begin(self, ticks: int, received_at_ns: int, *, is_step: bool) -> Instant:
         self._has_stamps = True
-        self._older_delay_ns = self._newer_delay_ns = None
+        self._delays_ns = []
         self._note_delay(ticks, received_at_ns)
         self._index += 1
         self._grid = StampGrid(self._nominal_ns, ticks)
@@ -214,17 +185,12 @@ class StampClock:
         return self._last
 
     def _note_delay(self, ticks: int, received_at_ns: int) -> None:
-        """Keep the shortest delay of this half of the last ten seconds, and of the one before."""
         delay_ns = received_at_ns - ticks
         self._received_ns = received_at_ns
-        if self._newer_delay_ns is None or received_at_ns - self._bucket_ns >= _RECENT_NS // 2:
-            self._older_delay_ns, self._newer_delay_ns = self._newer_delay_ns, delay_ns
-            self._bucket_ns = received_at_ns
-        self._newer_delay_ns = min(self._newer_delay_ns, delay_ns)
-        older_ns = self._older_delay_ns
-        self.least_delay_ns = (
-            self._newer_delay_ns if older_ns is None else min(self._newer_delay_ns, older_ns)
-        )
+        if not self._delays_ns or received_at_ns - self._span_ns >= _RECENT_NS // 2:
+            self._delays_ns = [*self._delays_ns[-1:], delay_ns]
+            self._span_ns = received_at_ns
+        self._delays_ns[-1] = min(self._delays_ns[-1], delay_ns)
 
 
 class RateMeter:

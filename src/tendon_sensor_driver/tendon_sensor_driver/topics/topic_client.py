@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 import copy
 import time
 from typing import Any
@@ -23,8 +22,7 @@ from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.worker import Periodic
 from tactile_ros.message_classes import message_class
 from tactile_ros.rclpy_internals import RCLError
-from tactile_ros.strain import StrainBlock
-from tendon_sensor_driver.client_base import BlockClient
+from tendon_sensor_driver.client_base import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.topics.diagnosis import (
@@ -44,7 +42,7 @@ BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Reliable publishers fit, too. The depth is a second at 1 kHz."""
 
 
-class TopicClient(BlockClient):
+class TopicClient(SensorClient):
     """Takes the force of a topic and hands out blocks until it is closed.
 
     The publisher may come later, go and come back: ten times a second the graph is looked at,
@@ -65,13 +63,13 @@ class TopicClient(BlockClient):
         self,
         node: DataNode,
         config: TendonSensorConfig,
-        on_block: Callable[[StrainBlock], None],
-        now_ns: Callable[[], int],
+        on_block: OnBlock,
+        now_ns: NowNs,
     ) -> None:
         super().__init__(config, on_block, now_ns)
         self._node = node
         self._stream = TopicStream(config)
-        self._topic = node.resolve_topic_name(config.topic)
+        self.identity = str(node.resolve_topic_name(config.topic))
         self._type_name = ''
         self._subscription: Any = None
         self._looks: Periodic | None = None
@@ -82,11 +80,6 @@ class TopicClient(BlockClient):
         self._refusal = ''  # of the subscription
         self._past: deque[tuple[int, int]] = deque(maxlen=_LOOKS)  # duplicates, samples
 
-    @property
-    def identity(self) -> str:
-        """Name of the topic."""
-        return str(self._topic)
-
     def open(self) -> None:
         """Look for the publisher from now on.
 
@@ -95,12 +88,12 @@ class TopicClient(BlockClient):
         TendonSensorError
             When the topic is one that this node publishes.
         """
-        if self._looks is not None or self._stop.is_set():
-            raise TendonSensorError('this client has been opened before; make a new one')
+        self._check_is_new(self._looks is not None)
         own = [self._node.resolve_topic_name(name) for name in ('~/wrench', '~/strain')]
-        if self._topic in own:
+        if self.identity in own:
             raise TendonSensorError(
-                f'{self._topic} is published by this node itself; set "topic" to that of the force'
+                f'{self.identity} is published by this node itself; set "topic" to that of the '
+                'force'
             )
         self._note_heard()
         with self._node.worker.lock:
@@ -121,40 +114,34 @@ class TopicClient(BlockClient):
     def health(self) -> Health:
         """Return the state of the topic now."""
         stream, samples = self._stream, self._stream.samples
-        last_error = self._last_error
+        values: dict[str, Any] = {}
         if not self._is_connected:
-            last_error = self._refusal or describe_publishers(
+            values['last_error'] = self._refusal or describe_publishers(
                 self.identity, self._publishers, self._type_name
             )
-        counts: dict[str, Any] = {}
         if samples is not None:
-            counts = {
+            values |= {
                 'lost_samples': samples.lost_samples,
-                'duplicates': samples.duplicates,
-                'late_samples': samples.late_samples,
-                'outliers': samples.outliers,
+                'duplicates': samples.clock.duplicates,
+                'late_samples': samples.clock.late_samples,
+                'outliers': samples.clock.outliers,
                 'status': samples.status,
             }
-        return Health(
-            is_connected=self._is_connected,
-            heard_at_ns=self._heard_at_ns,
+        return self._make_health(
             lines=stream.readings + self._rejected,
             readings=stream.readings,
             rejected_lines=self._rejected,
-            reconnects=self._reconnects,
             device_status='' if stream.is_value_finite else 'the value is not a finite number',
             rate_hz=stream.meter.rate_hz,
             last_rejected=self._last_rejected,
-            last_error=last_error,
             advice=self._advise(),
-            **counts,
+            **values,
         )
 
     def _advise(self) -> str:
         if not self._is_connected:
             return ''
-        samples = self._stream.samples
-        now = (samples.duplicates, self._stream.readings) if samples is not None else (0, 0)
+        now = (self._count_duplicates(), self._stream.readings)
         before = self._past[0] if self._past else now
         duplicates = now[0] - before[0]
         return describe_stream(
@@ -165,6 +152,10 @@ class TopicClient(BlockClient):
             new_duplicates=duplicates,
             new_samples=now[1] - before[1] - duplicates,
         )
+
+    def _count_duplicates(self) -> int:
+        samples = self._stream.samples
+        return 0 if samples is None else samples.clock.duplicates
 
     def _measure_silence_s(self) -> float:
         return (time.monotonic_ns() - self._heard_monotonic_ns) / 1e9
@@ -187,15 +178,14 @@ class TopicClient(BlockClient):
                 self._stream.note_reconnection()
             self._has_met = True
         self._is_connected = is_there
-        samples = self._stream.samples
-        self._past.append((samples.duplicates if samples else 0, self._stream.readings))
+        self._past.append((self._count_duplicates(), self._stream.readings))
         if not is_there or self._measure_silence_s() > self._config.silence_s:
             self._deliver(self._stream.flush())
 
     def _list_publishers(self) -> list[Publisher]:
         profile = self._subscription.qos_profile if self._subscription else BEST_EFFORT
         found = []
-        for info in self._node.get_publishers_info_by_topic(self._topic):
+        for info in self._node.get_publishers_info_by_topic(self.identity):
             level, reason = qos_check_compatible(info.qos_profile, profile)
             objection = reason if level == QoSCompatibility.ERROR else ''
             node = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
@@ -225,7 +215,7 @@ class TopicClient(BlockClient):
             blocks = stream.add(reading, received_at_ns, info.get('publication_sequence_number'))
             if stream.rate_hz != rate_hz:
                 self._node.get_logger().info(
-                    f'{self._topic} comes at {stream.rate_hz:.3f} Hz, which is taken as rate_hz'
+                    f'{self.identity} comes at {stream.rate_hz:.3f} Hz, which is taken as rate_hz'
                 )
             self._deliver(blocks)
 
@@ -239,7 +229,7 @@ class TopicClient(BlockClient):
             )
         except RCLError as error:  # a topic has one type within a process
             self._type_name = ''
-            self._refusal = f'cannot subscribe to {self._topic} as {type_name}: {error}'
+            self._refusal = f'cannot subscribe to {self.identity} as {type_name}: {error}'
         else:
             self._type_name, self._refusal = type_name, ''
 

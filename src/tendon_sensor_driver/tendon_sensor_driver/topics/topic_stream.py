@@ -24,10 +24,6 @@ class TopicStream:
     A value that is not finite is handed on as not a number and marked ``DEVICE_ERROR``. With
     ``rate_hz`` 0 the rate is measured first; the readings until then make no blocks.
 
-    Parameters
-    ----------
-    config : TendonSensorConfig
-
     Attributes
     ----------
     readings : int

@@ -61,7 +61,7 @@ def client(sensor, blocks, clock):
         yield client
 
 
-@pytest.mark.parametrize('step_s', [5, -5, 0.3, -0.3, 3600, -3600])
+@pytest.mark.parametrize('step_s', [5, -0.3, 0.3, -3600])
 def test_a_step_of_the_clock_is_no_restart(client, blocks, clock, send, step_s):
     send(60)
     clock.offset_ns += round(step_s * SECOND_NS)

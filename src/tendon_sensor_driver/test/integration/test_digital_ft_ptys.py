@@ -15,6 +15,7 @@ import pytest
 
 from digital_ft_device import DigitalFtDevice
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
+from tendon_sensor_driver.ati import digital_ft, digital_ft_link, digital_ft_stream
 from tendon_sensor_driver.ati.digital_ft import DigitalFtClient
 from waiting import wait_until
 
@@ -62,7 +63,9 @@ class Port:
 
 
 @pytest.fixture
-def port(tmp_path):
+def port(tmp_path, monkeypatch):
+    monkeypatch.setattr(digital_ft, '_DEAD_S', 0.3)
+    monkeypatch.setattr(digital_ft_stream, '_FIRST_MEASUREMENT_S', 0.25)
     device = DigitalFtDevice(lambda time_s: 7.0 + time_s, np.random.default_rng(0))
     port = Port(str(tmp_path / 'sensor'), device)
     yield port
@@ -173,7 +176,8 @@ def test_an_empty_slot_is_refused_with_the_remedy(port):
         DigitalFtClient(config, print, time.time_ns).open()
 
 
-def test_something_else_on_the_port_is_told(tmp_path):
+def test_something_else_on_the_port_is_told(monkeypatch):
+    monkeypatch.setattr(digital_ft_link, '_ANSWER_TIMEOUT_S', 0.02)
     master, slave = os.openpty()
     tty.setraw(slave)
     config = TendonSensorConfig(sensor='digital_ft', port=os.ttyname(slave))

@@ -3,13 +3,11 @@
 
 """The node with a simulated Net F/T over real UDP and HTTP."""
 
-from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 
 from net_ft_box import NetFtBox
 from net_ft_device import HOST, NetFtDevice
-from tactile_ros.strain import StrainStatus
 
 
 @pytest.fixture
@@ -60,21 +58,3 @@ def test_the_tare_holds_for_tension_and_wrench(graph):
     assert graph.wrench[-1].wrench.force.x == pytest.approx(
         graph.strain[-1].tension_n[-1], abs=0.01
     )
-
-
-def test_an_error_of_the_box_is_told_in_its_words(graph, box):
-    first = len(graph.strain)
-    box.fault('status', duration_s=1.0, word=float(1 << 31 | 1 << 2))
-    graph.spin_until(lambda: 'temperature' in graph.sentence(), 5.0)
-    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
-    graph.spin_until(lambda: graph.sentence() == 'samples arrive', 5.0)
-    assert any(message.status & StrainStatus.DEVICE_ERROR for message in graph.strain[first:])
-
-
-def test_a_box_that_restarts_takes_the_tare_with_it(graph, box):
-    assert graph.call('tare').success
-    graph.spin_until(lambda: graph.tares[-1].is_set)
-    box.fault('restart')
-    graph.spin_until(lambda: not graph.tares[-1].is_set)
-    first = len(graph.strain)
-    graph.spin_until(lambda: len(graph.strain) > first + 5)

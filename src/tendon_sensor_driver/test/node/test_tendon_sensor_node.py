@@ -6,7 +6,6 @@
 from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
 
 from tendon_sensor_driver import encode_reading
@@ -72,25 +71,6 @@ def test_cleanup_closes_the_port_and_configure_opens_it_again(graph, sensor):
     assert graph.node.bring_up()
 
 
-def test_an_unplugged_sensor_is_an_error_until_it_is_back(graph, sensor):
-    assert graph.node.bring_up()
-    sensor.unplug()
-    graph.spin_until(lambda: graph.values().get('is_connected') == 'False')
-    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
-    assert sensor.port in graph.diagnostics[-1].status[0].message
-    sensor.plug_in()
-    graph.spin_until(lambda: graph.values().get('reconnects') == '1')
-    assert graph.diagnostics[-1].status[0].level != DiagnosticStatus.ERROR
-
-
-def test_a_silent_sensor_is_a_warning(graph):
-    assert graph.node.bring_up()
-    graph.spin_until(
-        lambda: graph.diagnostics and 'no reading' in graph.diagnostics[-1].status[0].message
-    )
-    assert graph.diagnostics[-1].status[0].level == DiagnosticStatus.WARN
-
-
 def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
     graph = make_graph(sensor.port, tare_samples=5, unit='N', tare_spread_n=0.3, tare_change_n=0.5)
     assert graph.node.bring_up()
@@ -124,20 +104,6 @@ def test_a_tare_is_taken_off_and_latched_and_cleared(make_graph, sensor):
     sensor.write(encode_reading(102, 5.0, 'N'))
     graph.spin_until(lambda: len(graph.strain) == 7)
     assert graph.strain[-1].tension_n[0] == 5.0
-
-
-def test_parameters_do_not_change_under_an_open_sensor(graph):
-    scale = Parameter('scale', value=-1.0)
-    assert graph.node.bring_up()
-    (result,) = graph.node.set_parameters([scale])
-    assert not result.successful
-    assert 'scale is read when the node is configured' in result.reason
-    graph.node.trigger_deactivate()
-    graph.node.trigger_cleanup()
-    (result,) = graph.node.set_parameters([scale])
-    assert result.successful
-    (result,) = graph.node.set_parameters([Parameter('rate_hz', value=-1.0)])
-    assert not result.successful
 
 
 def test_the_quality_of_service_can_be_overridden(make_graph, sensor):

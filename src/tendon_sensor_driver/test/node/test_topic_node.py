@@ -104,8 +104,13 @@ def stamp_of(message):
     return Time.from_msg(message.header.stamp).nanoseconds
 
 
-@pytest.mark.parametrize('profile', [RELIABLE, qos_profile_sensor_data])
-@pytest.mark.parametrize('kind', [WrenchStamped, Wrench, Float64, Float32, JointState])
+@pytest.mark.parametrize(
+    ('kind', 'profile'),
+    [
+        *((kind, RELIABLE) for kind in (WrenchStamped, Wrench, Float64, Float32, JointState)),
+        (WrenchStamped, qos_profile_sensor_data),
+    ],
+)
 def test_each_type_becomes_tension_from_publishers_of_either_reliability(
     topic_graph, make_source, kind, profile
 ):
@@ -133,20 +138,9 @@ def test_each_type_becomes_tension_from_publishers_of_either_reliability(
     assert graph.diagnostics[-1].status[0].hardware_id == '/force'
 
 
-def test_a_zero_stamp_falls_back_to_the_arrival(topic_graph, make_source):
-    source = make_source(WrenchStamped)
-    graph = topic_graph()
-    meet(graph, source)
-    before_ns = time.time_ns()
-    source.send(1.0, 0)
-    graph.spin_until(lambda: graph.strain)
-    assert before_ns <= stamp_of(graph.strain[0]) <= time.time_ns()
-    assert graph.strain[0].status == StrainStatus.HOST_TIME
-
-
 @pytest.mark.parametrize(
     ('rate_hz', 'jitter', 'samples_per_block'),
-    [(60.0, 0.0, 1), (1000.0, 0.3, 1), (1000.0, 0.3, 25)],
+    [(60.0, 0.0, 1), (1000.0, 0.3, 25)],
 )
 def test_drops_reordering_and_duplicates_are_seen_at_any_rate(
     topic_graph, make_source, rate_hz, jitter, samples_per_block
@@ -176,18 +170,18 @@ def test_a_thousand_a_second_in_real_time_arrive_or_are_counted_as_lost(topic_gr
     graph = topic_graph(rate_hz=1000.0, samples_per_block=20)
     meet(graph, source)
     start_ns, count = time.time_ns(), 0
-    while count < 2300:
+    while count < 1000:
         while time.time_ns() < start_ns + count * 1_000_000:
             graph.executor.spin_once(timeout_sec=0.0)
         source.send(float(count), start_ns + count * 1_000_000)
         count += 1
-    graph.spin_until(lambda: graph.strain and graph.strain[-1].tension_n[-1] == 2299.0)
+    graph.spin_until(lambda: graph.strain and graph.strain[-1].tension_n[-1] == 999.0)
     samples = to_samples(graph.strain)
     lost = sum(message.lost_before for message in graph.strain)
     # A busy machine may lose some on the way: their numbers are missing, and no others.
     assert samples == {number: float(number) for number in samples}
-    assert len(samples) + lost == 2300
-    assert len(samples) > 1000
+    assert len(samples) + lost == 1000
+    assert len(samples) > 400
 
 
 def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
@@ -204,46 +198,6 @@ def test_numbers_that_are_none_are_marked_and_told(topic_graph, make_source):
     source.send(1.0, now_ns + 3 * SECOND_NS // 60)
     graph.spin_until(lambda: len(graph.strain) == 4)
     assert graph.strain[-1].status == StrainStatus.OK
-
-
-@pytest.mark.parametrize('step_s', [-5, 5])
-def test_a_clock_that_is_set_is_marked_and_leaves_the_tare(topic_graph, make_source, step_s):
-    source = make_source(WrenchStamped)
-    graph = topic_graph(rate_hz=100.0, tare_samples=10, stuck_s=0.0, silence_s=60.0)
-    meet(graph, source)
-    offset_ns = [0]
-    graph.node._now_ns = lambda: time.time_ns() + offset_ns[0]
-    start_ns = time.time_ns()
-    send_all(graph, source, [(start_ns + i * 10_000_000, 0.5) for i in range(20)])
-    graph.spin_until(lambda: len(graph.strain) == 20)
-    assert graph.call('tare').success
-    graph.spin_until(lambda: graph.tares and graph.tares[-1].is_set)
-    tares = len(graph.tares)
-    step_ns = step_s * SECOND_NS
-    stamps_ns = [start_ns + i * 10_000_000 + step_ns for i in range(20, 40)]
-    send_all(graph, source, [(stamp_ns, 0.5) for stamp_ns in stamps_ns])
-    graph.spin_until(lambda: len(graph.strain) >= 39)  # one was needed to believe it
-    after = graph.strain[20:]
-    assert [stamp_of(message) for message in after] == stamps_ns[1:]
-    assert after[0].status & StrainStatus.CLOCK_STEP
-    assert not after[0].status & StrainStatus.RESTARTED
-    assert {message.status for message in after[1:]} == {StrainStatus.OK}
-    assert {message.tension_n[0] for message in after} == {0.0}
-    assert len(graph.tares) == tares
-
-
-def test_a_tare_is_taken_off_tension_and_wrench(topic_graph, make_source):
-    source = make_source(WrenchStamped)
-    graph = topic_graph(tare_samples=5, scale=-1.0, stuck_s=0.0)
-    meet(graph, source)
-    start_ns = time.time_ns() - SECOND_NS // 10
-    send_all(graph, source, [(start_ns + i * SECOND_NS // 60, -0.5) for i in range(6)])
-    graph.spin_until(lambda: len(graph.strain) == 6)
-    answer = graph.call('tare')
-    assert answer.success, answer.message
-    source.send(-2.5, start_ns + 6 * SECOND_NS // 60)
-    graph.spin_until(lambda: len(graph.strain) == len(graph.wrench) == 7)
-    assert graph.strain[-1].tension_n[0] == graph.wrench[-1].wrench.force.x == 2.0
 
 
 def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, make_source):

@@ -18,7 +18,7 @@ EPOCH_NS = 1_700_000_000 * SECOND_NS
 DELAY_NS = 2 * MS_NS
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.lists(
         st.tuples(st.integers(1, 30), st.integers(-3600 * 1000, 3600 * 1000)),

@@ -17,7 +17,6 @@ from tendon_sensor_driver.ati.net_ft_protocol import (
     describe_status,
     encode_request,
     RdtError,
-    RECORD,
     RECORD_BYTES,
 )
 
@@ -47,10 +46,6 @@ def test_bytes_are_whole_records_or_an_error(datagram):
     else:
         with pytest.raises(RdtError, match='no whole RDT records'):
             decode_records(datagram)
-
-
-def test_a_record_has_36_bytes():
-    assert RECORD.itemsize == RECORD_BYTES == 36
 
 
 @pytest.mark.parametrize(

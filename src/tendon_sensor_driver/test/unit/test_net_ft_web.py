@@ -7,13 +7,8 @@ import numpy as np
 import pytest
 
 from tendon_sensor_driver import LinkError
-from tendon_sensor_driver.ati.net_ft_web import FILTER_CODES, parse_configuration
-from tendon_sensor_driver.ati.units import (
-    compute_si_per_count,
-    force_unit_of_code,
-    torque_unit_of_code,
-)
-from tendon_sensor_driver.records import LOW_PASSES_HZ
+from tendon_sensor_driver.ati.net_ft_web import parse_configuration
+from tendon_sensor_driver.ati.units import compute_si_per_count, unit_of_code
 
 TAGS = {
     'prodname': 'Ethernet F/T',
@@ -103,22 +98,11 @@ def test_any_text_in_a_tag_is_read_or_refused(changes):
 
 
 def test_the_codes_of_units_are_those_of_ati():
-    assert [force_unit_of_code(code) for code in range(1, 7)] == [
-        'lbf',
-        'N',
-        'klbf',
-        'kN',
-        'kgf',
-        'gf',
-    ]
-    assert [torque_unit_of_code(code) for code in (1, 3, 5)] == ['lbf-in', 'N-m', 'kgf-cm']
+    forces = [unit_of_code('force', code) for code in range(1, 7)]
+    assert forces == ['lbf', 'N', 'klbf', 'kN', 'kgf', 'gf']
+    assert [unit_of_code('torque', code) for code in (1, 3, 5)] == ['lbf-in', 'N-m', 'kgf-cm']
 
 
 def test_torque_units_in_newton_metres():
     si = [compute_si_per_count('N', unit, 1, 1)[5] for unit in ('lbf-in', 'kgf-cm', 'kNm')]
     np.testing.assert_allclose(si, [0.1129848290276167, 0.0980665, 1000.0], rtol=1e-12)
-
-
-def test_every_low_pass_of_the_configuration_has_a_code():
-    assert set(FILTER_CODES) == set(LOW_PASSES_HZ)
-    assert sorted(FILTER_CODES.values()) == list(range(13))

@@ -27,10 +27,10 @@ def run(sequencer, samples):
     return blocks + sequencer.flush()
 
 
-@pytest.mark.parametrize('drift_ppm', [-100, 0, 100])
-def test_milliseconds_at_60_hz_make_no_false_gap_in_two_hours(drift_ppm):
+@pytest.mark.parametrize('drift_ppm', [-100, 100])
+def test_milliseconds_at_60_hz_make_no_false_gap_in_half_an_hour(drift_ppm):
     sequencer = Sequencer(PERIOD_NS, 1000)
-    count = 2 * 3600 * 60
+    count = 1800 * 60
     sequence = 0
     for i in range(count):
         true_ns = i * 10**9 // 60
@@ -103,7 +103,7 @@ def test_one_unknown_error_makes_the_error_of_the_block_unknown():
     assert block.stamp_error_s < 0
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.lists(st.sampled_from([5, 12, 16, 17, 17, 20, 33, 50, 400]), min_size=1, max_size=60),
     st.integers(1, 10),

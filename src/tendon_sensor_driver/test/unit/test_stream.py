@@ -3,8 +3,11 @@
 
 """The chain from readings to blocks, without a port."""
 
+from fractions import Fraction
 import math
 
+from hypothesis import given
+from hypothesis import strategies as st
 import pytest
 
 from tactile_ros.strain import StrainStatus
@@ -18,6 +21,31 @@ from tendon_sensor_driver import (
 
 SECOND_NS = 1_000_000_000
 LOST = {200, 201, 350}
+EXACT_NEWTONS = {
+    'kg': Fraction('9.80665'),
+    'g': Fraction('0.00980665'),
+    'N': Fraction(1),
+    'lbf': Fraction('0.45359237') * Fraction('9.80665'),
+}
+
+
+@pytest.mark.parametrize('unit', EXACT_NEWTONS)
+@given(
+    value=st.floats(-1e15, 1e15, allow_subnormal=False),
+    scale=st.sampled_from([1.0, -1.0, 0.1, -419.7, 1e-7]),
+)
+def test_newtons_are_right_to_three_roundings(unit, value, scale):
+    (block,) = StrainStream(TendonSensorConfig(unit=unit, scale=scale)).add(Reading(0, value, 0))
+    exact = Fraction(value) * Fraction(scale) * EXACT_NEWTONS[unit]
+    # One rounding each: the unit's factor, its product with scale, the product with value.
+    bound = max(abs(exact) * 3 * Fraction(2) ** -53, Fraction(5e-324))
+    assert abs(Fraction(float(block.tension_n[0])) - exact) <= bound
+
+
+def test_an_offset_is_added_to_the_product():
+    stream = StrainStream(TendonSensorConfig(scale=-0.5, offset_n=-0.3))
+    (block,) = stream.add(Reading(0, 0.51, 0))
+    assert block.tension_n[0] == pytest.approx(-0.5 * 0.51 * 9.80665 - 0.3, rel=1e-15)
 
 
 def test_a_sine_goes_in_as_bytes_and_comes_out_as_newtons():
@@ -79,7 +107,7 @@ def test_a_device_restart_is_told_although_the_link_held():
         StrainStatus.RECONNECTED | StrainStatus.RESTARTED | StrainStatus.RESYNCHRONISED
     )
     assert (after.sequence, after.lost_before) == (last.sequence + 1, 0)
-    assert (stream.outliers, stream.restarts) == (1, 1)
+    assert (stream.clock.outliers, stream.clock.restarts) == (1, 1)
 
 
 def test_a_value_that_stays_exactly_the_same_is_stuck_until_it_changes():

@@ -43,8 +43,8 @@ def test_stamps_of_headers_are_taken_as_they_are():
 def test_jitter_and_a_rate_that_is_off_make_no_false_gap_and_hide_none(rate_error, jitter):
     draw = random.Random(4).uniform
     period_ns = PERIOD_NS * (1 + rate_error)
-    lost_at = set(range(3000, 20_000, 777))
-    numbers = [i for i in range(20_000) if i not in lost_at]
+    lost_at = set(range(3000, 10_000, 777))
+    numbers = [i for i in range(10_000) if i not in lost_at]
     stamps_ns = [START_NS + round((i + draw(-jitter, jitter)) * period_ns) for i in numbers]
     clock = StampClock(PERIOD_NS)
     lost = count_lost(place_all(clock, stamps_ns))
@@ -126,12 +126,12 @@ def test_a_queue_that_waits_and_empties_is_no_step_and_loses_nothing():
 
 
 def test_the_bound_on_the_error_is_that_of_the_last_ten_seconds():
-    clock = StampClock(PERIOD_NS)
-    for i in range(30_000):
-        stamp_ns = START_NS + i * PERIOD_NS
-        delay_ns = 200_000 if i < 10_000 else 2_000_000
+    clock = StampClock(10 * PERIOD_NS)
+    for i in range(3000):
+        stamp_ns = START_NS + i * 10 * PERIOD_NS
+        delay_ns = 200_000 if i < 1000 else 2_000_000
         instant = clock.place(stamp_ns, stamp_ns + delay_ns)
-        if i == 14_000:
+        if i == 1400:
             assert instant.stamp_error_s == 0.0002
     assert instant.stamp_error_s == 0.002
 
@@ -159,7 +159,7 @@ def test_a_zero_stamp_in_between_breaks_the_time_but_not_the_numbering():
     assert count_lost([stamped, arrived, again]) == [0, 0]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.lists(
         st.tuples(
@@ -200,7 +200,7 @@ def test_whatever_comes_times_and_numbers_rise_between_steps(messages, rate_hz):
     assert placed + dropped == len(messages)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.floats(0.5, 5000.0),
     st.tuples(st.floats(0.0, 0.2), st.floats(0.0, 0.05))

@@ -235,7 +235,8 @@ def test_each_reading_is_in_one_block_or_counted(steps, samples_per_block, rate_
     blocks += stream.flush()
     taken = sum(len(block.tension_n) for block in blocks)
     if stream.samples is not None:
-        dropped = stream.samples.duplicates + stream.samples.late_samples + stream.samples.outliers
+        clock = stream.clock
+        dropped = clock.duplicates + clock.late_samples + clock.outliers
         assert taken + dropped == offered
     following = 0
     for block in blocks:

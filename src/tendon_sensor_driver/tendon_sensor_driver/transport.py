@@ -42,25 +42,32 @@ class SerialTransport:
         Name of the device.
     baud : int
         Its speed.
+    has_parity : bool
+        Whether each byte has a bit for even parity. A byte with a wrong one is read as 0.
 
     Raises
     ------
     LinkError
-        When the port cannot be opened.
+        By every method, when the port cannot be opened, has gone or takes nothing.
     """
 
-    def __init__(self, port: str, baud: int) -> None:
+    def __init__(self, port: str, baud: int, *, has_parity: bool = False) -> None:
         self._name = port
+        # Linux pseudo-terminals know no parity and refuse it.
+        has_parity &= not os.path.realpath(port).startswith('/dev/pts/')
         self._lock = threading.Lock()
         try:
             # exclusive: two readers would each get half of the lines.
             self._port = serial.Serial(
                 port,
                 baud,
+                parity=serial.PARITY_EVEN if has_parity else serial.PARITY_NONE,
                 timeout=0,
                 write_timeout=_WRITE_TIMEOUT_S,
                 exclusive=True,
             )
+            if has_parity:
+                _check_parity(self._port)
         except _FAILURES as error:
             reason = _REMEDIES.get(getattr(error, 'errno', None) or 0, str(error))
             raise LinkError(f'cannot open serial port {port}: {reason}') from error
@@ -68,13 +75,7 @@ class SerialTransport:
         os.set_blocking(self._cancel, False)
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, or nothing after some time without any or after `cancel`.
-
-        Raises
-        ------
-        LinkError
-            When the port has gone.
-        """
+        """Return what has arrived, or nothing after some time without any or after `cancel`."""
         # As pyserial's read, but with one wait and one read for all that has come.
         try:
             port = self._port.fileno()
@@ -94,13 +95,7 @@ class SerialTransport:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send bytes.
-
-        Raises
-        ------
-        LinkError
-            When the port has gone or takes nothing.
-        """
+        """Send bytes."""
         try:
             self._port.write(data)
         except _FAILURES as error:
@@ -120,6 +115,13 @@ class SerialTransport:
                 self._port.close()
                 os.close(self._cancelled)
                 os.close(self._cancel)
+
+
+def _check_parity(port: serial.Serial) -> None:
+    """Make the kernel look at the parity bit: pyserial sends the bit and turns the check off."""
+    settings = termios.tcgetattr(port.fileno())
+    settings[0] = (settings[0] | termios.INPCK) & ~termios.IGNPAR
+    termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
 
 
 def find_serial_number(port: str) -> str:
