@@ -29,9 +29,9 @@ SLACK_M = 0.0006
 HEARTBEAT_S = 0.04
 
 NODES = {
-    'guide': 'linear_guide_driver.linear_guide_node',
-    'tendon': 'linear_guide_driver.tendon_actuator_node',
-    'sensor': 'tendon_sensor_driver.tendon_sensor_node',
+    'guide': 'linear_guide_node',
+    'tendon': 'tendon_actuator_node',
+    'sensor': 'tendon_sensor_node',
 }
 PARAMETERS = {
     'guide': {
@@ -41,7 +41,10 @@ PARAMETERS = {
     'tendon': {'heartbeat_topics': '[heartbeat, linear_guide/heartbeat]'},
     'sensor': {},
 }
-RUN_NODE = 'import sys, importlib; sys.exit(importlib.import_module(sys.argv.pop(1)).main())'
+RUN_NODE = (
+    'import sys; from tactile_ros.programs.node_program import main; '
+    'del sys.argv[0]; sys.exit(main())'
+)
 
 PULL = {'do': 'pull', 'displacement_m': 0.008, 'speed_m_s': 0.004}
 SLACK = {'do': 'pull', 'displacement_m': 0.0, 'speed_m_s': 0.04}
@@ -138,11 +141,13 @@ def _measure(rig: SimulatedRig, phase: str, fault: str) -> Row:
     domain = 90 + os.getpid() % 10
     programs: dict[str, Program] = {}
     try:
-        for name, module in NODES.items():
+        for name, executable in NODES.items():
             given = {'port': getattr(rig.ports, name), **PARAMETERS[name]}
             pairs = [f'{key}:={value}' for key, value in given.items()]
             arguments = [word for pair in pairs for word in ('-p', pair)]
-            programs[name] = Program(['-c', RUN_NODE, module, '--ros-args', *arguments], domain)
+            programs[name] = Program(
+                ['-c', RUN_NODE, executable, '--ros-args', *arguments], domain
+            )
         commander = Commander(domain)
         programs['commander'] = commander
         commander.run({'do': 'home'})

@@ -26,9 +26,6 @@ class SerialLink:
 
     Parameters
     ----------
-    port : str
-    baud : int
-        [bit/s]
     on_bytes : callable
         Called on the reader thread with what has arrived.
     on_tick : callable

@@ -124,7 +124,6 @@ def judge_glide(summary: MotionSummary | None, speed_m_s: float, config: TrialCo
         What was observed; None when too little was.
     speed_m_s : float
         Commanded speed [m/s].
-    config : TrialConfig
     """
     if summary is None:
         return (

@@ -21,8 +21,6 @@ class GoalWriter:
 
     Parameters
     ----------
-    config : TendonActuatorConfig
-    safety : TendonSafety
     on_alarm : callable
         Called with the reason when an order of safety is an alarm.
     on_written : callable

@@ -4,14 +4,16 @@
 """The goals of the tendon's servo, written under the bus's lock as safety orders.
 
 Each goal is numbered, so that a later one ends an earlier. The servo's bus watchdog stops it
-when nothing is heard for a while; the monitor's reads keep it fed.
+when nothing is heard for a while; the monitor's reads keep it fed. `tendon_client` adds the
+motions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 import logging
+import threading
 import time
 
 from linear_guide_driver.dynamixel import registers
@@ -29,6 +31,7 @@ from linear_guide_driver.records import TendonActuatorConfig, TendonState
 from linear_guide_driver.safety.pull import Pull
 from linear_guide_driver.safety.states import Ending, Order, State, Zero
 from linear_guide_driver.safety.tendon_safety import TendonSafety
+from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
 
 POLL_WAIT_S = 1.0
 
@@ -46,16 +49,19 @@ class ServoGoals:
     Parameters
     ----------
     config : TendonActuatorConfig
-    safety : TendonSafety
-    on_state : callable
+    on_state : callable, optional
         Called with each `TendonState`, on the poll thread.
-    clock_ns : callable
+    clock_ns : callable, optional
         Clock that stamps states [ns].
-    on_trouble : callable
+    on_trouble : callable, optional
         Called with a sentence as soon as a fault or a safety order is new, from any thread.
+    watchdogs : sequence of TopicWatchdog, optional
+        Topics that must be heard while the tendon is taut.
 
     Attributes
     ----------
+    safety : TendonSafety
+        Feed it the samples of the tension.
     identification : str
         Model and firmware; empty before the first `connect`.
     temperature_limit_c : float
@@ -65,17 +71,19 @@ class ServoGoals:
     def __init__(
         self,
         config: TendonActuatorConfig,
-        safety: TendonSafety,
-        on_state: Callable[[TendonState], None],
-        clock_ns: Callable[[], int],
-        on_trouble: Callable[[str], None],
+        on_state: Callable[[TendonState], None] = lambda _: None,
+        clock_ns: Callable[[], int] = time.time_ns,
+        on_trouble: Callable[[str], None] = lambda _: None,
+        watchdogs: Sequence[TopicWatchdog] = (),
     ) -> None:
-        self._config, self._safety = config, safety
+        self._config = config
         self._on_state, self._on_trouble = on_state, on_trouble
         self._clock_ns = clock_ns
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
-        self._writer = GoalWriter(config, safety, self._on_alarm, self._on_written)
+        self._slot = threading.Lock()  # held by the one pull
+        self.safety = TendonSafety(config, watchdogs)
+        self._writer = GoalWriter(config, self.safety, self._on_alarm, self._on_written)
         self.identification = ''
         self.temperature_limit_c = 0.0
 
@@ -95,20 +103,9 @@ class ServoGoals:
         return self._writer.recoveries
 
     @property
-    def max_speed_m_s(self) -> float:
+    def _max_speed_m_s(self) -> float:
         """The servo's velocity limit as tendon speed [m/s]."""
         return registers.velocity_to_m_s(self._writer.velocity_limit, self._config.pulley_radius_m)
-
-    @property
-    def monitor(self) -> ServoMonitor:
-        """What reads the servo's state.
-
-        Raises
-        ------
-        MotionRefusedError
-            When the servo is not connected.
-        """
-        return self._require_connection()[1]
 
     # -- life ----------------------------------------------------------------------------
 
@@ -120,7 +117,7 @@ class ServoGoals:
         DeviceConnectionError
             When the servo does not answer for three seconds.
         DeviceRefusedError
-            When it is not a supported servo, too old, or reports a hardware error.
+            When it is not a supported servo, too old, or has a fault that a restart does not end.
         """
         self.close()
         bus, setup = open_servo(self._config)
@@ -128,14 +125,14 @@ class ServoGoals:
         self._writer.begin(setup.velocity_limit)
         self.temperature_limit_c = float(setup.temperature_limit_c)
         if setup.was_held and not setup.is_zero_kept:
-            self._safety.set_zero(
+            self.safety.set_zero(
                 Zero.UNKNOWN, 'the servo held a tendon whose zero it does not know'
             )
         else:
-            self._safety.set_zero(Zero.UNCONFIRMED)
+            self.safety.set_zero(Zero.UNCONFIRMED)
         if setup.is_zero_kept:
             _logger.warning(RESTARTED)
-            self._safety.release(RESTARTED)
+            self.safety.release(RESTARTED)
         self._servo = TendonServo(bus, self._config)
         self._monitor = ServoMonitor(
             bus, self._config, self._on_poll, self._on_state, self._on_fault
@@ -162,7 +159,7 @@ class ServoGoals:
 
     # -- goals ---------------------------------------------------------------------------
 
-    def begin(
+    def _begin(
         self, pull: Pull, speed_m_s: float, should_stop: Callable[[], bool]
     ) -> tuple[int, float]:
         """Write a new goal if safety admits it; return its number and the present displacement.
@@ -188,8 +185,8 @@ class ServoGoals:
                 raise MotionStoppedError('The pull was stopped before it began.')
             start_m = servo.read_displacement_m()
             now_ns = time.monotonic_ns()
-            self._safety.admit(pull, start_m, now_ns)
-            if self._safety.decide(start_m, now_ns) is Order.FOLLOW:
+            self.safety.admit(pull, start_m, now_ns)
+            if self.safety.decide(start_m, now_ns) is Order.FOLLOW:
                 goal_m = start_m if pull.target_tension_n else pull.displacement_m
                 velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
                 self._writer.write_pull(servo, goal_m, velocity)
@@ -197,7 +194,7 @@ class ServoGoals:
                 self._writer.carry_out(servo, start_m)
             return self._writer.number, start_m
 
-    def watch(
+    def _watch(
         self, number: int, target: str, should_stop: Callable[[], bool]
     ) -> TendonState | None:
         """Return the next state of a goal that is still in force; None when none came in time.
@@ -209,20 +206,20 @@ class ServoGoals:
         """
         _, monitor = self._require_connection()
         state = monitor.wait_poll(POLL_WAIT_S)
-        ending = self._safety.ending
+        ending = self.safety.ending
         if ending is not None:
             self.supervise()  # before the pull is forgotten
-            if ending is Ending.REACHED and self._safety.state is not State.RELEASING:
+            if ending is Ending.REACHED and self.safety.state is not State.RELEASING:
                 return self.state
             error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
-            raise error(f'{self.describe_end(target)} {self._safety.reason}')
+            raise error(f'{self._describe_end(target)} {self.safety.reason}')
         if should_stop():
             self._stop_goal(number)
-            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
+            raise MotionStoppedError(f'{self._describe_end(target)} {self.safety.reason}'.strip())
         if monitor.trouble:
             raise MotionFailedError(f'The pull failed: {monitor.trouble}.')
         if number != self._writer.number:
-            raise MotionStoppedError(f'{self.describe_end(target)} {self._safety.reason}'.strip())
+            raise MotionStoppedError(f'{self._describe_end(target)} {self.safety.reason}'.strip())
         return state
 
     def _stop_goal(self, number: int) -> None:
@@ -232,7 +229,7 @@ class ServoGoals:
             if number == self._writer.number:
                 self.hold_here()
 
-    def follow(self, number: int, displacement_m: float) -> bool:
+    def _follow(self, number: int, displacement_m: float) -> bool:
         """Shift a goal that is still in force; return whether it is."""
         servo = self._servo
         if servo is None:
@@ -243,7 +240,7 @@ class ServoGoals:
             self._writer.shift(servo, lambda: servo.write_goal(displacement_m))
             return True
 
-    def hold(self, number: int) -> None:
+    def _hold(self, number: int) -> None:
         """Hold the tendon where it is, unless a later command has come."""
         servo, _ = self._require_connection()
         with servo.bus.lock:
@@ -257,17 +254,21 @@ class ServoGoals:
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
-        self._command(self._safety.stop, Order.HOLD)
+        self._command(self.safety.stop, Order.HOLD)
 
-    def request_release(self, reason: str, end_pull: Callable[[], None] = lambda: None) -> None:
+    def request_release(
+        self,
+        end_pull: Callable[[], None] = lambda: None,
+        reason: str = 'The tendon was released.',
+    ) -> None:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
 
         Parameters
         ----------
-        reason : str
         end_pull : callable
             Makes ``should_stop`` of a pull return True. Called under the bus's lock, so
             that no pull can hold the tendon before it is let out.
+        reason : str
 
         Raises
         ------
@@ -276,7 +277,7 @@ class ServoGoals:
 
         def tell() -> None:
             end_pull()
-            self._safety.release(reason)
+            self.safety.release(reason)
 
         self._command(tell, Order.RELEASE)
 
@@ -293,7 +294,7 @@ class ServoGoals:
             with servo.bus.lock:
                 self._writer.carry_out(servo)
 
-    def shift_zero(self, shift_m: float) -> None:
+    def _shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in, in the servo itself [m].
 
         Raises
@@ -304,10 +305,10 @@ class ServoGoals:
         with servo.bus.lock:  # so that no poll sees the torque off
             self._writer.number += 1
             servo.write_zero(shift_m)
-            self._safety.set_zero(Zero.KNOWN)
+            self.safety.set_zero(Zero.KNOWN)
         monitor.wait_poll(POLL_WAIT_S)  # so that no state counts from the old zero
 
-    def describe_end(self, target: str) -> str:
+    def _describe_end(self, target: str) -> str:
         """Return a sentence that says how far a pull came."""
         state = self.state
         at = 'an unknown position' if state is None else f'{state.displacement_m:.4f} m'
@@ -318,16 +319,16 @@ class ServoGoals:
     def _let_out(self, monitor: ServoMonitor) -> None:
         """Release and wait until the tendon is slack, for a while at the most."""
         deadline_s = time.monotonic() + LET_OUT_S
-        tension_n = self._safety.live_tension_n(time.monotonic_ns())
-        if self._safety.zero is Zero.UNKNOWN and tension_n is None:
+        tension_n = self.safety.live_tension_n(time.monotonic_ns())
+        if self.safety.zero is Zero.UNKNOWN and tension_n is None:
             return  # nothing would tell where to end
         try:
-            self.request_release('The driver is closed: the tendon is let out.')
+            self.request_release(reason='The driver is closed: the tendon is let out.')
             while time.monotonic() < deadline_s:
                 state = monitor.wait_poll(POLL_WAIT_S)
                 if monitor.trouble:
                     break
-                if state and self._safety.is_slack(state.displacement_m, time.monotonic_ns()):
+                if state and self.safety.is_slack(state.displacement_m, time.monotonic_ns()):
                     return
         except LinearGuideDriverError as error:
             _logger.error('the tendon may still be taut: %s', error)
@@ -350,7 +351,7 @@ class ServoGoals:
         return servo, monitor
 
     def _on_fault(self, reason: str) -> None:
-        self._safety.lose(f'{reason[:1].upper()}{reason[1:]}.', time.monotonic_ns())
+        self.safety.lose(f'{reason[:1].upper()}{reason[1:]}.', time.monotonic_ns())
         self._on_trouble(reason)
 
     def _on_poll(self, polled: registers.ServoState) -> TendonState:
@@ -365,11 +366,12 @@ class ServoGoals:
         return state
 
     def _on_alarm(self, reason: str) -> None:
-        self.monitor.tell_trouble(reason)
+        self._require_connection()[1].tell_trouble(reason)
 
     def _on_written(self) -> None:
-        if self.monitor.trouble:  # a fresh command was heard, so the silence is over
-            self.monitor.clear()
+        _, monitor = self._require_connection()
+        if monitor.trouble:  # a fresh command was heard, so the silence is over
+            monitor.clear()
 
     def _command(self, tell: Callable[[], None], order: Order) -> None:
         servo, _ = self._require_sound()

@@ -40,8 +40,6 @@ class ServoMonitor:
 
     Parameters
     ----------
-    bus : DynamixelBus
-    config : TendonActuatorConfig
     on_poll : callable
         Makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock.
     on_state : callable

@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-import threading
 import time
 
 from linear_guide_driver.dynamixel import registers
@@ -22,11 +21,9 @@ from linear_guide_driver.errors import (
     MotionFailedError,
     MotionRefusedError,
 )
-from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.records import TendonState
 from linear_guide_driver.safety.pull import check_pull, check_reach, Pull
 from linear_guide_driver.safety.states import Ending, Zero
-from linear_guide_driver.safety.tendon_safety import TendonSafety
-from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
 
 POSITION_TOLERANCE_M = 0.0005
 """How far from its goal a finished pull may rest: the loop yields a little under load."""
@@ -41,85 +38,14 @@ SLACK_S = 1.0
 """Added to the computed duration of a pull before it counts as stuck."""
 
 
-class TendonActuatorClient:
+class TendonActuatorClient(ServoGoals):
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
     Every command passes `TendonSafety`, and the poll carries its orders out. `connect` lets a
     tendon out that was left taut. `close` lets it out, too, and switches the torque off.
 
-    Parameters
-    ----------
-    config : TendonActuatorConfig
-    on_state : callable, optional
-        Called with each `TendonState`, on the poll thread.
-    clock_ns : callable, optional
-        Clock that stamps states [ns].
-    on_trouble : callable, optional
-        Called with a sentence as soon as a fault or a safety order is new.
-    watchdogs : sequence of TopicWatchdog, optional
-        Topics that must be heard while the tendon is taut.
-
-    Attributes
-    ----------
-    safety : TendonSafety
-        Feed it the samples of the tension.
+    Parameters and attributes are those of `ServoGoals`.
     """
-
-    def __init__(
-        self,
-        config: TendonActuatorConfig,
-        on_state: Callable[[TendonState], None] = lambda _: None,
-        clock_ns: Callable[[], int] = time.time_ns,
-        on_trouble: Callable[[str], None] = lambda _: None,
-        watchdogs: Sequence[TopicWatchdog] = (),
-    ) -> None:
-        self._config = config
-        self._on_trouble = on_trouble
-        self.safety = TendonSafety(config, watchdogs)
-        self._goals = ServoGoals(config, self.safety, on_state, clock_ns, on_trouble)
-        self._slot = threading.Lock()  # held by the one pull
-
-    @property
-    def state(self) -> TendonState | None:
-        """The last state; None before the first poll."""
-        return self._goals.state
-
-    @property
-    def trouble(self) -> str:
-        """The fault that has ended motion; empty when there is none."""
-        return self._goals.trouble
-
-    @property
-    def recoveries(self) -> int:
-        """How often the servo's watchdog had stopped it and it was unlocked again."""
-        return self._goals.recoveries
-
-    @property
-    def identification(self) -> str:
-        """Model and firmware of the servo; empty before the first `connect`."""
-        return self._goals.identification
-
-    @property
-    def temperature_limit_c(self) -> float:
-        """At which the servo shuts down [degree Celsius]."""
-        return self._goals.temperature_limit_c
-
-    def connect(self) -> None:
-        """Open the bus and set the servo up; a tendon that was left taut is let out.
-
-        Raises
-        ------
-        DeviceConnectionError
-            When the servo does not answer.
-        DeviceRefusedError
-            When it is not a supported servo, too old, or has a fault that a restart
-            does not end.
-        """
-        self._goals.connect()
-
-    def close(self) -> None:
-        """Let the tendon out, then switch the torque off; harmless when called twice."""
-        self._goals.close()
 
     def pull_to(
         self,
@@ -200,23 +126,23 @@ class TendonActuatorClient:
         check_reach(max_displacement_m, self._config.max_displacement_m)
         speed_m_s = self._check_speed(speed_m_s)
         with self._one_pull():
-            goals, target = self._goals, f'{tension_n:.2f} N'
+            target = f'{tension_n:.2f} N'
             pull = Pull(max_displacement_m, contact, target_tension_n=tension_n)
-            goal, start_m = goals.begin(pull, speed_m_s, should_stop)
+            goal, start_m = self._begin(pull, speed_m_s, should_stop)
             keeper = TensionKeeper(
                 TensionController(
                     tension_n, self.safety.limit_n, speed_m_s, start_m, max_displacement_m
                 ),
-                goals.monitor,
+                self._require_connection()[1],
                 self._read_tension,
-                lambda displacement_m: goals.follow(goal, displacement_m),
-                lambda: goals.hold(goal),
+                lambda displacement_m: self._follow(goal, displacement_m),
+                lambda: self._hold(goal),
                 self._on_trouble,
             )
             keeper.start()
             deadline_s = time.monotonic() + max_displacement_m / speed_m_s + REACH_S
             while True:
-                state = goals.watch(goal, target, should_stop)
+                state = self._watch(goal, target, should_stop)
                 if keeper.end:
                     raise MotionFailedError(keeper.end)
                 if state is not None:
@@ -224,9 +150,9 @@ class TendonActuatorClient:
                     if keeper.controller.is_near:
                         return state
                 if keeper.controller.is_at_end or time.monotonic() > deadline_s:
-                    goals.hold(goal)
+                    self._hold(goal)
                     raise MotionFailedError(
-                        f'{goals.describe_end(target)} The tension was not reached within '
+                        f'{self._describe_end(target)} The tension was not reached within '
                         f'{max_displacement_m} m and in time; the tendon is held there.'
                     )
 
@@ -270,36 +196,8 @@ class TendonActuatorClient:
 
         with self._one_pull():
             taut = find_taut(wind, self._read_tension, taut_tension_n)
-            self._goals.shift_zero(taut.displacement_m)
+            self._shift_zero(taut.displacement_m)
             return taut.displacement_m
-
-    def hold_here(self) -> None:
-        """Hold the tendon where it is, at once; above the limit it is let out instead.
-
-        Raises
-        ------
-        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
-        """
-        self._goals.hold_here()
-
-    def request_release(self, end_pull: Callable[[], None] = lambda: None) -> None:
-        """Begin to let the tendon out as fast as the servo can; ends a running pull.
-
-        Parameters
-        ----------
-        end_pull : callable
-            Makes ``should_stop`` of a pull return True; called before the pull can see
-            another end.
-
-        Raises
-        ------
-        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
-        """
-        self._goals.request_release('The tendon was released.', end_pull)
-
-    def supervise(self) -> None:
-        """Carry out what safety orders now, instead of at the next poll."""
-        self._goals.supervise()
 
     # -- inside --------------------------------------------------------------------------
 
@@ -310,7 +208,7 @@ class TendonActuatorClient:
         try:
             yield
         except (DeviceConnectionError, DeviceRefusedError) as error:
-            self._goals.monitor.fail(str(error))
+            self._require_connection()[1].fail(str(error))
             raise MotionFailedError(f'The pull failed: {error}.') from error
         except LinearGuideDriverError:
             raise
@@ -327,10 +225,10 @@ class TendonActuatorClient:
 
     def _check_speed(self, speed_m_s: float) -> float:
         speed_m_s = speed_m_s or self._config.speed_m_s
-        if not 0.0 < speed_m_s <= self._goals.max_speed_m_s * (1 + 1e-9):
+        if not 0.0 < speed_m_s <= self._max_speed_m_s * (1 + 1e-9):
             raise MotionRefusedError(
                 f"Speed {speed_m_s} m/s must be above 0 and at most the servo's limit of "
-                f'{self._goals.max_speed_m_s:.4f} m/s.'
+                f'{self._max_speed_m_s:.4f} m/s.'
             )
         return speed_m_s
 
@@ -343,7 +241,7 @@ class TendonActuatorClient:
         """Let out to the zero; without a known zero, until the sensor reads a slack tendon."""
         safety = self.safety
         wanted_m_s = speed_m_s if speed_m_s > 0.0 else self._config.speed_m_s
-        speed_m_s = min(wanted_m_s, self._goals.max_speed_m_s)
+        speed_m_s = min(wanted_m_s, self._max_speed_m_s)
         pull = Pull(safety.slack_m)
 
         def until(state: TendonState) -> bool:
@@ -361,19 +259,19 @@ class TendonActuatorClient:
         until: Callable[[TendonState], bool] = lambda _: False,
     ) -> TendonState:
         """Wind until there, or until ``until`` says so, and then hold."""
-        goals, goal_m = self._goals, pull.displacement_m
+        goal_m = pull.displacement_m
         target = f'{goal_m:.4f} m'
-        goal, start_m = goals.begin(pull, speed_m_s, should_stop)
+        goal, start_m = self._begin(pull, speed_m_s, should_stop)
         deadline_s = time.monotonic() + abs(goal_m - start_m) / speed_m_s + SLACK_S
         one_unit_m_s = registers.velocity_to_m_s(1, self._config.pulley_radius_m)
         while True:
-            state = goals.watch(goal, target, should_stop)
+            state = self._watch(goal, target, should_stop)
             if state is not None:
                 on_state(state)
                 if self.safety.ending is Ending.REACHED:
                     return state
                 if until(state):
-                    goals.hold(goal)
+                    self._hold(goal)
                     return state
                 if (
                     abs(state.displacement_m - goal_m) <= POSITION_TOLERANCE_M
@@ -381,8 +279,8 @@ class TendonActuatorClient:
                 ):
                     return state
             if time.monotonic() > deadline_s:
-                end = goals.describe_end(target)
-                goals.request_release(end)
+                end = self._describe_end(target)
+                self.request_release(reason=end)
                 raise MotionFailedError(
                     f'{end} It got no further with {self._config.current_limit_a} A; '
                     'the tendon is let out.'

@@ -15,11 +15,6 @@ class TendonServo:
     """Registers of one servo as displacements; its count is 0 where the tendon is slack.
 
     Hold ``bus.lock`` around calls that belong together.
-
-    Parameters
-    ----------
-    bus : DynamixelBus
-    config : TendonActuatorConfig
     """
 
     def __init__(self, bus: DynamixelBus, config: TendonActuatorConfig) -> None:

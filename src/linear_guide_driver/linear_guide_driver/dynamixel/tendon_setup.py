@@ -96,11 +96,6 @@ def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
 def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
     """Check the servo, set its mode, limits and zero, hold it where it stands.
 
-    Parameters
-    ----------
-    bus : DynamixelBus
-    config : TendonActuatorConfig
-
     Raises
     ------
     DeviceConnectionError
@@ -157,7 +152,6 @@ def write_zero(bus: DynamixelBus, zero_counts: int | None = None) -> None:
 
     Parameters
     ----------
-    bus : DynamixelBus
     zero_counts : int, optional
         In the present count; the present position when left out.
     """

@@ -14,6 +14,8 @@ from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.dynamixel.tension_control import TensionController
 from linear_guide_driver.errors import LinearGuideDriverError
 
+POLL_WAIT_S = 1.0
+
 SILENT = 'No valid strain sample arrives: the tension is not kept any more, the tendon is held.'
 
 
@@ -22,8 +24,6 @@ class TensionKeeper:
 
     Parameters
     ----------
-    controller : TensionController
-    monitor : ServoMonitor
     read_tension : callable
         Returns the present tension [N]; None when no valid sample arrives.
     follow : callable
@@ -35,7 +35,6 @@ class TensionKeeper:
 
     Attributes
     ----------
-    controller : TensionController
     end : str
         Why the keeping has ended without a command; empty while it goes on.
     """
@@ -63,7 +62,7 @@ class TensionKeeper:
         stepped_s = time.monotonic()
         try:
             while True:
-                state = self._monitor.wait_poll(1.0)
+                state = self._monitor.wait_poll(POLL_WAIT_S)
                 if state is None and self._monitor.is_reading:
                     continue  # this computer was busy, or asleep; a later command is seen below
                 if state is None:  # a fault, which the servo's own watchdog or the poll has seen

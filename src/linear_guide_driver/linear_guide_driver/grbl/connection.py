@@ -52,9 +52,6 @@ class GrblConnection:
 
     Parameters
     ----------
-    port : str
-    baud : int
-        [bit/s]
     poll_rate_hz : float
         Rate of status queries after `start_polling` [Hz].
     on_report : callable
@@ -117,7 +114,7 @@ class GrblConnection:
             self.hold_and_reset()  # left moving by somebody else
         else:
             self.reset()
-        self.command(grbl.READ_BUILD_INFO, RESTART_S)
+        self.stream([grbl.READ_BUILD_INFO], RESTART_S)
 
     def start_polling(self) -> None:
         """Query the status at the poll rate from now on."""
@@ -130,20 +127,8 @@ class GrblConnection:
     def read_settings(self) -> dict[int, str]:
         """Return the answer to ``$$`` by number."""
         self._settings.clear()
-        self.command(grbl.READ_SETTINGS, RESTART_S)
+        self.stream([grbl.READ_SETTINGS], RESTART_S)
         return dict(self._settings)
-
-    def command(
-        self,
-        line: bytes,
-        timeout_s: float,
-        should_stop: Callable[[], bool] = lambda: False,
-        on_wake: Callable[[], None] = lambda: None,
-        *,
-        answers_status: bool = True,
-    ) -> None:
-        """Send one line and wait for its ``ok``; see `stream`."""
-        self.stream([line], timeout_s, should_stop, on_wake, answers_status=answers_status)
 
     def stream(
         self,

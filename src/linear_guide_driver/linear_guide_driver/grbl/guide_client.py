@@ -86,7 +86,7 @@ class LinearGuideClient:
         self._position.lose(NOT_HOMED)
         self._connection: GrblConnection | None = None
         self._settings: GuideSettings | None = None
-        self._gate = MotionGate('guide')
+        self._gate = MotionGate()
         self.last_move: MotionSummary | None = None
         self.late_moves = 0
 
@@ -177,16 +177,15 @@ class LinearGuideClient:
             started_s = time.monotonic()
             try:
                 connection.reset()
-                connection.command(
-                    grbl.HOME,
+                connection.stream(
+                    [grbl.HOME],
                     settings.compute_homing_timeout_s() + SLACK_S,
                     lambda: should_stop() or self._gate.is_stopping,
                     lambda: on_elapsed(time.monotonic() - started_s),
                     answers_status=False,
                 )
-                self._position.trouble = (
-                    ''  # before the last look, so that no later fault is forgotten
-                )
+                # Before the last look, so that no later fault is forgotten.
+                self._position.trouble = ''
                 report = connection.wait_report(REPLY_TIMEOUT_S)
             except MotionStoppedError:
                 connection.reset()
@@ -251,7 +250,7 @@ class LinearGuideClient:
 
             try:
                 connection.reset_override()
-                connection.command(grbl.encode_modes(), REPLY_TIMEOUT_S, is_stopped)
+                connection.stream([grbl.MODES], REPLY_TIMEOUT_S, is_stopped)
                 connection.stream(
                     encode_pieces(
                         self._to_mpos_mm(start_m),

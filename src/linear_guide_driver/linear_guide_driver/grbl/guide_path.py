@@ -50,26 +50,17 @@ def mpos_to_m(report: grbl.StatusReport, travel_m: float) -> float | None:
 def compute_piece_s(run_on_s: float, planner_blocks: int) -> float:
     """Return how long one piece of a move lasts [s].
 
-    Parameters
-    ----------
-    run_on_s : float
-        Motion that the controller may hold in advance [s].
-    planner_blocks : int
-        Moves that its planner takes.
+    ``run_on_s`` is the motion that the controller may hold in advance [s], ``planner_blocks``
+    how many moves its planner takes.
     """
     waiting_lines = RECEIVE_BYTES // len(grbl.encode_move(-100.0, 1000.0))
     return max(SHORTEST_PIECE_S, run_on_s / (planner_blocks + waiting_lines))
 
 
 def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]:
-    """Yield where each piece ends, the last one exactly at ``end_mm`` [mm].
+    """Yield where each piece ends [mm], the last one exactly at ``end_mm``.
 
-    Parameters
-    ----------
-    start_mm, end_mm : float
-        [mm]
-    piece_mm : float
-        Longest piece [mm].
+    ``piece_mm`` is the longest piece [mm].
     """
     pieces = max(1, math.ceil(abs(end_mm - start_mm) / piece_mm - 1e-9))
     for number in range(1, pieces):
@@ -80,17 +71,10 @@ def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]
 def encode_pieces(
     start_mm: float, end_mm: float, speed_mm_s: float, piece_s: float
 ) -> Iterator[bytes]:
-    """Yield the lines of a move, a dwell at its end.
+    """Yield the lines of a move between machine positions [mm, mm/s], a dwell at its end.
 
-    Parameters
-    ----------
-    start_mm, end_mm : float
-        Machine positions [mm].
-    speed_mm_s : float
-        [mm/s]
-    piece_s : float
-        How long a piece lasts [s].
+    ``piece_s`` is how long one piece lasts [s].
     """
     for mpos_mm in cut_move(start_mm, end_mm, piece_s * speed_mm_s):
         yield grbl.encode_move(mpos_mm, speed_mm_s * 60)
-    yield grbl.encode_dwell()
+    yield grbl.DWELL

@@ -13,16 +13,9 @@ from linear_guide_driver.errors import MotionRefusedError, MotionStoppedError
 
 
 class MotionGate:
-    """Who moves now, and whether somebody wants it stopped.
+    """Who moves the guide now, and whether somebody wants it stopped."""
 
-    Parameters
-    ----------
-    device : str
-        For sentences: "guide".
-    """
-
-    def __init__(self, device: str) -> None:
-        self._device = device
+    def __init__(self) -> None:
         self._slot = threading.Lock()  # held by the one motion
         self._lock = threading.Lock()
         self._motion = ''
@@ -43,9 +36,7 @@ class MotionGate:
             When one runs.
         """
         if not self._slot.acquire(blocking=False):
-            raise MotionRefusedError(
-                f'The {self._device} is busy with another motion; stop it first.'
-            )
+            raise MotionRefusedError('The guide is busy with another motion; stop it first.')
         try:
             yield
         finally:
@@ -62,7 +53,7 @@ class MotionGate:
         """
         with self._lock:
             if should_stop():
-                raise MotionStoppedError(f'Stopped before the {self._device} moved.')
+                raise MotionStoppedError('Stopped before the guide moved.')
             self._stop.clear()
             self._motion = motion
 

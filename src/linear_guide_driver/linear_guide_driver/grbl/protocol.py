@@ -24,6 +24,12 @@ HOME = b'$H\n'
 READ_SETTINGS = b'$$\n'
 READ_BUILD_INFO = b'$I\n'
 
+MODES = b'G21 G90 G94\n'
+"""Millimetres, absolute positions, feed per minute."""
+
+DWELL = b'G4 P0.010\n'
+"""A pause; its ``ok`` comes only when all motion before it has ended."""
+
 MAX_LINE_BYTES = 512
 """Longer lines are no Grbl; the longest known is a build info line of some 150 bytes."""
 
@@ -109,11 +115,6 @@ Event = Ok | Error | Alarm | StatusReport | Setting | Banner | Message
 # -- commands -------------------------------------------------------------------------
 
 
-def encode_modes() -> bytes:
-    """Return the line that selects millimetres, absolute positions and feed per minute."""
-    return b'G21 G90 G94\n'
-
-
 def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
     """Return a straight move of the X axis.
 
@@ -126,11 +127,6 @@ def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
         Speed [mm/min].
     """
     return f'G53 G1 X{mpos_mm:.3f} F{feed_mm_min:.3f}\n'.encode()
-
-
-def encode_dwell() -> bytes:
-    """Return a pause; its ``ok`` comes only when all motion before it has ended."""
-    return b'G4 P0.010\n'
 
 
 # -- replies --------------------------------------------------------------------------

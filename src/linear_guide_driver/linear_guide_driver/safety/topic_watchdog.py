@@ -1,11 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tells whether a topic that motion depends on is still heard."""
+"""Tells whether the topics that motion depends on are still heard.
+
+Only arrival on the monotonic clock counts: ROS time may be simulated, paused or stepped.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import threading
+import time
+from typing import Any
 
 
 class TopicWatchdog:
@@ -54,3 +60,56 @@ def find_silence(watchdogs: tuple[TopicWatchdog, ...], now_ns: int) -> str:
         if silence := watchdog.describe_silence(now_ns):
             return silence
     return ''
+
+
+class WatchedTopics:
+    """Subscriptions of a node that feed a `TopicWatchdog` each.
+
+    The node is passed in, so this module itself knows no ROS.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        self._subscriptions: list[Any] = []
+        self.watchdogs: tuple[TopicWatchdog, ...] = ()
+
+    def add(
+        self,
+        message_type: type,
+        topic: str,
+        timeout_s: float,
+        qos: Any,
+        is_sign: Callable[[Any], bool] = lambda _: True,
+    ) -> None:
+        """Watch a topic.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest silence [s].
+        is_sign : callable
+            Whether a message counts.
+        """
+        watchdog = TopicWatchdog(topic, timeout_s)
+
+        def hear(message: Any) -> None:
+            if is_sign(message):
+                watchdog.beat(time.monotonic_ns())
+
+        self.watchdogs = (*self.watchdogs, watchdog)
+        self._subscriptions.append(self._node.create_subscription(message_type, topic, hear, qos))
+
+    def find_silence(self) -> str:
+        """Return which topic is silent and what to do; empty when all are heard."""
+        return find_silence(self.watchdogs, time.monotonic_ns())
+
+    @property
+    def awaits_first(self) -> bool:
+        """Whether a topic has not been heard at all yet."""
+        return not all(watchdog.was_heard for watchdog in self.watchdogs)
+
+    def close(self) -> None:
+        """Take the subscriptions away."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = []

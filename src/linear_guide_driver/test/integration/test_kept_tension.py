@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from linear_guide_driver.dynamixel import tension_keeper
 from linear_guide_driver.dynamixel.bus import DynamixelBus
 from waiting import wait_until
 
@@ -48,11 +49,12 @@ def test_a_tension_is_kept_after_this_computer_was_asleep(tendon, finger, monkey
 
     def read_late(bus, block):
         if not slept.is_set():
-            time.sleep(1.2)
+            time.sleep(0.3)
             slept.set()
         return read_block(bus, block)
 
     tendon.pull_to_tension(TARGET_N, 0.02)
+    monkeypatch.setattr(tension_keeper, 'POLL_WAIT_S', 0.2)
     monkeypatch.setattr(DynamixelBus, 'read_block', read_late)
     assert slept.wait(5.0)
     finger.stiffness_n_m = 7000.0

@@ -17,7 +17,7 @@ from linear_guide_driver import (
     MotionStoppedError,
     TendonActuatorClient,
 )
-from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.dynamixel import registers, servo_goals, tendon_client, tendon_setup
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
 from waiting import wait_until
 
@@ -89,21 +89,18 @@ def test_a_servo_that_was_wound_below_zero_is_read_signed(connect, servo):
     assert servo.goal == -100 + 65
 
 
-@pytest.mark.parametrize(
-    ('displacement_m', 'speed_m_s', 'text'),
-    [
+def test_a_bad_command_moves_nothing(tendon, servo):
+    count = len(servo.writes)
+    for displacement_m, speed_m_s, text in (
         (-0.001, 0.01, 'between 0 and'),
         (0.0201, 0.01, 'between 0 and'),
         (float('nan'), 0.01, 'between 0 and'),
         (0.01, 0.05, "the servo's limit of 0.0480"),
         (0.01, -0.01, 'must be above 0'),
         (0.01, float('nan'), 'must be above 0'),
-    ],
-)
-def test_a_bad_command_moves_nothing(tendon, servo, displacement_m, speed_m_s, text):
-    count = len(servo.writes)
-    with pytest.raises(MotionRefusedError, match=text):
-        tendon.pull_to(displacement_m, speed_m_s)
+    ):
+        with pytest.raises(MotionRefusedError, match=text):
+            tendon.pull_to(displacement_m, speed_m_s)
     assert len(servo.writes) == count
 
 
@@ -211,7 +208,8 @@ def test_a_failing_consumer_of_states_does_not_end_the_poll(connect, servo):
     assert tendon.pull_to(0.002).displacement_m == pytest.approx(0.002, abs=0.0005)
 
 
-def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, servo):
+def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, monkeypatch):
+    monkeypatch.setattr(tendon_setup, 'CONNECT_S', 0.0)
     for change, text in (
         ({'port': '/dev/does-not-exist'}, 'cannot open'),
         ({'baud': 1_250_000}, 'does not know 1250000 baud'),
@@ -221,25 +219,10 @@ def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, servo):
             TendonActuatorClient(dataclasses.replace(config, **change)).connect()
 
 
-@pytest.mark.parametrize('way', ['should_stop', 'stop'])
-def test_a_stop_holds_the_tendon_where_it_is(tendon, servo, way):
-    flag = threading.Event()
-    pull = begin_pull(tendon, servo, lambda _: None, flag.is_set)
-    flag.set() if way == 'should_stop' else tendon.hold_here()
-    assert isinstance(pull.end(), MotionStoppedError)
-    wait_until(lambda: servo.position == servo.goal)
-    assert 2100 < servo.goal < 2048 + 1304
-    tendon.pull_to(0.0)
-
-
-def test_release_during_a_pull_wins_over_it(tendon, servo):
-    pull = begin_pull(tendon, servo)
-    tendon.request_release()
-    assert isinstance(pull.end(), MotionStoppedError)
-    wait_until(lambda: servo.position == 2048)
-
-
-def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first(tendon, servo):
+def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first(
+    tendon, servo, monkeypatch
+):
+    monkeypatch.setattr(servo_goals, 'POLL_WAIT_S', 0.1)
     told, asked = threading.Event(), threading.Event()
 
     def should_stop():
@@ -259,7 +242,8 @@ def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first
     wait_until(lambda: servo.position == servo.goal == 2048)
 
 
-def test_a_pull_against_the_current_limit_is_given_up_and_released(tendon, servo):
+def test_a_pull_against_the_current_limit_is_given_up_and_released(tendon, servo, monkeypatch):
+    monkeypatch.setattr(tendon_client, 'SLACK_S', 0.2)
     servo.stuck_at = 2200
     with pytest.raises(MotionFailedError, match=r'got no further with 0\.3 A'):
         tendon.pull_to(0.02, 0.04)

@@ -73,7 +73,8 @@ def test_a_servo_that_restarted_has_lost_its_reference(tendon, servo):
         tendon.pull_to(0.01)
 
 
-def test_a_silent_servo_ends_the_pull_and_can_be_commanded_again(tendon, servo):
+def test_a_silent_servo_ends_the_pull_and_can_be_commanded_again(connect, servo):
+    tendon = connect(slack_after_s=0.2, watchdog_s=0.5)
     pull = begin_pull(tendon, servo)
     servo.is_silent = True
     check_failure(pull, 'silent')

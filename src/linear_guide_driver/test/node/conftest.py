@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import concurrent.futures
-from contextlib import contextmanager
 import threading
 
 from action_msgs.msg import GoalStatus
@@ -12,10 +11,11 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
+from topic_peers import Peers
 
 from tactile_ros.node.requests import send
-from tactile_ros.qos import STREAM
 from waiting import wait_until
 
 DEADLINE_S = 10.0
@@ -86,28 +86,18 @@ class Bench:
         }
         return names[reply.status], reply.result
 
-    def call_stop(self, name):
+    def call(self, name):
+        """Return the answer of a trigger service."""
         client = self.peer.create_client(Trigger, name)
         assert client.wait_for_service(timeout_sec=DEADLINE_S)
         return self.ask(lambda: client.call_async(Trigger.Request()))
 
-    @contextmanager
-    def publishing(self, topic, message):
-        """Publish a message every 50 ms."""
-        publisher = self.peer.create_publisher(type(message), topic, STREAM)
-        end = threading.Event()
-
-        def publish():
-            while not end.wait(0.05):
-                publisher.publish(message)
-
-        thread = threading.Thread(target=publish)
-        thread.start()
-        try:
-            yield
-        finally:
-            end.set()
-            thread.join()
+    def stop_clock(self):
+        """Let the node take the time from a clock that stands."""
+        clock = self.peer.create_publisher(Clock, '/clock', 1)
+        self.node.set_parameters([Parameter('use_sim_time', value=True)])
+        wait_until(lambda: clock.get_subscription_count() == 1)
+        clock.publish(Clock())
 
     def close(self):
         self.executor.shutdown()
@@ -126,10 +116,17 @@ def bench(context):
 
 
 @pytest.fixture
+def peers(bench):
+    with Peers(bench) as peers:
+        yield peers
+
+
+@pytest.fixture
 def diagnostics(bench):
-    """Return the statuses of the node, in a list that grows."""
+    """Return the statuses of the node that runs, in a list that grows."""
     statuses = []
     bench.peer.create_subscription(
         DiagnosticArray, '/diagnostics', lambda message: statuses.append(message.status[0]), 10
     )
+    wait_until(bench.node._diagnostics._publisher.get_subscription_count)
     return statuses

@@ -3,15 +3,13 @@
 
 
 import pytest
-from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Empty
+from topic_peers import Peers
 
 from linear_guide_driver.grbl.connection import GrblConnection
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
-from tactile_msgs.msg import Readiness, StrainBlock
+from tactile_msgs.msg import Readiness
 from tactile_ros.qos import LATEST
 from waiting import wait_until
 
@@ -60,24 +58,29 @@ def test_home_and_move_succeed_with_feedback_joint_states_and_diagnostics(
     assert diagnostics[-1].hardware_id == 'Grbl 1.1h.20190830'
 
 
-def test_no_joint_state_before_the_position_is_known(guide, diagnostics):
-    joints = []
-    guide.peer.create_subscription(JointState, '/linear_guide/joint_states', joints.append, 10)
-    wait_until(lambda: diagnostics)
-    assert diagnostics[0].message.endswith('home the guide')
-    assert joints == []
-
-
-def test_a_cancel_brakes_and_the_guide_can_go_on(guide, grbl):
+@pytest.mark.parametrize(
+    ('way', 'end'), [('cancel', 'canceled'), ('stop', 'aborted'), ('deactivate', 'aborted')]
+)
+def test_a_stop_brakes_ends_the_goal_and_keeps_the_position(guide, grbl, way, end):
+    assert guide.call('/linear_guide/stop').message == 'The guide was not moving.'
     home(guide)
     handle = move(guide, 0.15, 0.05)
     wait_until(lambda: grbl.is_moving)
-    guide.ask(handle.cancel_goal_async)
+    if way == 'cancel':
+        guide.ask(handle.cancel_goal_async)
+    elif way == 'stop':
+        assert guide.call('/linear_guide/stop').success
+        wait_until(lambda: not grbl.is_moving, timeout_s=0.5)
+    else:
+        guide.node.trigger_deactivate()
     status, result = guide.result(handle)
-    assert status == 'canceled'
-    assert 'the position is kept' in result.message
+    assert (status, 'the position is kept' in result.message) == (end, True), result.message
     assert not grbl.is_moving
-    assert guide.result(move(guide, 0.002, 0.1))[0] == 'succeeded'
+    status, result = guide.result(move(guide, 0.002, 0.1))
+    if way == 'deactivate':
+        assert (status, 'not active' in result.message) == ('aborted', True)
+    else:
+        assert status == 'succeeded'
 
 
 @pytest.mark.parametrize('motion', ['home', 'move'])
@@ -99,18 +102,6 @@ def test_a_fault_right_after_the_last_report_is_told(guide, monkeypatch, motion)
     assert result.message.endswith('lost: the controller restarted by itself; home the guide.')
 
 
-def test_the_stop_service_ends_the_goal(guide, grbl):
-    assert guide.call_stop('/linear_guide/stop').message == 'The guide was not moving.'
-    home(guide)
-    handle = move(guide, 0.15, 0.05)
-    wait_until(lambda: grbl.is_moving)
-    assert guide.call_stop('/linear_guide/stop').success
-    wait_until(lambda: not grbl.is_moving, timeout_s=0.5)
-    status, result = guide.result(handle)
-    assert status == 'aborted'
-    assert 'Stopped at' in result.message
-
-
 def test_bad_goals_are_aborted_with_a_sentence(guide, grbl):
     status, result = guide.result(move(guide, 0.1, 0.05))
     assert (status, 'home the guide' in result.message) == ('aborted', True)
@@ -121,19 +112,8 @@ def test_bad_goals_are_aborted_with_a_sentence(guide, grbl):
     wait_until(lambda: grbl.is_moving)
     status, result = guide.result(guide.send(HomeGuide, '/linear_guide/home'))
     assert (status, 'busy' in result.message) == ('aborted', True)
-    guide.call_stop('/linear_guide/stop')
+    guide.call('/linear_guide/stop')
     guide.result(first)
-
-
-def test_deactivation_stops_the_guide(guide, grbl):
-    home(guide)
-    handle = move(guide, 0.15, 0.05)
-    wait_until(lambda: grbl.is_moving)
-    guide.node.trigger_deactivate()
-    assert guide.result(handle)[0] == 'aborted'
-    assert not grbl.is_moving
-    status, result = guide.result(move(guide, 0.1, 0.05))
-    assert (status, 'not active' in result.message) == ('aborted', True)
 
 
 def test_a_second_life_works_like_the_first(guide, grbl):
@@ -154,46 +134,31 @@ def test_configure_fails_cleanly_without_a_port_and_works_afterwards(bench, grbl
 
 
 @pytest.mark.parametrize(
-    ('parameters', 'topic', 'message', 'text'),
+    ('topic', 'parameters'),
     [
-        ({'heartbeat_topics': ['heart'], 'heartbeat_timeout_s': 0.5}, 'heart', Empty(), 'heart'),
-        (
-            {'strain_timeout_s': 0.5},
-            'tendon_sensor/strain',
-            StrainBlock(tension_n=[1.0]),
-            'tendon_sensor/strain',
-        ),
+        ('heart', {'heartbeat_topics': ['heart'], 'heartbeat_timeout_s': 0.5}),
+        ('tendon_sensor/strain', {'strain_timeout_s': 0.5}),
     ],
 )
-def test_a_move_ends_when_what_it_needs_falls_silent(
-    bench, grbl, parameters, topic, message, text
-):
+def test_a_move_ends_when_what_it_needs_falls_silent(bench, grbl, topic, parameters):
     bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, peer_wait_s=0.1, **parameters)
     status, result = bench.result(move(bench, 0.1, 0.05))
-    assert (status, f'been heard on {text} yet' in result.message) == ('aborted', True)
-    with bench.publishing(topic, message):
+    assert (status, f'been heard on {topic} yet' in result.message) == ('aborted', True)
+    with Peers(bench):
         home(bench)
         handle = move(bench, 0.19, 0.01)
         wait_until(lambda: grbl.is_moving)
     status, result = bench.result(handle)
     assert (status, 'the position is kept' in result.message) == ('aborted', True)
-    assert f'Nothing was heard on {text} for 0.5 s' in result.message  # why, not only where
+    assert f'Nothing was heard on {topic} for 0.5 s' in result.message  # why, not only where
     assert not grbl.is_moving
 
 
 def test_a_move_ends_when_a_peer_is_lost_while_the_ros_clock_stands(bench, grbl):
-    bench.start(
-        LinearGuideNode,
-        port=grbl.port,
-        poll_rate_hz=20.0,
-        heartbeat_topics=['heart'],
-        heartbeat_timeout_s=0.5,
-    )
-    clock = bench.peer.create_publisher(Clock, '/clock', 1)
-    bench.node.set_parameters([Parameter('use_sim_time', value=True)])
-    wait_until(lambda: clock.get_subscription_count() == 1)
-    clock.publish(Clock())
-    with bench.publishing('heart', Empty()):
+    needs = {'heartbeat_topics': ['heart'], 'heartbeat_timeout_s': 0.5}
+    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0, **needs)
+    bench.stop_clock()
+    with Peers(bench):
         home(bench)
         handle = move(bench, 0.19, 0.01)
         wait_until(lambda: grbl.is_moving)
@@ -201,18 +166,16 @@ def test_a_move_ends_when_a_peer_is_lost_while_the_ros_clock_stands(bench, grbl)
     assert not grbl.is_moving
 
 
-def test_ready_says_what_is_missing(guide):
-    readiness = []
+def test_ready_says_what_is_missing(guide, grbl, diagnostics):
+    readiness, joints = [], []
     guide.peer.create_subscription(Readiness, '/linear_guide/ready', readiness.append, LATEST)
+    guide.peer.create_subscription(JointState, '/linear_guide/joint_states', joints.append, 10)
     wait_until(lambda: readiness)
     assert readiness[0].missing[0].endswith('home the guide.')
+    assert joints == []
     home(guide)
-    wait_until(lambda: readiness[-1].ready)
-
-
-def test_a_controller_that_restarts_at_rest_is_told_at_once(guide, grbl, diagnostics):
-    home(guide)
-    wait_until(lambda: diagnostics)
-    grbl.lose_power()
-    wait_until(lambda: 'restarted by itself' in diagnostics[-1].message)
+    wait_until(lambda: readiness[-1].ready and joints)
+    grbl.lose_power()  # told at once
+    wait_until(lambda: diagnostics and 'restarted by itself' in diagnostics[-1].message)
     assert diagnostics[-1].message.endswith('home the guide')
+    wait_until(lambda: not readiness[-1].ready)

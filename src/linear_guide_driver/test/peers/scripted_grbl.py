@@ -6,12 +6,10 @@
 It knows no acceleration. Its planner holds `BLOCKS` moves; further lines wait unanswered.
 """
 
-import os
 import re
-import select
-import threading
 import time
-import tty
+
+from pty_peer import PtyPeer
 
 SETTINGS = {
     0: '10', 1: '255', 10: '1', 13: '0', 20: '1', 21: '1', 22: '1', 23: '1', 24: '60.000',
@@ -22,7 +20,7 @@ SETTINGS = {
 BLOCKS = 15
 
 
-class ScriptedGrbl:
+class ScriptedGrbl(PtyPeer):
     """Answers as Grbl does; a test plants faults through ``replies`` and `say`.
 
     ``replies`` maps a pattern of a command line to the bytes that are said instead
@@ -46,22 +44,8 @@ class ScriptedGrbl:
         self._moved_s = time.monotonic()
         self._waiting = []  # lines without room in the planner, or behind such lines
         self._due = []  # (time, function)
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.port = os.ttyname(self._slave)
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
-
-    def say(self, data):
-        os.write(self._master, data)
-
-    def close(self):
-        """Unplug. Harmless when called twice."""
-        master, self._master = self._master, -1
-        if master >= 0:
-            os.close(self._slave)
-            self._thread.join(1.0) if threading.current_thread() is not self._thread else None
-            os.close(master)
+        self._partial = b''
+        super().__init__()
 
     @property
     def mpos(self):
@@ -106,30 +90,23 @@ class ScriptedGrbl:
             self._moves.pop(0)
             left_s -= away / speed
 
-    def _serve(self):
-        buffer = b''
-        try:
-            while self._master >= 0:
-                ready, _, _ = select.select([self._master], [], [], 0.005)
-                if ready:
-                    for byte in os.read(self._master, 1024):
-                        char = bytes([byte])
-                        if char in b'?!~\x18\x90':
-                            self._real_time(char)
-                        elif char == b'\n':
-                            self._waiting.append(buffer.decode())
-                            self._run_waiting()
-                            buffer = b''
-                        else:
-                            buffer += char
-                self._move()
+    def take(self, data):
+        for byte in data:
+            char = bytes([byte])
+            if char in b'?!~\x18\x90':
+                self._real_time(char)
+            elif char == b'\n':
+                self._waiting.append(self._partial.decode())
                 self._run_waiting()
-                now = time.monotonic()
-                for entry in [e for e in self._due if e[0] <= now]:
-                    self._due.remove(entry)
-                    entry[1]()
-        except (OSError, ValueError):
-            pass
+                self._partial = b''
+            else:
+                self._partial += char
+        self._move()
+        self._run_waiting()
+        now = time.monotonic()
+        for entry in [e for e in self._due if e[0] <= now]:
+            self._due.remove(entry)
+            entry[1]()
 
     def _real_time(self, char):
         if self.is_deaf:

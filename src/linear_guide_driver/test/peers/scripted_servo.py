@@ -3,14 +3,18 @@
 
 """A Dynamixel XM430 behind a pty: Protocol 2.0 written from the e-Manual, not from the SDK."""
 
-import os
-import select
 import struct
-import threading
 import time
-import tty
+
+from pty_peer import PtyPeer
 
 VELOCITY_UNIT_COUNTS_S = 0.229 / 60 * 4096
+
+TABLE = (
+    (0, 2, 1020), (6, 1, 45), (7, 1, 1), (11, 1, 3), (31, 1, 80), (38, 2, 1193), (44, 4, 200),
+    (68, 1, 2), (132, 4, 2048), (144, 2, 121), (146, 1, 31),
+)  # fmt: skip
+"""Address, size and value of what is not zero at first."""
 
 
 def compute_crc(data):
@@ -23,22 +27,13 @@ def compute_crc(data):
     return crc
 
 
-class ScriptedServo:
+class ScriptedServo(PtyPeer):
     """Turns at the profile velocity; holds its watchdog; a test plants faults."""
 
     def __init__(self):
         self.table = bytearray(147)
-        self.put(0, 2, 1020)
-        self.put(6, 1, 45)
-        self.put(7, 1, 1)
-        self.put(11, 1, 3)
-        self.put(31, 1, 80)
-        self.put(38, 2, 1193)
-        self.put(44, 4, 200)
-        self.put(68, 1, 2)
-        self.put(132, 4, 2048)
-        self.put(144, 2, 121)
-        self.put(146, 1, 31)
+        for address, size, value in TABLE:
+            self.put(address, size, value)
         self.writes = []
         self.packets = 0  # heard so far
         self.is_silent = False
@@ -53,11 +48,8 @@ class ScriptedServo:
         self.stuck_at = None  # counts beyond which the load does not yield
         self._part = 0.0  # of a count, turned already
         self._heard_s = self._turned_s = time.monotonic()
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.port = os.ttyname(self._slave)
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
+        self._partial = b''
+        super().__init__()
 
     def put(self, address, size, value):
         self.table[address : address + size] = value.to_bytes(size, 'little', signed=value < 0)
@@ -79,34 +71,21 @@ class ScriptedServo:
         """The goal position, as one of the shaft [counts]."""
         return self.get(116) - self.get(20)
 
-    def close(self):
-        """Unplug. Harmless when called twice."""
-        master, self._master = self._master, -1
-        if master >= 0:
-            os.close(self._slave)
-            self._thread.join(1.0)
-            os.close(master)
-
     def shut_down(self, hardware_error):
         self.put(70, 1, hardware_error)
         self.put(64, 1, 0)
 
     # -- inside ------------------------------------------------------------------------
 
-    def _serve(self):
-        buffer = b''
-        try:
-            while self._master >= 0:
-                ready, _, _ = select.select([self._master], [], [], 0.002)
-                if ready:
-                    buffer += os.read(self._master, 1024)
-                self._turn()
-                while len(buffer) >= 7 and len(buffer) >= 7 + buffer[5] + 256 * buffer[6]:
-                    end = 7 + buffer[5] + 256 * buffer[6]
-                    self._packet(buffer[:end])
-                    buffer = buffer[end:]
-        except (OSError, ValueError):
-            pass
+    def take(self, data):
+        self._partial += data
+        self._turn()
+        while len(buffer := self._partial) >= 7:
+            end = 7 + buffer[5] + 256 * buffer[6]
+            if len(buffer) < end:
+                break
+            self._packet(buffer[:end])
+            self._partial = buffer[end:]
 
     def _turn(self):
         now, before = time.monotonic(), self._turned_s
@@ -193,4 +172,4 @@ class ScriptedServo:
         )
         late_s, self.late_s = self.late_s, 0.0
         time.sleep(late_s)
-        os.write(self._master, packet + struct.pack('<H', compute_crc(packet)))
+        self.say(packet + struct.pack('<H', compute_crc(packet)))

@@ -150,7 +150,7 @@ def test_a_work_position_needs_the_offset_and_a_restart_forgets_it():
 
 def test_commands():
     assert grbl.encode_move(-199.0, 900.0) == b'G53 G1 X-199.000 F900.000\n'
-    assert grbl.encode_dwell() == b'G4 P0.010\n'
+    assert grbl.DWELL == b'G4 P0.010\n'
     assert len(grbl.encode_move(-5000.0, 60_000.0)) < 80
 
 

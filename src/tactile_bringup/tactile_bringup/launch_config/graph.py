@@ -16,7 +16,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.launch_config.model_features import wanted_features
+from tactile_bringup.launch_config.model_folder import wanted_features
 from tactile_classifier.names import parse_classifier_name
 from tactile_classifier.records import ClassifierConfig
 from tactile_features.config import FeatureConfig

@@ -36,10 +36,12 @@ from tactile_bringup.launch_config.graph import (
     topic_sensor_parameters,
 )
 from tactile_bringup.launch_config.hand_file import Finger, parse_finger_names, read_hand
-from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
-from tactile_bringup.launch_config.launch_values import LaunchValues, merge_parameters
+from tactile_bringup.launch_config.launch_arguments import (
+    LaunchValues,
+    merge_parameters,
+    PHASES,
+)
 from tactile_bringup.launch_config.model_folder import choose_models, find_models
-from tactile_bringup.launch_config.replay_plan import plan_replay
 from tactile_bringup.records import PROTOCOLS
 from tactile_classifier.names import parse_classifier_name
 from tactile_features.records import PHASES_STATED
@@ -70,17 +72,17 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
     if name in PROTOCOLS:
         plan = _plan_protocol(name, values, scratch)
     elif name == 'replay':
-        plan = plan_replay(values)
+        plan = _plan_replay(values)
     else:
         plan = _plan_fingers(_described_fingers(name, values), values, scratch)
     if values['use_sim_time'] == 'true':
         timed = [
             dataclasses.replace(node, parameters={'use_sim_time': True, **node.parameters})
-            for node in plan.nodes
             if node.name != PLAYER  # it makes that time
+            else node
+            for node in plan.nodes
         ]
-        others = [node for node in plan.nodes if node.name == PLAYER]
-        plan = dataclasses.replace(plan, nodes=(*timed, *others))
+        plan = dataclasses.replace(plan, nodes=tuple(timed))
     return plan
 
 
@@ -178,11 +180,10 @@ def _finger_nodes(
 ) -> list[NodeDescription]:
     namespace = join_namespaces(values['namespace'], finger.name)
     phases = finger.phases or values['phases']
-    choices = next(a.choices for a in LAUNCH_FILES['hand'] if a.name == 'phases')
-    if phases not in choices:
+    if phases not in PHASES.choices:
         raise TactileError(
             f'phases of the finger {finger.name} is "{phases}"; it must be one of '
-            + ', '.join(choices)
+            + ', '.join(PHASES.choices)
         )
     model = finger.model or values.path('model')
     models = _models_for(find_models(model), phases, values['contact']) if model else {}
@@ -269,3 +270,69 @@ def _recorder(
         rig=rig,
     )
     return dataclasses.replace(node, namespace=namespace.strip('/'))
+
+
+def _plan_replay(values: LaunchValues) -> LaunchPlan:
+    """Return the nodes that classify a recording, and the player that ends them."""
+    # libraries for files, which a process that senses need not load
+    from tactile_bags.bag_reader import TactileBag
+    from tactile_bags.replaying.replay import recorded_config
+
+    path = values.path('bag')
+    if path is None:
+        raise TactileError('name the recording to play, as bag:=FOLDER')
+    try:
+        rate = float(values['rate'])
+    except ValueError:
+        raise TactileError(f'rate is "{values["rate"]}"; it must be a number') from None
+    with TactileBag(path) as bag:
+        config, metadata, found = recorded_config(bag), bag.metadata, bag.namespaces
+    wanted = values['namespace'].strip('/')
+    if wanted and wanted not in found:
+        raise TactileError(
+            f'{path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
+        )
+    namespaces = (wanted,) if wanted else found
+    model = values.path('model')
+    if model is None and metadata.get('models'):
+        model = Path(path, metadata['models'])
+        if not model.exists():
+            raise TactileError(
+                f'the models of this recording are not at {model.resolve()}; name them: model:=...'
+            )
+    models = find_models(model) if model else {}
+    nodes: list[NodeDescription] = []
+    for namespace in namespaces:
+        recorded = {FEATURES_NODE: dataclasses.asdict(config)}
+        parameters = merge_parameters(
+            recorded, values.parameters((*SENSING_NODES, *models), namespace)
+        )
+        graph = sensing_graph('', models, parameters, namespace=namespace)
+        nodes += [node for node in graph if node.name != 'tendon_sensor']
+    if values['record']:
+        nodes.append(
+            recorder_node(
+                Path(values['record']),
+                model,
+                tuple(models),
+                feature_parameters_of(nodes),
+                namespaces=namespaces,
+                simulated=bool(metadata.get('simulated')),
+                rig=False,
+            )
+        )
+    chosen = {'namespace': wanted} if wanted else {}
+    player = NodeDescription(
+        'tactile_bags',
+        'bag_player_node',
+        PLAYER,
+        {
+            'bag': str(path),
+            'rate': rate,
+            # The processes start with it, and not all as fast.
+            'subscriber_timeout_s': 60.0,
+            'start_delay_s': 3.0,
+            **chosen,
+        },
+    )
+    return LaunchPlan((*nodes, player), ends_with=player.path)

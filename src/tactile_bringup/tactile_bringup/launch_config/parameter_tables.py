@@ -9,7 +9,7 @@ the two markers in each file.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 import dataclasses
 from pathlib import Path
 import sys
@@ -42,63 +42,54 @@ def parameter_tables() -> str:
 
     A sentence before each table says when the node reads them.
     """
-    parts = []
+    header = ('parameter', 'default', 'unit', 'allowed', 'meaning')
+    tables = []
     for node, config_class in NODES.items():
-        parts += [
-            f'**`{node}`**',
-            '',
-            _tell_when_read(config_class),
-            '',
-            '| parameter | default | unit | allowed | meaning |',
-            '|---|---|---|---|---|',
-            *(_row(field) for field in dataclasses.fields(config_class)),
-            '',
-        ]
-    return '\n'.join(parts)
+        fields = dataclasses.fields(config_class)
+        live = [f'`{f.name}`' for f in fields if f.metadata.get('live')]
+        when = (
+            f'Live: {", ".join(live)}. The others are read at configure.'
+            if live
+            else 'Live: none. All are read at configure.'
+        )
+        tables.append(f'**`{node}`**\n\n{when}\n\n{_table(header, map(_row, fields))}')
+    return '\n'.join(tables)
 
 
-def _tell_when_read(config_class: type) -> str:
-    live = [f'`{f.name}`' for f in dataclasses.fields(config_class) if f.metadata.get('live')]
-    if live:
-        return f'Live: {", ".join(live)}. The others are read at configure.'
-    return 'Live: none. All are read at configure.'
-
-
-def _row(field: dataclasses.Field[Any]) -> str:
+def _row(field: dataclasses.Field[Any]) -> tuple[str, ...]:
     metadata = field.metadata
-    allowed = ''
+    allowed = _choices(metadata.get('choices', ()))
     if 'range' in metadata:
         low, high = (f'{x:g}' if isinstance(x, float) else str(x) for x in metadata['range'])
         allowed = f'{low} to {high}'
-    if metadata.get('choices'):
-        allowed = ', '.join(
-            f'`{choice}`' if choice else '(empty)' for choice in metadata['choices']
-        )
     default = list(field.default) if isinstance(field.default, tuple) else field.default
     shown = f'`{default}`' if default != '' else ''
     unit = metadata.get('unit') or ''
-    return f'| `{field.name}` | {shown} | {unit} | {allowed} | {metadata["description"]} |'
+    return f'`{field.name}`', shown, unit, allowed, metadata['description']
 
 
 def argument_tables() -> str:
     """Return one table a launch file: argument, default, choices, meaning."""
-    parts = []
-    for name, arguments in LAUNCH_FILES.items():
-        parts += [
-            f'**`{name}.launch.py`**',
-            '',
-            '| argument | default | choices | meaning |',
-            '|---|---|---|---|',
-            *(_argument_row(argument) for argument in arguments),
-            '',
-        ]
-    return '\n'.join(parts)
+    header = ('argument', 'default', 'choices', 'meaning')
+    return '\n'.join(
+        f'**`{name}.launch.py`**\n\n{_table(header, map(_argument_row, arguments))}'
+        for name, arguments in LAUNCH_FILES.items()
+    )
 
 
-def _argument_row(argument: LaunchArgument) -> str:
+def _argument_row(argument: LaunchArgument) -> tuple[str, ...]:
     default = f'`{argument.default}`' if argument.default else ''
-    choices = ', '.join(f'`{choice}`' if choice else '(empty)' for choice in argument.choices)
-    return f'| `{argument.name}` | {default} | {choices} | {argument.description} |'
+    return f'`{argument.name}`', default, _choices(argument.choices), argument.description
+
+
+def _choices(choices: Iterable[str]) -> str:
+    return ', '.join(f'`{choice}`' if choice else '(empty)' for choice in choices)
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [f'| {" | ".join(cells)} |' for cells in (header, *rows)]
+    lines.insert(1, '|---' * len(header) + '|')
+    return '\n'.join(lines) + '\n'
 
 
 TABLES: dict[str, Callable[[], str]] = {

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import dataclasses
 import threading
 import time
 from typing import Any
@@ -108,16 +109,7 @@ class OperatorNode(Node):  # type: ignore[misc]
         TactileError
             When it does not end as planned.
         """
-        goal = RunTrial.Goal(
-            protocol=request.protocol,
-            contact=request.contact,
-            object_label=request.object_label,
-            trial_id=request.trial_id,
-            session_id=request.session_id,
-            glide_speed_m_s=request.glide_speed_m_s,
-            hold_s=request.hold_s,
-            mounting_id=request.mounting_id,
-        )
+        goal = RunTrial.Goal(**dataclasses.asdict(request))
         timeout_s = longest_trial_s(self.trial_config, request) + END_TIMEOUT_S
         return str(self._call(self._run, 'the trial', goal, timeout_s).trial_id)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import concurrent.futures
+from contextlib import suppress
 import math
 import time
 from typing import Any
@@ -227,7 +228,8 @@ class TrialDevice:
             # Let it come to rest, so that the next goal does not meet this one.
             send(self._node, handle.cancel_goal_async)
             end_s = time.monotonic() + self._config.server_timeout_s
-            self._wait(result, lambda: None, end_s)
+            with suppress(GoalAborted):
+                self._wait(result, lambda: None, end_s, lateness)
             self._left, self._left_s = result, time.monotonic()
             raise
         check()
@@ -261,24 +263,19 @@ class TrialDevice:
         future: concurrent.futures.Future[Any],
         check: Callable[[], None],
         deadline_s: float,
-        lateness: str = '',
+        lateness: str,
     ) -> Any:
-        """Wait for a future; without ``lateness`` return None when it will not come."""
+        """Wait for a future; give up when it is late or will not come."""
         while not concurrent.futures.wait([future], POLL_S).done:
             check()
-            end = ''
             if not self._node.context.ok():
-                end = 'the process is ending'
-            elif not self.client.server_is_ready():
-                end = f'the {self._words} went away; is its node running?'
-            else:
-                end = self.describe_loss()
-            if not end and time.monotonic() > deadline_s:
-                end = lateness or 'late'
-            if end and not lateness:
-                return None
-            if end:
-                raise GoalAborted(end)
+                raise GoalAborted('the process is ending')
+            if not self.client.server_is_ready():
+                raise GoalAborted(f'the {self._words} went away; is its node running?')
+            if loss := self.describe_loss():
+                raise GoalAborted(loss)
+            if time.monotonic() > deadline_s:
+                raise GoalAborted(lateness)
         return future.result()
 
     # -- what it says, on the executor's thread --------------------------------------------------

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 import time
 from typing import Any
 
@@ -30,10 +31,9 @@ from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.health.heartbeat import HeartbeatPublisher
 from tactile_ros.health.readiness import ReadinessPublisher
-from tactile_ros.node.goals import Goal, GoalAborted, GoalCanceled, GoalRunner
+from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.node.requests import wait_for
-from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS
 
 REPORT_S = 0.5
@@ -134,18 +134,10 @@ class TrialRunnerNode(TactileNode):
     # -- one trial, on the goal's own thread -----------------------------------------
 
     def _run_trial(self, goal: Goal) -> RunTrial.Result:
-        asked = goal.request
         self._count += 1
-        request = TrialRequest(
-            protocol=asked.protocol,
-            contact=asked.contact,
-            object_label=asked.object_label,
-            trial_id=asked.trial_id or f'trial-{self._now_ns() // 10**9}-{self._count:04d}',
-            session_id=asked.session_id,
-            glide_speed_m_s=asked.glide_speed_m_s,
-            hold_s=asked.hold_s,
-            mounting_id=asked.mounting_id,
-        )
+        asked = {f.name: getattr(goal.request, f.name) for f in fields(TrialRequest)}
+        trial_id = asked['trial_id'] or f'trial-{self._now_ns() // 10**9}-{self._count:04d}'
+        request = TrialRequest(**{**asked, 'trial_id': trial_id})
         steps = trial_steps(self.config, request)  # refuses, before anything moves
         self._trial = trial = RunningTrial(request, goal)
         try:
@@ -290,9 +282,8 @@ class TrialRunnerNode(TactileNode):
             for future in stops:
                 wait_for(future, STOP_S)
             self._release_tendon(trial.request)
-        end = GoalCanceled if isinstance(error, GoalCanceled) else GoalAborted
         message = f'trial {trial.request.trial_id} ended in {trial.phase}: {sentence}'
-        raise end(message, **trial.numbers()) from error
+        raise GoalAborted(message, **trial.numbers()) from error
 
     def _ask_to_stop(self) -> list[Any]:
         devices = [device for device in (self._guide, self._tendon) if device is not None]
@@ -362,8 +353,3 @@ class TrialRunnerNode(TactileNode):
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
-
-
-def main() -> int:
-    """Run the node in a process of its own."""
-    return run_node(TrialRunnerNode)

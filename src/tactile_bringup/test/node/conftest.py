@@ -6,4 +6,14 @@
 from pathlib import Path
 import sys
 
+import pytest
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+from trial_bench import Bench
+
+
+@pytest.fixture
+def bench(context):
+    with Bench(context) as bench:
+        yield bench

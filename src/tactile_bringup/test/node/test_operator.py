@@ -6,7 +6,6 @@
 import threading
 
 import pytest
-from trial_bench import Bench
 
 from tactile_bringup.nodes import operator_node
 from tactile_bringup.nodes.operator_node import OperatorNode
@@ -16,19 +15,17 @@ from tactile_ros.programs.node_group import NodeGroup
 
 
 @pytest.fixture
-def operated(context):
-    bench = Bench(context)
+def operated(bench, context):
     operator = OperatorNode((), context)
     with NodeGroup([operator], context=context):
         yield bench, operator
-    bench.close()
 
 
 def test_a_trial_that_is_given_up_is_cancelled_and_the_next_one_runs(operated, monkeypatch):
     bench, operator = operated
-    bench.guide.delays = {1: 2.0}
-    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: -29.0)  # 1 s in all
-    with pytest.raises(TactileError, match=r'no end within 1 s; cancelled: .* ended in approach'):
+    bench.guide.delays = {1: 5.0}
+    monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: -29.5)  # 0.5 s in all
+    with pytest.raises(TactileError, match=r'no end within 0 s; cancelled: .* ended in approach'):
         operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
     assert not bench.runner.goal_runners[0].is_busy
     monkeypatch.undo()

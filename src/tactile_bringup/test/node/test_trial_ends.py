@@ -10,9 +10,9 @@ import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from trial_bench import Bench, DEADLINE_S
+from trial_bench import DEADLINE_S
 
-from tactile_bringup.nodes.trial_devices import TRACK_S
+from tactile_bringup.nodes import trial_devices
 from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
 from tactile_ros.node.requests import send
@@ -21,13 +21,6 @@ from waiting import wait_until
 
 LOSS_S = 1.0
 """A trial whose driver has died must end within this."""
-
-
-@pytest.fixture
-def bench(context):
-    bench = Bench(context)
-    yield bench
-    bench.close()
 
 
 def test_slip_is_refused_before_anything_moves(bench):
@@ -47,12 +40,11 @@ def test_a_device_whose_action_server_goes_away_ends_the_trial(bench):
     bench.wait_until_released()
 
 
-@pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
-@pytest.mark.parametrize('dead', ['guide', 'tendon'])
+@pytest.mark.parametrize(
+    ('protocol', 'dead'), [('texture', 'guide'), ('texture', 'tendon'), ('stiffness', 'tendon')]
+)
 def test_a_driver_that_falls_silent_ends_the_trial_within_a_second(bench, protocol, dead):
-    bench.guide.waits_in = (2,)  # the glide
-    handle = bench.start(protocol)
-    wait_until(lambda: len(bench.guide.goals) == 2 or 'hold' in bench.phases)
+    handle = bench.touch(protocol)
     device = getattr(bench, dead)
     device.beats = False  # as when it is killed: its action server seems to be there for long
     silent_s = time.monotonic()
@@ -63,9 +55,8 @@ def test_a_driver_that_falls_silent_ends_the_trial_within_a_second(bench, protoc
 
 
 def test_a_trial_waits_for_a_tendon_that_is_still_let_out_after_the_last_one(bench):
-    bench.tendon.slowness = {2: 4.0}  # it is let out in 0.7 s
-    handle = bench.start('stiffness')
-    bench.wait_for_phase('hold')
+    bench.tendon.slowness = {2: 3.0}  # it is let out in 0.5 s
+    handle = bench.touch('stiffness')
     bench.tendon.beats = False
     assert 'Nothing was heard of tendon_actuator/heartbeat' in bench.end(handle).message
     bench.tendon.beats = True
@@ -74,8 +65,7 @@ def test_a_trial_waits_for_a_tendon_that_is_still_let_out_after_the_last_one(ben
 
 
 def test_the_result_carries_the_reason_of_a_driver_that_falls_silent(bench):
-    handle = bench.start('stiffness')
-    bench.wait_for_phase('hold')
+    handle = bench.touch('stiffness')
     bench.tendon.say_ready('The servo does not answer; check its cable.')
     bench.tendon.beats = False
     assert bench.end(handle).message.endswith('The servo does not answer; check its cable.')
@@ -83,9 +73,7 @@ def test_the_result_carries_the_reason_of_a_driver_that_falls_silent(bench):
 
 @pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
 def test_strain_that_ends_in_contact_ends_the_trial(bench, protocol):
-    bench.guide.waits_in = (2,)
-    handle = bench.start(protocol)
-    wait_until(lambda: len(bench.guide.goals) == 2 or 'hold' in bench.phases)
+    handle = bench.touch(protocol)
     bench.sensor.is_alive = False
     message = bench.end(handle).message
     assert 'No valid sample came on tendon_sensor/strain for 0.5 s' in message
@@ -107,9 +95,7 @@ def test_a_device_that_ignores_a_cancel_does_not_keep_the_trial(bench):
 
 @pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
 def test_a_tendon_that_is_let_go_in_contact_ends_the_trial_with_its_reason(bench, protocol):
-    bench.guide.waits_in = (2,)
-    handle = bench.start(protocol)
-    wait_until(lambda: len(bench.guide.goals) == 2 or 'hold' in bench.phases)
+    handle = bench.touch(protocol)
     bench.tendon.position_m = 0.0045  # the load yields
     bench.tendon.position_m = 0.0020
     wait_until(lambda: bench.tendon.stopped.is_set())
@@ -155,7 +141,8 @@ def assert_is_tracked_no_more(bench, device):
     assert len(device._track._moving) == count
 
 
-def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench):
+def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench, monkeypatch):
+    monkeypatch.setattr(trial_devices, 'TRACK_S', 0.2)
     bench.guide.pauses = {2: DEADLINE_S}
     handle = bench.start('texture')
     bench.wait_for_phase('glide')
@@ -166,9 +153,9 @@ def test_a_guide_that_stands_in_an_aborted_path_is_not_tracked_for_ever(bench):
     assert_is_tracked_no_more(bench, bench.runner._guide)
 
 
-def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
-    handle = bench.start('stiffness')
-    bench.wait_for_phase('hold')
+def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench, monkeypatch):
+    monkeypatch.setattr(trial_devices, 'TRACK_S', 0.2)
+    handle = bench.touch('stiffness')
     bench.tendon.position_m = 0.0045  # within its tolerance
     track = bench.runner._tendon._track
     track._is_over = False  # as when the servo ends its pull there
@@ -178,7 +165,7 @@ def test_a_tendon_that_holds_inside_its_path_is_not_tracked_for_ever(bench):
 
 
 def test_a_motion_is_tracked_for_longer_than_anybody_waits_for_its_reports():
-    assert TRACK_S >= 2 * REPORT_S
+    assert trial_devices.TRACK_S >= 2 * REPORT_S
 
 
 def test_a_release_that_fails_is_tried_again(bench):

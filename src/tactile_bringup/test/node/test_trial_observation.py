@@ -8,18 +8,11 @@ import re
 import time
 
 import pytest
-from trial_bench import Bench, stamp_ns
+from trial_bench import stamp_ns
 
 from waiting import wait_until
 
 STAMP_BOUND_NS = 50_000_000
-
-
-@pytest.fixture
-def bench(context):
-    bench = Bench(context)
-    yield bench
-    bench.close()
 
 
 def phase(bench, name):
@@ -28,10 +21,12 @@ def phase(bench, name):
 
 
 def test_phases_begin_with_the_motion_and_not_with_its_command(bench):
-    bench.guide.delays = {2: 0.7}
-    bench.tendon.delays = {1: 0.5}
+    bench.guide.delays = {2: 0.3}
+    bench.tendon.delays = {1: 0.3}
     result = bench.end(bench.start('texture'))
     assert 'done' in result.message
+    assert result.glide_speed_m_s == pytest.approx(0.015, rel=0.01)
+    assert result.glide_lag_s < 0.02
     bench.wait_for_phase('done')
     assert bench.phases == ['approach', 'contact', 'glide', 'release', 'return', 'done']
     for name, device, goal in (
@@ -40,14 +35,14 @@ def test_phases_begin_with_the_motion_and_not_with_its_command(bench):
         ('return', bench.guide, 3),
     ):
         assert abs(phase(bench, name) - device.moved_at_ns[goal]) < STAMP_BOUND_NS, name
-    arrived_ns = bench.guide.moved_at_ns[2] + 10**9  # 15 mm at 15 mm/s
+    arrived_ns = bench.guide.moved_at_ns[2] + 7 * 10**8  # 10.5 mm at 15 mm/s
     assert abs(phase(bench, 'release') - arrived_ns) < STAMP_BOUND_NS
     stamps = [stamp_ns(event) for event in bench.events]
     assert all(a <= b for a, b in itertools.pairwise(stamps))
 
 
 def test_a_hold_lasts_from_rest_to_the_release_that_was_seen(bench):
-    bench.tendon.delays = {2: 0.7}
+    bench.tendon.delays = {2: 0.3}
     result = bench.end(bench.start('stiffness', hold_s=0.5))
     bench.wait_for_phase('done')
     assert bench.phases == ['approach', 'contact', 'hold', 'release', 'done']
@@ -57,16 +52,10 @@ def test_a_hold_lasts_from_rest_to_the_release_that_was_seen(bench):
     assert result.displacement_error_m < 1e-6
 
 
-def test_the_result_says_how_the_guide_moved(bench):
-    result = bench.end(bench.start('texture'))
-    assert result.glide_speed_m_s == pytest.approx(0.015, rel=0.01)
-    assert result.glide_lag_s < 0.02
-
-
 @pytest.mark.parametrize(
     ('fault', 'sentence'),
     [
-        ({'slowness': {2: 1.05}}, r'glided at 0\.014\d+ m/s instead of 0\.015 m/s'),
+        ({'slowness': {2: 1.1}}, r'glided at 0\.013\d+ m/s instead of 0\.015 m/s'),
         ({'pauses': {2: 0.1}}, r'fell 0\.\d+ s behind|glided at 0\.01\d+ m/s instead'),
     ],
 )

@@ -138,7 +138,7 @@ class Bench:
             'server_timeout_s': 1.0,
             'settle_s': 0.0,
             'guide_start_m': 0.01,
-            'glide_length_m': 0.015,
+            'glide_length_m': 0.0105,
             'approach_speed_m_s': 0.2,
             'pull_speed_m_s': 0.03,
         }
@@ -169,6 +169,20 @@ class Bench:
     def phases(self):
         return [event.phase for event in self.events]
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        for group in reversed(self.groups.values()):
+            group.close()
+
+    def touch(self, protocol):
+        """Start a trial that stays in contact: in its hold, or before its glide."""
+        self.guide.waits_in = (2,) if protocol == 'texture' else ()
+        handle = self.start(protocol)
+        wait_until(lambda: len(self.guide.goals) == 2 or 'hold' in self.phases)
+        return handle
+
     def start(self, protocol, hold_s=100.0):
         goal = RunTrial.Goal(protocol=protocol, contact='flexion', hold_s=hold_s)
         return send(self.client, lambda: self.action.send_goal_async(goal)).result(DEADLINE_S)
@@ -182,10 +196,6 @@ class Bench:
     def wait_until_released(self):
         wait_until(lambda: self.tendon.goals and self.tendon.goals[-1].displacement_m == 0.0)
         wait_until(lambda: self.tendon.position_m == 0.0)
-
-    def close(self):
-        for group in reversed(self.groups.values()):
-            group.close()
 
 
 def stamp_ns(event):

@@ -1,11 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every topic and field that a layout shows is one that our nodes publish and record.
-
-What the programs take is written down here after their public sources: the panels' types of
-Foxglove Studio before it was closed, the loaders of PlotJuggler 3 and of its ROS plugins 2.3.
-"""
+"""Every topic and field that a layout shows is one that our nodes publish and record."""
 
 import json
 from pathlib import Path
@@ -21,45 +17,6 @@ from tactile_classifier.names import all_classifier_names
 FOLDER = Path(__file__).resolve().parents[2] / 'layouts'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 TOPICS = {f'/{topic.name}': topic.type_name for topic in recorded_topics(all_classifier_names())}
-FLAG = {True, False}
-PATH = {'value': str, 'label': str, 'timestampMethod': {'headerStamp', 'receiveTime'}}
-PANELS = {
-    'Plot': {
-        'title': str,
-        'foxglovePanelTitle': str,
-        'paths': {**PATH, 'enabled': FLAG},
-        'showXAxisLabels': FLAG,
-        'showYAxisLabels': FLAG,
-        'showLegend': FLAG,
-        'legendDisplay': {'floating', 'top', 'left', 'none'},
-        'showPlotValuesInLegend': FLAG,
-        'isSynced': FLAG,
-        'xAxisVal': {'timestamp', 'index', 'custom', 'currentCustom'},
-        'sidebarDimension': int,
-        'followingViewWidth': int,
-    },
-    'StateTransitions': {'foxglovePanelTitle': str, 'paths': PATH, 'isSynced': FLAG},
-    'RawMessages': {
-        'foxglovePanelTitle': str,
-        'topicPath': str,
-        'diffEnabled': FLAG,
-        'diffMethod': {'custom', 'previous message'},
-        'diffTopicPath': str,
-        'showFullMessageForDiff': FLAG,
-    },
-}
-"""What Foxglove reads from a panel: a type, or one of some values; of each path."""
-OPTIONAL = {'followingViewWidth'}
-SUBSCRIBER = {
-    'use_header_stamp': {'true', 'false'},
-    'discard_large_arrays': {'true', 'false'},
-    'max_array_size': int,
-    'boolean_strings_to_number': {'true', 'false'},
-    'remove_suffix_from_strings': {'true', 'false'},
-    'selected_topics': str,
-}
-"""What PlotJuggler's subscriber of ROS 2 topics reads: the attribute ``value`` of each."""
-STYLES = {'Lines', 'Dots', 'LinesAndDots', 'Sticks', 'Steps', 'Inverse-steps'}
 JOINTS = {
     '/linear_guide/joint_states': LinearGuideConfig().joint_name,
     '/tendon_actuator/joint_states': TendonActuatorConfig().joint_name,
@@ -94,20 +51,6 @@ def check_numeric(store, topic, steps):
     assert re.fullmatch(r'float(32|64)|u?int(8|16|32|64)|bool', kind), f'{steps} is a {kind}'
 
 
-def check_form(config, form):
-    """Check that there is each key that a program reads, and no other, with a fit value."""
-    assert set(form) - OPTIONAL <= set(config) <= set(form)
-    for key, value in config.items():
-        if isinstance(form[key], dict):
-            assert value
-            for item in value:
-                check_form(item, form[key])
-        elif isinstance(form[key], set):
-            assert value in form[key], key
-        else:
-            assert type(value) is form[key], key
-
-
 def foxglove():
     return json.loads((FOLDER / 'foxglove.json').read_text())
 
@@ -128,13 +71,6 @@ def test_foxglove_places_every_panel_once():
     document = foxglove()
     assert sorted(panels_of(document['layout'])) == sorted(document['configById'])
     assert {'globalVariables', 'userNodes', 'playbackConfig'} <= set(document)
-
-
-@pytest.mark.parametrize('name', foxglove()['configById'])
-def test_foxglove_panel_has_what_its_type_reads(name):
-    kind, _, own = name.partition('!')
-    assert own
-    check_form(foxglove()['configById'][name], PANELS[kind])
 
 
 def foxglove_paths():
@@ -178,8 +114,6 @@ def test_plotjuggler_subscribes_to_what_it_shows():
     (streamer,) = plotjuggler().iter('previouslyLoaded_Streamer')
     assert plugin.get('ID') == streamer.get('name') == 'ROS2 Topic Subscriber'
     chosen = {setting.tag: setting.get('value') for setting in plugin}
-    chosen['max_array_size'] = int(chosen['max_array_size'])
-    check_form(chosen, SUBSCRIBER)
     assert chosen['use_header_stamp'] == 'true'
     topics = chosen['selected_topics'].split(';')
     assert all(topic in TOPICS for topic in topics)
@@ -187,28 +121,15 @@ def test_plotjuggler_subscribes_to_what_it_shows():
 
 
 def test_plotjuggler_finds_its_areas_and_plots():
-    root = plotjuggler()
-    assert root.tag == 'root'
-    (window,) = root.findall('tabbed_widget')
-    assert window.get('parent') == 'main_window'
-    tabs = window.findall('Tab')
-    assert 0 <= int(window.find('currentTabIndex').get('index')) < len(tabs)
+    tabs = plotjuggler().findall('tabbed_widget/Tab')
+    assert tabs
     for tab in tabs:
-        assert tab.get('tab_name')
-        assert int(tab.get('containers')) == len(tab.findall('Container'))
-        assert all(len(c.findall('DockSplitter')) == 1 for c in tab.findall('Container'))
-    for splitter in root.iter('DockSplitter'):
-        assert splitter.get('orientation') in ('-', '|')
+        assert int(tab.get('containers')) == len(tab.findall('Container/DockSplitter'))
+    for splitter in plotjuggler().iter('DockSplitter'):
         assert {child.tag for child in splitter} <= {'DockArea', 'DockSplitter'}
         sizes = [float(size) for size in splitter.get('sizes').split(';')]
         assert len(splitter) == int(splitter.get('count')) == len(sizes)
         assert sum(sizes) == pytest.approx(1.0, abs=1e-5)
-    for area in root.iter('DockArea'):
+    for area in plotjuggler().iter('DockArea'):
         (plot,) = area.findall('plot')
-        assert plot.get('mode') == 'TimeSeries'
-        assert plot.get('style') in STYLES
-        limits = {key: float(value) for key, value in plot.find('range').attrib.items()}
-        assert limits['left'] < limits['right']
-        assert limits['bottom'] < limits['top']
         assert plot.findall('curve')
-        assert all(re.fullmatch('#[0-9a-f]{6}', c.get('color')) for c in plot.findall('curve'))

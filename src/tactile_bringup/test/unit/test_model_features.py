@@ -12,8 +12,7 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bringup.launch_config.graph import sensing_graph
 from tactile_bringup.launch_config.launch_plans import plan_launch
-from tactile_bringup.launch_config.model_features import wanted_features
-from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bringup.launch_config.model_folder import find_models, wanted_features
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.records import ClassifierConfig

@@ -57,24 +57,10 @@ thumb:
         ('tendon_sensor: {ros__parameters: 3}', 'have no names'),
         ('- tendon_sensor', 'node names are expected'),
         ('tendon_sensor: {', 'cannot read'),
+        ('a: &x {ros__parameters: {b: 1}}\nc: *x', 'aliases'),
+        (' ' * (2**20 + 1), 'larger than'),
     ],
 )
 def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, message):
     with pytest.raises(TactileError, match=message):
         read_parameters(parameter_file(text), NAMES)
-
-
-@pytest.mark.parametrize(
-    ('text', 'reason'),
-    [
-        ('a: &x {ros__parameters: {b: 1}}\nc: *x', 'aliases'),
-        ('[' * 100_000, 'nested deeper'),
-        ('!!python/object/apply:os.system ["true"]', 'no YAML'),
-        (' ' * (2**20 + 1), 'larger than'),
-    ],
-)
-def test_hostile_file_is_refused_with_a_sentence(tmp_path, text, reason):
-    path = tmp_path / 'params.yaml'
-    path.write_text(text)
-    with pytest.raises(TactileError, match=reason):
-        read_parameters(path, ['a'])

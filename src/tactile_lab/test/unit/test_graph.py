@@ -50,13 +50,6 @@ def test_classifier_is_told_what_the_feature_node_is_told(models):
     assert classifier['contact'] == 'flexion'
 
 
-def test_given_parameters_win():
-    nodes = by_name(
-        rig_graph(PORTS, {}, {'tendon_sensor': {'port': '/dev/other'}}, simulated=False)
-    )
-    assert nodes['tendon_sensor'].parameters['port'] == '/dev/other'
-
-
 def test_classifier_names_round_trip():
     assert len(all_classifier_names()) == 6
     for name in all_classifier_names():
@@ -87,19 +80,16 @@ def test_recording_notes_the_windows_and_passes_over_parameters_of_every_node(tm
 
 
 def test_nodes_that_can_die_alone_watch_each_other():
-    alone = {node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True)}
-    assert 'heartbeat_topics' not in alone['linear_guide'].parameters
-    watched = {node.name: node for node in rig_graph(PORTS, {}, {}, simulated=True, watched=True)}
-    assert set(watched['linear_guide'].parameters['heartbeat_topics']) == {
-        'trial_runner/heartbeat',
-        'tendon_actuator/heartbeat',
-    }
-    assert set(watched['tendon_actuator'].parameters['heartbeat_topics']) == {
-        'trial_runner/heartbeat',
-        'linear_guide/heartbeat',
-    }
-    assert watched['linear_guide'].parameters['strain_timeout_s'] > 0
-    given = rig_graph(
-        PORTS, {}, {'linear_guide': {'strain_timeout_s': 0.5}}, simulated=True, watched=True
-    )
-    assert {n.name: n for n in given}['linear_guide'].parameters['strain_timeout_s'] == 0.5
+    def parameters(given, watched=True):
+        nodes = by_name(rig_graph(PORTS, {}, given, simulated=True, watched=watched))
+        return nodes['linear_guide'].parameters, nodes['tendon_actuator'].parameters
+
+    assert 'heartbeat_topics' not in parameters({}, watched=False)[0]
+    guide, tendon = parameters({})
+    runner = 'trial_runner/heartbeat'
+    assert set(guide['heartbeat_topics']) == {runner, 'tendon_actuator/heartbeat'}
+    assert set(tendon['heartbeat_topics']) == {runner, 'linear_guide/heartbeat'}
+    assert guide['strain_timeout_s'] > 0
+    given = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
+    guide, _ = parameters(given)
+    assert (guide['strain_timeout_s'], guide['port']) == (0.5, '/dev/other')

@@ -1,0 +1,177 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the nodes of guide and tendon share: one motion at a time, joint states, signs of life."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+import time
+from typing import Any
+
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
+
+from linear_guide_driver.safety.topic_watchdog import WatchedTopics
+from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health
+from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.health.readiness import ReadinessPublisher
+from tactile_ros.node.goals import Goal
+from tactile_ros.node.lifecycle import TactileNode
+
+FEEDBACK_PERIOD_S = 0.1
+WAIT_STEP_S = 0.02
+
+
+class MotionNode(TactileNode):
+    """A node that moves one device through a blocking client.
+
+    Topics ``~/joint_states``, ``~/ready`` and ``~/heartbeat`` (while active and well), health on
+    ``/diagnostics``. A subclass connects ``_client`` in its `set_up`, then calls `offer`.
+    """
+
+    device = 'device'
+    """Its name in sentences."""
+
+    def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
+        super().__init__(node_name, config_class, **node_options)
+        self._client: Any = None
+        self._topics = WatchedTopics(self)
+        self._joint_states: Any = None
+        self._diagnostics: Diagnostics | None = None
+        self._parts = ExitStack()  # takes back what was made, last things first
+
+    def is_well(self) -> bool:
+        """Return whether others may rely on the connected device."""
+        raise NotImplementedError
+
+    def find_obstacles(self) -> list[str]:
+        """Return a sentence for each thing that keeps the active device from moving."""
+        raise NotImplementedError
+
+    def judge_health(self, state: Any) -> Health:
+        """Return the health of the connected device in this state."""
+        raise NotImplementedError
+
+    def set_up(self, config: Any) -> None:
+        self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
+        self._parts.callback(self.destroy_lifecycle_publisher, self._joint_states)
+        self._topics = WatchedTopics(self)
+        self._parts.callback(self._topics.close)
+        for topic in config.heartbeat_topics:
+            self._topics.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
+
+    def offer(self, **services: Callable[[Any, Any], Any]) -> None:
+        """Offer what answers each ``std_srvs/Trigger``, and tell how the device is."""
+        for name, answer in services.items():
+            service = self.create_service(Trigger, f'~/{name}', answer)
+            self._parts.callback(self.destroy_service, service)
+        self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
+        heartbeat = HeartbeatPublisher(
+            self, lambda: self.is_active and self._client is not None and self.is_well()
+        )
+        for part in (self._diagnostics, heartbeat, ReadinessPublisher(self, self._find_missing)):
+            self._parts.callback(part.close)
+
+    def tear_down(self) -> None:
+        for runner in tuple(self.goal_runners):
+            runner.close()
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+        self._diagnostics = self._joint_states = None
+        self._parts.close()
+
+    # -- for the goals of a subclass -----------------------------------------------------------
+
+    def wait_for_peers(self, goal: Goal, awaits: Callable[[], bool]) -> None:
+        """Wait until every needed topic was heard once: after a start, peers need a moment.
+
+        Parameters
+        ----------
+        goal : Goal
+            The wait ends with it, and after ``peer_wait_s``.
+        awaits : callable
+            Whether a topic has not been heard yet.
+        """
+        deadline_s = time.monotonic() + self.config.peer_wait_s
+        while awaits() and time.monotonic() < deadline_s:
+            if goal.wait(WAIT_STEP_S):
+                return
+
+    @staticmethod
+    def limit_feedback(goal: Goal) -> Callable[..., None]:
+        """Return what publishes the fields of a feedback, at most ten times a second."""
+        due_s = time.monotonic()
+
+        def tell(**fields: float) -> None:
+            nonlocal due_s
+            now_s = time.monotonic()
+            if now_s >= due_s:
+                due_s = now_s + FEEDBACK_PERIOD_S
+                goal.feedback(**fields)
+
+        return tell
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a goal runs."""
+        return any(runner.is_busy for runner in self.goal_runners)
+
+    def accepting(self) -> str:
+        """Return why no goal can be taken now; empty when one can."""
+        if not self.is_active:
+            return f'The {self.device} is not active; activate its node first.'
+        if self.is_busy:
+            return f'The {self.device} is busy with another motion; stop it first.'
+        return ''
+
+    def end_goals(self) -> None:
+        """Make every running goal end early."""
+        for runner in self.goal_runners:
+            runner.end_goal()
+
+    # -- for the client of a subclass -----------------------------------------------------------
+
+    def now_ns(self) -> int:
+        """Return the ROS time [ns]."""
+        return int(self.get_clock().now().nanoseconds)
+
+    def publish_joint(self, position_m: float, velocity_m_s: float, stamp_ns: int) -> None:
+        """Publish position [m] and velocity [m/s] at a ROS time [ns]."""
+        if self._joint_states is None:
+            return
+        state = JointState(
+            name=[self.config.joint_name], position=[position_m], velocity=[velocity_m_s]
+        )
+        state.header.frame_id = self.config.frame_id
+        state.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
+        self._joint_states.publish(state)
+
+    def tell_trouble(self, reason: str) -> None:
+        """Log a fault and publish the health at once: a hold cannot wait for the next second."""
+        self.get_logger().error(reason)
+        if self._diagnostics is not None:
+            self._diagnostics.publish()
+
+    # -- inside ----------------------------------------------------------------------------------
+
+    def _find_missing(self) -> list[str]:
+        if self._client is None or self._client.state is None:
+            return [f'The {self.device} is not connected; see its log.']
+        if not self.is_active:
+            return [f'The {self.device} is not active; activate its node.']
+        return self.find_obstacles()
+
+    def _hardware_id(self) -> str:
+        return '' if self._client is None else self._client.identification
+
+    def _health(self) -> Health:
+        state = None if self._client is None else self._client.state
+        if state is None:
+            return Health(ERROR, f'The {self.device} is not connected.', {})
+        return self.judge_health(state)

@@ -1,0 +1,39 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A device behind a pseudo-terminal, served on a thread of its own."""
+
+import os
+import select
+import threading
+import tty
+
+
+class PtyPeer:
+    """Calls `take` with what has arrived, nothing included, some hundred times a second."""
+
+    def __init__(self):
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def say(self, data):
+        os.write(self._master, data)
+
+    def close(self):
+        """Unplug. Harmless when called twice."""
+        master, self._master = self._master, -1
+        if master >= 0:
+            os.close(self._slave)
+            self._thread.join(1.0)
+            os.close(master)
+
+    def _serve(self):
+        try:
+            while self._master >= 0:
+                ready, _, _ = select.select([self._master], [], [], 0.003)
+                self.take(os.read(self._master, 1024) if ready else b'')
+        except (OSError, ValueError):
+            pass
