@@ -36,10 +36,6 @@ class Source:
     sha256: str
     facts: dict[str, Any]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the source as what JSON can hold."""
-        return {'name': self.name, 'sha256': self.sha256, 'facts': self.facts}
-
 
 def describe_sources(paths: Sequence[Path]) -> list[Source]:
     """Return name, digest and facts of each recording.
@@ -55,11 +51,11 @@ def describe_sources(paths: Sequence[Path]) -> list[Source]:
         if path.is_dir():
             with TactileBag(path) as bag:
                 facts = {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))}
-        sources.append(Source(path.resolve().name, compute_digest(path), facts))
+        sources.append(Source(path.resolve().name, _compute_digest(path), facts))
     return sources
 
 
-def compute_digest(path: Path) -> str:
+def _compute_digest(path: Path) -> str:
     """Return the SHA-256 of a file, or of all files of a folder in the order of their names."""
     digest = hashlib.sha256()
     files = sorted(p for p in path.rglob('*') if p.is_file()) if path.is_dir() else [path]

@@ -21,7 +21,7 @@ from tactile_features.records import Measure
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import select_features
-from tactile_lab.datasets.measure_tables import read_measures
+from tactile_lab.datasets.reread import read_measures
 from tactile_lab.report.analysis import analyse
 from tactile_lab.report.answer_sections import list_unmeasured
 from tactile_lab.report.answers import AnswersPlan, summarise_measures

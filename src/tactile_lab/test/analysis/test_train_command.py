@@ -26,7 +26,7 @@ from tactile_lab.commands.analysis.train import (
 )
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
-from tactile_lab.datasets.partial_tables import read_partial_tables
+from tactile_lab.datasets.reread import read_partial_tables
 from tactile_ros.errors import TactileError
 
 
