@@ -11,11 +11,10 @@ import pyarrow.parquet
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
-from typer.testing import CliRunner
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_lab.cli.main import app
+from tactile_command import ask_tactile, hear_tactile, tactile
 
 RATE_HZ = 100.0
 SLOPES = {'rubber': -0.9, 'pla': -0.5}
@@ -32,18 +31,6 @@ def all_holds(count=6):
     return [(label, i, *hold(label, i, 240 + i)) for label in SLOPES for i in range(count)]
 
 
-def invoke(*arguments):
-    done = CliRunner().invoke(app, [str(a) for a in arguments])
-    return done.exit_code, done.output
-
-
-def ask(*arguments):
-    """Return what a command says in JSON."""
-    done = CliRunner().invoke(app, [*map(str, arguments), '--json'])
-    assert done.exit_code == 0, done.output
-    return json.loads(done.stdout)
-
-
 def save_rows(path, lines):
     """Write a table as text; make its folders."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,15 +44,15 @@ def rows_of(time_s, tension_n, form):
 
 def import_json(tmp_path, *arguments):
     archive = tmp_path / 'imported.npz'
-    found = ask('import', *arguments, '-o', archive, '--force')
+    found = ask_tactile('import', *arguments, '-o', archive, '--force')
     return found, load_archive(archive, folds=0)
 
 
 def refusal(tmp_path, *arguments):
-    code, said = invoke('import', *arguments, '-o', tmp_path / 'refused.npz')
-    assert code == 2, said
+    done = tactile('import', *arguments, '-o', tmp_path / 'refused.npz')
+    assert done.returncode == 2, done.stderr
     assert not (tmp_path / 'refused.npz').exists()
-    return said
+    return done.stderr
 
 
 @pytest.fixture
@@ -307,8 +294,7 @@ def test_oddities_are_said(tmp_path):
     assert 'warning: channel 1 is constant in 1 trial (row 2)' in found['notes']
     assert any('fewer than 16 samples in 16 trials' in note for note in found['notes'])
     options = ('--task', 'texture', '--folds', 2, '--repetitions', 1)
-    code, said = invoke('evaluate', tmp_path / 'odd.npz', *options)
-    assert code == 0
+    said = hear_tactile('evaluate', tmp_path / 'odd.npz', *options)
     assert 'fewer than 16 samples' in said
     assert 'channel 1 is constant' in said
 
@@ -319,8 +305,7 @@ def test_float32_gives_no_warning(tmp_path):
     np.savez(tmp_path / 'f.npz', x=x, label=[hold[0] for hold in all_holds()], rate_hz=100.0)
     for task in ('texture', 'stiffness'):
         options = ('--task', task, '--folds', 2, '--repetitions', 1)
-        code, said = invoke('evaluate', tmp_path / 'f.npz', *options)
-        assert code == 0, said
+        hear_tactile('evaluate', tmp_path / 'f.npz', *options)
 
 
 def test_kinds_are_not_mixed(tmp_path, long_table):
@@ -334,9 +319,9 @@ def test_kinds_are_not_mixed(tmp_path, long_table):
 def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
     common = ('--task', 'stiffness', '--folds', 2, '--repetitions', 1)
     import_json(tmp_path, long_table)
-    (found,) = ask('evaluate', tmp_path / 'imported.npz', *common)['sets']
+    (found,) = ask_tactile('evaluate', tmp_path / 'imported.npz', *common)['sets']
     means = [score['mean'] for score in found['evaluations'][0]['scores']]
-    (trained,) = ask('train', long_table, '-o', tmp_path / 'models', *common)['models']
+    (trained,) = ask_tactile('train', long_table, '-o', tmp_path / 'models', *common)['models']
     assert [s['mean'] for s in trained['evaluation']['scores']] == means
     model = TactileModel.load(tmp_path / 'models' / 'stiffness.onnx')
     assert model.model_id == trained['model_id']
@@ -347,8 +332,7 @@ def test_features_as_tables_with_units(tmp_path, long_table):
     common = ('--task', 'stiffness', '--group', 'session_id')
     files = {suffix: tmp_path / f'features.{suffix}' for suffix in ('parquet', 'csv')}
     for file in files.values():
-        code, said = invoke('features', long_table, '-o', file, *common)
-        assert code == 0, said
+        hear_tactile('features', long_table, '-o', file, *common)
     table = pyarrow.parquet.read_table(files['parquet'])
     known = ['source', 'trial', 'label', 'session', 'group', 'simulated']
     assert table.column_names[:6] == known
@@ -366,18 +350,14 @@ def test_features_as_tables_with_units(tmp_path, long_table):
     for row, (_, _, time_s, tension_n) in enumerate(all_holds()):
         slope = np.polyfit(time_s[:240], tension_n[:240], 1)[0]
         assert table[names[0]].to_pylist()[row] == pytest.approx(slope, rel=1e-9)
-    code, said = invoke('features', long_table, '-o', files['csv'], *common)
-    assert code == 2
-    assert '--force' in said
+    assert '--force' in hear_tactile('features', long_table, '-o', files['csv'], *common, code=2)
 
 
 def test_features_of_our_bags_have_a_file_for_each_kind(tmp_path):
     for protocol in ('texture', 'stiffness'):
-        arguments = ('simulate', protocol, '-o', tmp_path / 'bags', '--contact', 'flexion')
-        code, said = invoke(*arguments, '--trials', 1, '--jobs', 1)
-        assert code == 0, said
-    code, said = invoke('features', tmp_path / 'bags', '-o', tmp_path / 'f.parquet')
-    assert code == 0, said
+        options = ('--contact', 'flexion', '--trials', 1, '--jobs', 1)
+        hear_tactile('simulate', protocol, '-o', tmp_path / 'bags', *options)
+    hear_tactile('features', tmp_path / 'bags', '-o', tmp_path / 'f.parquet')
     table = pyarrow.parquet.read_table(tmp_path / 'f_texture_flexion.parquet')
     assert set(table['simulated'].to_pylist()) == {True}
     assert table.num_rows == 8

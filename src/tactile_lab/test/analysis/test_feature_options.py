@@ -3,27 +3,13 @@
 
 """`--features` of train and evaluate: sets by name, and the choice inside the folds."""
 
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_lab.cli.main import app
+from tactile_command import ask_tactile, hear_tactile
 from tactile_lab.datasets.feature_options import choose_features, list_sets
 from tactile_ros.errors import TactileError
-
-
-def invoke(*arguments):
-    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert done.exit_code == 0, done.output
-    return done.stdout
-
-
-def invoke_words(*arguments):
-    """Return what a command prints, on one line."""
-    return ' '.join(invoke(*arguments).split())
 
 
 def save_glides(path, x, label, **columns):
@@ -38,15 +24,15 @@ CHEAP = ('--repetitions', 1, '--folds', 2)
 def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp('bags')
     arguments = ('simulate', 'texture', '-o', folder, '--contact', 'flexion')
-    invoke(*arguments, '--trials', 2, '--sessions', 2, '--jobs', 1)
+    hear_tactile(*arguments, '--trials', 2, '--sessions', 2, '--jobs', 1)
     return folder / 'texture_flexion'
 
 
 def test_automatic_features_are_chosen_and_the_runner_up_is_named(bag, tmp_path):
-    said = invoke_words('train', bag, '-o', tmp_path, '--features', 'auto', *CHEAP)
+    said = hear_tactile('train', bag, '-o', tmp_path, '--features', 'auto', *CHEAP)
     assert 'times the time of training and tests' in said
     name = TactileModel.load(tmp_path / 'texture_flexion.onnx').spec.feature_set
-    evaluated = invoke_words('evaluate', bag, '--features', 'auto', *CHEAP)
+    evaluated = hear_tactile('evaluate', bag, '--features', 'auto', *CHEAP)
     for text in (said, evaluated):
         assert f'texture, flexion: {name} with' in text
         assert 'chosen inside the folds' in text
@@ -55,7 +41,7 @@ def test_automatic_features_are_chosen_and_the_runner_up_is_named(bag, tmp_path)
 
 def test_a_named_waveform_goes_into_a_model_of_random_convolutions(bag, tmp_path):
     features = ('--features', 'glide_waveform', '--classifier', 'rocket')
-    invoke('train', bag, '-o', tmp_path, *features, *CHEAP)
+    hear_tactile('train', bag, '-o', tmp_path, *features, *CHEAP)
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
     assert model.spec.feature_set == 'glide_waveform'
     assert model.manifest.classifier == 'rocket'
@@ -69,7 +55,7 @@ def test_all_channels_of_an_archive_count(tmp_path):
     accuracies = []
     for channel, count in (('all', 180), (0, 60)):
         features = ('--task', 'texture', '--channel', channel, '--features', 'glide_waveform')
-        (found,) = json.loads(invoke('evaluate', archive, *features, *CHEAP, '--json'))['sets']
+        (found,) = ask_tactile('evaluate', archive, *features, *CHEAP)['sets']
         scores = {s['classifier']: s['mean'] for s in found['evaluations'][0]['scores']}
         assert len(found['features']) == count
         accuracies.append(scores['rocket'])
@@ -78,11 +64,8 @@ def test_all_channels_of_an_archive_count(tmp_path):
 
 
 def test_names_that_are_no_sets_are_refused_by_train(bag, tmp_path):
-    done = CliRunner().invoke(app, ['train', str(bag), '-o', str(tmp_path), '--features', 'slope'])
-    assert done.exit_code == 2
-    assert 'it must be auto or name sets of features: texture_spectrum' in ' '.join(
-        done.output.split()
-    )
+    said = hear_tactile('train', bag, '-o', tmp_path, '--features', 'slope', code=2)
+    assert 'it must be auto or name sets of features: texture_spectrum' in said
 
 
 def test_each_set_goes_to_its_phase():
@@ -105,7 +88,7 @@ def test_folds_choose_the_set_for_an_archive(tmp_path):
     columns = {'part': np.tile([1, 2, 3], 8), 'speed_mm_s': np.full(24, 15.0)}
     archive = save_glides(tmp_path / 'levels.npz', x, label, **columns)
     options = ('--task', 'texture', '--features', 'auto', *CHEAP, '--group', 'part')
-    said = invoke_words('evaluate', archive, *options)
+    said = hear_tactile('evaluate', archive, *options)
     # The level tells them apart, and a spectrum does not have it.
     assert 'texture: glide_waveform with' in said
     assert 'auto: glide_waveform' in said
@@ -121,7 +104,7 @@ def test_folds_choose_among_sets_over_the_surface_where_speeds_are_stated(tmp_pa
     x = np.sin(2 * np.pi * at_mm / pitch_mm + rng.uniform(0, 6, (24, 1)))
     archive = save_glides(tmp_path / 'glides.npz', x[:, None], label, speed_mm_s=speed)
     options = ('--task', 'texture', '--features', 'auto', '--over', '40:1', *CHEAP)
-    said = invoke_words(
+    said = hear_tactile(
         'evaluate', archive, *options, '--speed-column', 'speed_mm_s', '--group', 'speed_mm_s'
     )
     assert 'texture: texture_spatial with' in said or 'texture: spatial_waveform with' in said

@@ -9,15 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.model_file.inference import TactileModel
+from tactile_command import hear_tactile
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.cli.main import app
 from tactile_lab.commands.analysis.evaluate import _read_sets, run_evaluate
 from tactile_lab.commands.analysis.requests import EvaluateRequest
 from tactile_lab.commands.output import Output
@@ -33,11 +32,9 @@ SPEEDS_MM_S = (10, 30)
 @pytest.fixture(scope='module')
 def bags(tmp_path_factory):
     folder = tmp_path_factory.mktemp('bags')
-    speeds = [part for mm_s in SPEEDS_MM_S for part in ('--speed', str(mm_s))]
-    arguments = ['simulate', 'texture', '-o', str(folder), '--contact', 'flexion']
-    arguments += ['--trials', '2', '--sessions', '2', '--jobs', '1', *speeds]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code == 0, done.output
+    speeds = [part for mm_s in SPEEDS_MM_S for part in ('--speed', mm_s)]
+    options = ('--contact', 'flexion', '--trials', 2, '--sessions', 2, '--jobs', 1, *speeds)
+    hear_tactile('simulate', 'texture', '-o', folder, *options)
     return [folder / f'texture_flexion_{mm_s}mm_s' for mm_s in SPEEDS_MM_S]
 
 
@@ -53,18 +50,16 @@ def test_each_speed_has_a_bag_whose_events_state_it(bags):
 
 
 def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, tmp_path):
-    arguments = ['train', *map(str, bags), '-o', str(tmp_path), '--over', '45:0.5']
-    done = CliRunner().invoke(app, [*arguments, '--repetitions', '1', '--folds', '2'])
-    assert done.exit_code == 0, done.output
+    arguments = ('train', *bags, '-o', tmp_path, '--over', '45:0.5')
+    hear_tactile(*arguments, '--repetitions', 1, '--folds', 2)
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
     config = FeatureConfig(texture_features='texture_spatial')
     assert model.spec.mismatch(spec_for('texture', config)) == ''
     assert 'feature set' in model.spec.mismatch(spec_for('texture', FeatureConfig()))
     finer = dataclasses.replace(config, spatial_finest_m=0.00025)
     assert 'spatial_finest_m' in model.spec.mismatch(spec_for('texture', finer))
-    done = CliRunner().invoke(app, [*arguments, '--running', '1', '--force'])
-    assert done.exit_code == 2
-    assert 'no early predictions' in done.output
+    said = hear_tactile(*arguments, '--running', 1, '--force', code=2)
+    assert 'no early predictions' in said
 
 
 @pytest.mark.parametrize('text', ['45', '45:', 'a:b', '1:0.5', '45:0', 'nan:1'])
@@ -74,9 +69,8 @@ def test_a_window_that_is_none_is_refused(text):
 
 
 def test_only_texture_has_a_speed(tmp_path):
-    done = CliRunner().invoke(app, ['simulate', 'slip', '-o', str(tmp_path), '--speed', '5'])
-    assert done.exit_code == 2
-    assert 'for texture' in done.output
+    said = hear_tactile('simulate', 'slip', '-o', tmp_path, '--speed', 5, code=2)
+    assert 'for texture' in said
 
 
 @pytest.fixture

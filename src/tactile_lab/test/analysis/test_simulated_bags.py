@@ -9,15 +9,14 @@ import threading
 import joblib
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_command import tactile
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_lab.cli.main import app
 from tactile_lab.commands import simulate
 from tactile_lab.commands.replay import run_replay
 from tactile_lab.commands.simulate import run_simulate
@@ -243,8 +242,7 @@ def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
 @pytest.mark.parametrize(('complete', 'code'), [(True, 0), (False, 3)])
 def test_exit_code_tells_scripts_about_aborted_trials(monkeypatch, tmp_path, complete, code):
     monkeypatch.setattr(simulate, 'run_simulate', lambda request, as_json: complete)
-    done = CliRunner().invoke(app, ['simulate', 'slip', '-o', str(tmp_path)])
-    assert done.exit_code == code
+    assert tactile('simulate', 'slip', '-o', tmp_path).returncode == code
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,10 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
-from tactile_lab.cli.main import app
+from tactile_command import ask_tactile, hear_tactile, tactile
 from tactile_lab.datasets.selection import select_trials
 from tactile_ros.errors import TactileError
 
@@ -38,26 +37,10 @@ def save(tmp_path):
     return save
 
 
-def evaluate(path, *arguments):
-    """Return the exit code and what was printed, on one line."""
-    done = CliRunner().invoke(
-        app, ['evaluate', str(path), *CHEAP, *arguments], catch_exceptions=False
-    )
-    return done.exit_code, ' '.join(done.output.split())
-
-
-def evaluate_json(path, *arguments):
-    """Return what was said for people, and the one set of the JSON."""
-    options = ['evaluate', str(path), *CHEAP, '--json', *arguments]
-    done = CliRunner().invoke(app, options, catch_exceptions=False)
-    assert done.exit_code == 0, done.output
-    (found,) = json.loads(done.stdout)['sets']
-    return done.stderr, found
-
-
 def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save):
     path, _ = save()
-    _, found = evaluate_json(path, '--train-where', 'day=2', '--test-where', 'day=1')
+    stated = ('--train-where', 'day=2', '--test-where', 'day=1')
+    (found,) = ask_tactile('evaluate', path, *CHEAP, *stated)['sets']
     plain, stated = found['evaluations']
     assert stated['split'] == 'trained on day=2 (24 trials), tested on day=1'
     assert (plain['trials'], stated['trials']) == (48, 24)
@@ -87,14 +70,14 @@ def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
     x[3] = 5.0
     x[40, 0, 17] = np.nan
     path, _ = save(x=x)
-    code, output = evaluate(path)
-    assert code == 2
-    assert '1 of 48 trials' in output
-    assert 'row 40' in output
+    said = hear_tactile('evaluate', path, *CHEAP, code=2)
+    assert '1 of 48 trials' in said
+    assert 'row 40' in said
     report = tmp_path / 'report.html'
-    options = ('--skip-bad', '--where', 'day=1,2', '--report', str(report))
-    said, found = evaluate_json(path, *options)
-    for shown in (said, report.read_text()):
+    options = ('--skip-bad', '--where', 'day=1,2', '--report', report, '--json')
+    done = tactile('evaluate', path, *CHEAP, *options)
+    (found,) = json.loads(done.stdout)['sets']
+    for shown in (done.stderr, report.read_text()):
         assert 'skipped 2 trials' in shown
         assert 'row 3: the tension is constant' in shown
         assert 'row 40: x in strange.npz is not finite at 1 of 200 samples' in shown
@@ -104,12 +87,14 @@ def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
 
 def test_resampling_and_crop_are_stated(save):
     path, _ = save(length=np.where(np.arange(48) < 2, 190, 200))
-    _, said = evaluate(path, '--resample-hz', '60', '--crop', '0.5:1.5')
+    said = hear_tactile('evaluate', path, *CHEAP, '--resample-hz', '60', '--crop', '0.5:1.5')
     assert 'channel 0, at 60 Hz, 0.5 to 1.5 s' in said
     assert 'resampled from 100 to 60 Hz: polyphase filter 3/5' in said
-    _, said = evaluate(path, '--static-phase', '0.5:1.5')  # the option's first name
+    said = hear_tactile(
+        'evaluate', path, *CHEAP, '--static-phase', '0.5:1.5'
+    )  # the option's first name
     assert 'channel 0, 0.5 to 1.5 s' in said
-    assert 'cut to the first 1.9 s' in said
+    assert 'cut to the first 1.9 s' in hear_tactile('evaluate', path, *CHEAP)
 
 
 def test_columns_select_by_value_by_values_or_by_truth():
@@ -140,6 +125,5 @@ def test_columns_select_by_value_by_values_or_by_truth():
 
 def test_one_of_the_two_alone_is_refused(save):
     path, _ = save()
-    code, output = evaluate(path, '--train-where', 'day=1')
-    assert code == 2
-    assert 'give both' in output
+    said = hear_tactile('evaluate', path, *CHEAP, '--train-where', 'day=1', code=2)
+    assert 'give both' in said

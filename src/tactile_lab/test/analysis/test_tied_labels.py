@@ -6,22 +6,15 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
 
 from tactile_bags import EVENT
-from tactile_lab.cli.main import app
+from tactile_command import ask_tactile, tactile
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 
 OPTIONS = ('--folds', '2', '--repetitions', '1')
 SENTENCE = 'session and label coincide for 5 of 5 labels'
-
-
-def run(*arguments):
-    done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
-    return done
 
 
 @pytest.fixture(scope='module')
@@ -38,7 +31,7 @@ def tied_bag(stiffness_bag, rewrite, tmp_path_factory):
 
 def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
     report = tmp_path / 'report.html'
-    done = run('evaluate', tied_bag, *OPTIONS, '--report', report, '--json')
+    done = tactile('evaluate', tied_bag, *OPTIONS, '--report', report, '--json')
     assert SENTENCE in done.stderr
     assert SENTENCE in report.read_text()
     (found,) = json.loads(done.stdout)['sets']
@@ -48,7 +41,7 @@ def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
 
 def test_tied_labels_are_told_at_training(tied_bag, tmp_path):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    done = run('train', tied_bag, '-o', tmp_path, *OPTIONS, '--json')
+    done = tactile('train', tied_bag, '-o', tmp_path, *OPTIONS, '--json')
     assert SENTENCE in done.stderr
     (model,) = json.loads(done.stdout)['models']
     assert any(SENTENCE in warning for warning in model['evaluation']['warnings'])
@@ -84,13 +77,11 @@ def test_an_experiment_is_read_without_the_trials_that_do_not_count(
     (table,) = found.tables.values()
     assert table.column('trial_id').tolist() == names[:-1]
     assert f'{failed}: another attempt counts (failed)' in found.left_out
-    done = run('evaluate', folder.path, *OPTIONS, '--json')
-    (evaluated,) = json.loads(done.stdout)['sets']
+    (evaluated,) = ask_tactile('evaluate', folder.path, *OPTIONS)['sets']
     assert [evaluation['split'] for evaluation in evaluated['evaluations']][1:] == [
         'one session held out',
         'one mounting held out',
     ]
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    done = run('train', folder.path, '-o', tmp_path / 'models', *OPTIONS, '--json')
-    (model,) = json.loads(done.stdout)['models']
+    (model,) = ask_tactile('train', folder.path, '-o', tmp_path / 'models', *OPTIONS)['models']
     assert model['evaluation']['trials'] == evaluated['trials'] == 14
