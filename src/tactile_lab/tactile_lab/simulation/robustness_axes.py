@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from tactile_bringup.records import TrialConfig
@@ -82,15 +82,15 @@ def list_axes(cell: LoadCell, config: TrialConfig) -> tuple[Axis, ...]:
     speeds_m_s = (0.005, 0.010, 0.0135, config.glide_speed_m_s, 0.0165)
 
     def sensed(
-        name: str, unit: str, key: str, nominal: float, values: Sequence[float], **more: Any
+        name: str, unit: str, key: str, nominal: float, values: Sequence[Any], **more: Any
     ) -> Axis:
         settings = tuple(Setting(name, v, sensing=Sensing(**{key: v}), **more) for v in values)
         return Axis(name, unit, settings, nominal)
 
     def moved(
-        name: str, unit: str, key: str, nominal: float, values: Sequence[float], **more: Any
+        name: str, unit: str, key: str, nominal: float, values: Sequence[Any], **more: Any
     ) -> Axis:
-        settings = tuple(replace(Setting(name, v), **{key: v}) for v in values)
+        settings = tuple(Setting(name, v, **{key: v}) for v in values)
         return Axis(name, unit, settings, nominal, **more)
 
     noise_n, drift_n_rt_s = cell.noise_n, cell.drift_n_rt_s
