@@ -34,7 +34,7 @@ study = replace(Study(), train_sessions=2, test_sessions=2)
 accuracies = []
 for setting, (train, test) in zip(settings, make_features(study, catalogue, 'texture', settings), strict=True):
     accuracies.append(score('texture', train, test))
-    print(f'{setting.value:5g} N: {100 * accuracies[-1]:.0f} % of {len(test.all_labels)} trials')
+    print(f'{setting.value:5g} N: {100 * accuracies[-1]:.0f} % of {test.trials} trials')
 
 # %%
 figure, axes = plt.subplots(figsize=(6, 3), layout='constrained')

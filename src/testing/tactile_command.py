@@ -3,6 +3,7 @@
 
 """The `tactile` command in a test's own process: without the second that a new Python takes."""
 
+import json
 from types import SimpleNamespace
 
 from typer.testing import CliRunner
@@ -20,3 +21,18 @@ def tactile(*arguments):
 
     done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
     return SimpleNamespace(returncode=done.exit_code, stdout=done.stdout, stderr=done.stderr)
+
+
+def ask_tactile(*arguments):
+    """Run the command with ``--json``, which must succeed; return what it answers."""
+    done = tactile(*arguments, '--json')
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def hear_tactile(*arguments, code=0):
+    """Run the command, which must end with a code; return all that it says, on one line."""
+    done = tactile(*arguments)
+    said = ' '.join(f'{done.stdout} {done.stderr}'.split())
+    assert done.returncode == code, said
+    return said

@@ -70,18 +70,7 @@ def draw_strain(
     line: tuple[float, float] | None = None,
 ) -> None:
     """Draw what `plot_strain` draws; the parameters are the same."""
-    for name, start, end in phases:
-        shade_phase(axes, name, start, end)
-        if end - start > 0.02 * (phases[-1][2] - phases[0][1]):
-            axes.text(
-                (start + end) / 2,
-                0.98,
-                name,
-                transform=axes.get_xaxis_transform(),
-                ha='center',
-                va='top',
-                fontsize=9,
-            )
+    shade_phases(axes, phases)
     axes.plot(time_s, tension_n, color=TRACE_COLOUR, lw=1)
     if window_s is not None:
         for at_s in window_s:
@@ -105,9 +94,20 @@ def draw_strain(
     axes.set_xlim(phases[0][1], phases[-1][2])
 
 
-def shade_phase(axes: Axes, name: str, start_s: float, end_s: float) -> None:
-    """Lay a phase's colour thinly over its time; grey where nothing is touched on purpose."""
-    axes.axvspan(start_s, end_s, color=_PHASE_COLOURS.get(name, '#909090'), alpha=0.18, lw=0)
+def shade_phases(axes: Axes, phases: Sequence[tuple[str, float, float]]) -> None:
+    """Colour each phase, grey where nothing is touched, and write the names of long ones."""
+    for name, start, end in phases:
+        axes.axvspan(start, end, color=_PHASE_COLOURS.get(name, '#909090'), alpha=0.18, lw=0)
+        if end - start > 0.02 * (phases[-1][2] - phases[0][1]):
+            axes.text(
+                (start + end) / 2,
+                0.98,
+                name,
+                transform=axes.get_xaxis_transform(),
+                ha='center',
+                va='top',
+                fontsize=9,
+            )
 
 
 def plot_spectra(
@@ -125,7 +125,6 @@ def plot_spectra(
     frequency_hz : ndarray of shape (k,)
     spectra : sequence of (label, ndarray of shape (k,))
         Amplitudes [N].
-    title : str
     """
     rows = (len(spectra) + 1) // 2
     figure = Figure(figsize=(9, 1.5 * rows + 0.8), layout='constrained')

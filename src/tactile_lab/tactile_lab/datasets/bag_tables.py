@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -30,20 +30,14 @@ from tactile_features.records import (
     PROTOCOL_SLIP,
     TrialEvent,
 )
-from tactile_features.spec import spec_for
+from tactile_features.spec import FeatureSpec, spec_for
 from tactile_lab.experiment.folder import find_dropped
 
 BLOCKS = 6
 """Into how many parts the trials of a session are cut in the order of time, as many as folds."""
 
-
-@dataclass
-class LabelledWindows:
-    """The feature windows of one kind of trial, with what is known of each trial."""
-
-    windows: list[FeatureWindow] = field(default_factory=list)
-    events: list[TrialEvent] = field(default_factory=list)
-    sources: list[tuple[str, str]] = field(default_factory=list)
+Row = tuple[FeatureWindow, TrialEvent, str, str]
+"""A labelled window, its trial's last event before it, bag and namespace."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +66,6 @@ def read_tables(
 
     Parameters
     ----------
-    paths : sequence of Path
     chosen : mapping
         Fields of `FeatureConfig` that name other features than the recorded ones.
 
@@ -83,7 +76,7 @@ def read_tables(
         the first, or no labelled trial is in any of them.
     """
     config: FeatureConfig | None = None
-    found: dict[tuple[str, str], LabelledWindows] = {}
+    found: defaultdict[tuple[str, str], list[Row]] = defaultdict(list)
     left_out: list[str] = []
     for path in paths:
         with TactileBag(path) as bag:
@@ -96,17 +89,13 @@ def read_tables(
             config = bag_config
             for namespace in bag.namespaces:
                 _collect(bag, namespace, config, found, left_out)
-    if config is None or not any(group.windows for group in found.values()):
+    if config is None or not found:
         what = ', '.join(map(str, paths)) or 'no bag'
         raise BagError(
             f'no labelled trial with features in {what}'
             + (f'; the first reason: {left_out[0]}' if left_out else '')
         )
-    tables = {
-        key: _table(group, spec_config=config, task=key[0])
-        for key, group in sorted(found.items())
-        if group.windows
-    }
+    tables = {key: _table(rows, spec_for(key[0], config)) for key, rows in sorted(found.items())}
     return BagTables(tables, tuple(left_out))
 
 
@@ -123,7 +112,7 @@ def _collect(
     bag: TactileBag,
     namespace: str,
     config: FeatureConfig,
-    found: dict[tuple[str, str], LabelledWindows],
+    found: defaultdict[tuple[str, str], list[Row]],
     left_out: list[str],
 ) -> None:
     # A table has features of full windows alone: measures would be made in vain.
@@ -153,10 +142,7 @@ def _collect(
         else:
             # By what the features are: a trial of one protocol may have a window of the other.
             key = task_of(window.feature_set), event.contact
-            group = found.setdefault(key, LabelledWindows())
-            group.windows.append(window)
-            group.events.append(event)
-            group.sources.append((str(bag.path), namespace))
+            found[key].append((window, event, str(bag.path), namespace))
 
 
 def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:
@@ -177,15 +163,15 @@ def _end_after(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEven
     return min(ends, key=lambda event: event.stamp_ns, default=None)
 
 
-def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> FeatureTable:
-    events = group.events
+def _table(rows: Sequence[Row], spec: FeatureSpec) -> FeatureTable:
+    windows, events, bags, namespaces = zip(*rows, strict=True)
     labels = np.array([event.object_label for event in events])
     session_ids = np.array([event.session_id for event in events])
-    starts_ns = np.array([window.window_start_ns for window in group.windows])
+    starts_ns = np.array([window.window_start_ns for window in windows])
     return FeatureTable(
-        values=np.array([window.values for window in group.windows]),
+        values=np.array([window.values for window in windows]),
         labels=labels,
-        spec=spec_for(task, spec_config),
+        spec=spec,
         columns={
             'trial_id': np.array([event.trial_id for event in events]),
             'session_id': session_ids,
@@ -194,10 +180,10 @@ def _table(group: LabelledWindows, spec_config: FeatureConfig, task: str) -> Fea
             'contact': np.array([event.contact for event in events]),
             'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),
             'simulated': np.array([event.simulated for event in events]),
-            'bag': np.array([bag for bag, _ in group.sources]),
-            'namespace': np.array([namespace for _, namespace in group.sources]),
+            'bag': np.array(bags),
+            'namespace': np.array(namespaces),
             'window_start_ns': starts_ns,
-            'window_end_ns': np.array([window.window_end_ns for window in group.windows]),
+            'window_end_ns': np.array([window.window_end_ns for window in windows]),
         },
     )
 

@@ -86,20 +86,17 @@ def select_features(table: FeatureTable, names: str | None) -> FeatureTable:
     short = [name.rpartition('__')[2] for name in table.spec.names]
     chosen = []
     for name in (part.strip() for part in names.split(',')):
-        if name in table.spec.names:
-            chosen.append(table.spec.names.index(name))
-        elif name in short:
-            fitting = [full for full in table.spec.names if full.rpartition('__')[2] == name]
-            if len(fitting) > 1:
-                raise TactileError(
-                    f'"{name}" is the end of several names; write one of {", ".join(fitting)}'
-                )
-            chosen.append(short.index(name))
-        else:
+        exact = [i for i, full in enumerate(table.spec.names) if full == name]
+        found = exact or [i for i, end in enumerate(short) if end == name]
+        if not found:
             raise TactileError(
                 f'there is no feature "{name}"; there are {", ".join(short[:8])}'
                 + (' ...' if len(short) > 8 else '')
             )
+        if len(found) > 1:
+            fitting = ', '.join(table.spec.names[i] for i in found)
+            raise TactileError(f'"{name}" is the end of several names; write one of {fitting}')
+        chosen += found
     spec = replace(
         table.spec,
         names=tuple(table.spec.names[i] for i in chosen),

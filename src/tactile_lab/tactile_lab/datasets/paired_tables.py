@@ -132,7 +132,6 @@ def pair_tables(
     ----------
     read : callable
         See `Reader`.
-    models : (TactileModel, TactileModel)
     columns : sequence of str
         Columns that make a group; none: the session, where there is one.
 
@@ -174,37 +173,34 @@ def _pair(
     rows = tuple(np.array([place.get(name, -1) for name in trials]) for place in places)
     sources = [(0, a) if a >= 0 else (1, b) for a, b in zip(*rows, strict=True)]
 
-    def column(of: Callable[[FeatureTable], NDArray[Any]]) -> NDArray[Any]:
-        both = [of(table) for table in tables]
+    def join(*both: NDArray[Any]) -> NDArray[Any]:
         return np.array([both[side][row] for side, row in sources])
 
     groups = None
     present = [name for name in SESSIONS if name in tables[0].columns][:1]
     for name in columns or present:
-        values = column(lambda table, name=name: table.column(name).astype(str))  # type: ignore[misc]
+        values = join(*(table.column(name).astype(str) for table in tables))
         groups = values if groups is None else np.char.add(np.char.add(groups, '/'), values)
     return PairedTrials(
         key,
-        labels=column(lambda table: table.labels),
-        trial_ids=column(lambda table: table.column('trial_id').astype(str)),
+        labels=join(*(table.labels for table in tables)),
+        trial_ids=join(*(table.column('trial_id').astype(str) for table in tables)),
         groups=groups,
         parts_are=f'groups of {" and ".join(columns)}' if columns else 'sessions',
-        simulated=column(
-            lambda table: np.asarray(table.columns.get('simulated', np.zeros(len(table)))).astype(
-                bool
-            )
-        ),
+        simulated=join(*(_optional(table, 'simulated').astype(bool) for table in tables)),
         tables=tables,
         rows=(rows[0], rows[1]),
     )
 
 
+def _optional(table: FeatureTable, name: str) -> NDArray[Any]:
+    """Return a column, zeros where there is none."""
+    return np.asarray(table.columns.get(name, np.zeros(len(table))))
+
+
 def _places(table: FeatureTable) -> dict[tuple[str, ...], int]:
     """Return the row of each trial; a trial's name may come again, so its turn counts too."""
-    source = [
-        np.asarray(table.columns.get(name, np.zeros(len(table)))).astype(str)
-        for name in ('bag', 'namespace', 'trial_id')
-    ]
+    source = [_optional(table, name).astype(str) for name in ('bag', 'namespace', 'trial_id')]
     turns: defaultdict[tuple[str, ...], int] = defaultdict(int)
     places = {}
     for row, name in enumerate(zip(*source, strict=True)):

@@ -13,17 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.datasets.archive import LabelledTrials
-from tactile_classifier.datasets.dataset import (
-    ALL,
-    Channel,
-    FeatureTable,
-    usable_table,
-)
+from tactile_classifier.datasets.dataset import ALL, Channel, FeatureTable, usable_table
 from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import features_from_trials
 from tactile_features.records import PHASE_GLIDE, PROTOCOL_TEXTURE
 from tactile_lab.datasets.feature_options import choose_features
-from tactile_lab.datasets.partial_tables import count_samples
+from tactile_lab.datasets.reread import count_samples
 from tactile_lab.datasets.selection import select_trials
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.sources.load import load_trials
@@ -40,14 +35,11 @@ class PreparedTrials:
     ----------
     title : str
         Task, source, channel, and what was done.
-    task : str
     trials : LabelledTrials
         Selected, resampled and cropped; those that gave features.
     channel : int, ``'all'`` or None
         As `table_from_trials` takes it.
-    config : FeatureConfig
     speeds_m_s : ndarray of shape (trials,) or None
-    table : FeatureTable
     """
 
     title: str
@@ -101,12 +93,7 @@ class PreparedTrials:
         return {count: replace(table, values=compute(count)) for count in counts}
 
 
-def prepare_trials(
-    leaves: Sequence[Leaf],
-    options: TrialOptions,
-    *,
-    folds: int,
-) -> PreparedTrials:
+def prepare_trials(leaves: Sequence[Leaf], options: TrialOptions, *, folds: int) -> PreparedTrials:
     """Read trials and compute their features.
 
     Parameters
@@ -126,14 +113,10 @@ def prepare_trials(
     name = leaves[0].root.name or str(leaves[0].root)
     if options.task is None:
         raise TactileError(f'say what {name} is about: --task texture or --task stiffness')
-    channel = parse_channel(options.channel or '0')
+    channel = _parse_channel(options.channel or '0')
     config = FeatureConfig(**choose_features(options.over, options.detrend, options.features))
     trials = load_trials(
-        leaves,
-        options.sources,
-        Questions(),
-        folds=folds,
-        skip_bad=options.skip_bad,
+        leaves, options.sources, Questions(), folds=folds, skip_bad=options.skip_bad
     )
     names: dict[Channel, str] = {None: 'mean of all channels', ALL: 'all channels'}
     title = [options.task, name, names.get(channel, f'channel {channel}')]
@@ -145,7 +128,7 @@ def prepare_trials(
         trials = trials.resample(options.resample_hz)
         title.append(f'at {options.resample_hz:g} Hz')
     if options.crop is not None:
-        start_s, stop_s = parse_span(options.crop)
+        start_s, stop_s = _parse_span(options.crop)
         trials = trials.between(start_s, stop_s)
         title.append(f'{start_s:g} to {stop_s:g} s')
     speeds_m_s = None
@@ -190,14 +173,8 @@ def _speeds_m_s(options: TrialOptions, trials: LabelledTrials) -> NDArray[np.flo
     raise TactileError(f'--speed-column: the name "{name}" must end in its unit, _mm_s or _m_s')
 
 
-def parse_channel(text: str) -> Channel:
-    """Return the number of a channel, ``all``, or None for ``mean``.
-
-    Raises
-    ------
-    TactileError
-        When it is none of these.
-    """
+def _parse_channel(text: str) -> Channel:
+    """Return the number of a channel, ``all``, or None for ``mean``."""
     if text == 'mean':
         return None
     if text == ALL:
@@ -207,14 +184,8 @@ def parse_channel(text: str) -> Channel:
     return int(text)
 
 
-def parse_span(text: str) -> tuple[float, float]:
-    """Return start and stop in seconds from ``START:STOP``.
-
-    Raises
-    ------
-    TactileError
-        When it is not of that form.
-    """
+def _parse_span(text: str) -> tuple[float, float]:
+    """Return start and stop in seconds from ``START:STOP``."""
     start, _, stop = text.partition(':')
     try:
         span = float(start), float(stop)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -34,28 +35,18 @@ FORCE_UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
 
 
 @dataclass(frozen=True)
-class UnitPoint:
-    """Accuracy of the unscaled RBF SVM when forces are stated in another unit [1]."""
-
-    unit: str
-    accuracy: float
-
-
-@dataclass(frozen=True)
 class SetResult:
     """What was found on one set of trials.
 
     Attributes
     ----------
-    recordings : RecordingSet
     evaluations : tuple of Evaluation
         Plain folds first, then one a grouped split, then one a stated split.
-    curves : tuple of LearningCurve
-    selections : tuple of SelectionResult
     significance : RankSum
         On all trials.
-    units : tuple of UnitPoint
-        For stiffness, whose features differ in unit; empty otherwise.
+    units : dict of str to float
+        Accuracy of the unscaled RBF SVM when forces are stated in this unit [1]. For stiffness,
+        whose features differ in unit; empty otherwise.
     not_done : tuple of str
         One sentence for each analysis that the trials do not allow.
     answers : Answers or None
@@ -70,7 +61,7 @@ class SetResult:
     curves: tuple[LearningCurve, ...]
     selections: tuple[SelectionResult, ...]
     significance: RankSum
-    units: tuple[UnitPoint, ...]
+    units: dict[str, float]
     not_done: tuple[str, ...]
     answers: Answers | None = None
     published: SetResult | None = None
@@ -106,7 +97,7 @@ class SetResult:
                 'mean_p': self.significance.mean_p.tolist(),
                 'p': self.significance.p.tolist() if self.units else None,
             },
-            'rbf_unscaled_by_unit_of_force': {point.unit: point.accuracy for point in self.units},
+            'rbf_unscaled_by_unit_of_force': self.units,
             'answers': None if self.answers is None else self.answers.to_dict(),
             'not_done': list(self.not_done),
             'prepared': list(recordings.steps),
@@ -114,113 +105,100 @@ class SetResult:
         }
 
 
-class _SetPlans:
-    """The plans of one set, and how to take their results apart again."""
+Plans = dict[str, list[Plan[Any]]]
+"""By the field of `SetResult` that comes of them."""
 
-    def __init__(
-        self,
-        recordings: RecordingSet,
-        folds: int,
-        repetitions: int | None,
-        random_state: int,
-        *,
-        answers: bool,
-        details: bool,
-    ) -> None:
-        self._recordings = recordings
-        self._random_state = random_state
-        table = recordings.table
-        repetitions, saving = choose_repetitions(table, repetitions)
-        self._not_done = [saving] if saving else []
-        splits = [stratified_split(table, folds, repetitions, random_state)]
-        splits += [grouped_split(table, columns) for columns in recordings.hold_out]
-        self._accuracy = [
-            AccuracyPlan(table, split, random_state=None if saving else random_state)
-            for split in (*splits, *recordings.splits)
-        ]
-        published = recordings.published
-        self._published = (
-            []
-            if published is None or not details
-            else [AccuracyPlan(published, splits[0], random_state=random_state)]
+
+def _plan_set(
+    recordings: RecordingSet,
+    folds: int,
+    repetitions: int | None,
+    random_state: int,
+    *,
+    answers: bool,
+    details: bool,
+) -> tuple[Plans, list[str]]:
+    """Return the work on one set, and what is left out of it."""
+    table = recordings.table
+    repetitions, saving = choose_repetitions(table, repetitions)
+    not_done = [saving] if saving else []
+    splits = [stratified_split(table, folds, repetitions, random_state)]
+    splits += [grouped_split(table, columns) for columns in recordings.hold_out]
+    plans: Plans = defaultdict(list)
+    plans['evaluations'] = [
+        AccuracyPlan(table, split, random_state=None if saving else random_state)
+        for split in (*splits, *recordings.splits)
+    ]
+    if details and saving:
+        not_done.append(
+            'learning curves, feature selection, choice of the classifier inside the folds: '
+            'left out of a large table without --repetitions'
         )
-        self._learning = [
-            plan
-            for split in (splits if details and not saving else [])
-            if (plan := LearningPlan(table, split, random_state=random_state)).trials_per_class
+    elif details:
+        learning = [LearningPlan(table, split, random_state=random_state) for split in splits]
+        plans['curves'] = [plan for plan in learning if plan.trials_per_class]
+        plans['selections'] = _plan_selection(table, splits, random_state, not_done)
+    if details and table.task == PROTOCOL_STIFFNESS:
+        plans['units'] = [
+            AccuracyPlan(in_unit(table, factor), splits[0].once(), ['svm_rbf'], ['none'])
+            for factor in FORCE_UNITS.values()
         ]
-        if saving and details:
-            self._not_done.append(
-                'learning curves, feature selection, choice of the classifier inside the folds: '
-                'left out of a large table without --repetitions'
-            )
-        self._selection = self._plan_selection(splits) if details and not saving else []
-        self._units: list[AccuracyPlan] = []
-        if table.task == PROTOCOL_STIFFNESS and details:
-            self._units = [
-                AccuracyPlan(in_unit(table, factor), splits[0].once(), ['svm_rbf'], ['none'])
-                for factor in FORCE_UNITS.values()
-            ]
-        hold_out = next(iter(recordings.hold_out), ())
-        self._answers = [AnswersPlan(table, hold_out)] if answers else []
+    if details and recordings.published is not None:
+        plans['published'] = [
+            AccuracyPlan(recordings.published, splits[0], random_state=random_state)
+        ]
+    if answers:
+        plans['answers'] = [AnswersPlan(table, next(iter(recordings.hold_out), ()))]
+    return plans, not_done
 
-    def _plan_selection(self, splits: Sequence[Split]) -> list[SelectionPlan]:
-        table = self._recordings.table
-        plans: list[SelectionPlan] = []
-        if table.values.shape[1] < 2:
-            self._not_done.append('feature selection: there is one feature only')
-            return plans
-        for split in splits:
-            try:
-                plans.append(SelectionPlan(table, split, random_state=self._random_state))
-            except EvaluationError as error:  # noqa: PERF203 - a few splits
-                self._not_done.append(f'feature selection, {split.name}: {error}')
+
+def _plan_selection(
+    table: FeatureTable, splits: Sequence[Split], random_state: int, not_done: list[str]
+) -> list[Plan[Any]]:
+    plans: list[Plan[Any]] = []
+    if table.values.shape[1] < 2:
+        not_done.append('feature selection: there is one feature only')
         return plans
-
-    def plans(self) -> list[Plan[Any]]:
-        plans: list[Plan[Any]] = [*self._accuracy, *self._learning, *self._selection]
-        return [*plans, *self._units, *self._published, *self._answers]
-
-    def finish(self, results: Sequence[Any]) -> SetResult:
-        answers = iter(results)
-        evaluations = tuple(next(answers) for _ in self._accuracy)
-        curves = tuple(curve for _ in self._learning for curve in next(answers))
-        selections = tuple(result for _ in self._selection for result in next(answers))
-        units = (
-            tuple(UnitPoint(unit, next(answers).scores[0].mean) for unit in FORCE_UNITS)
-            if self._units
-            else ()
-        )
-        published = tuple(next(answers) for _ in self._published)
-        found = next(answers) if self._answers else None
-        table = self._recordings.table
-        result = SetResult(
-            self._recordings,
-            evaluations,
-            curves,
-            selections,
-            rank_sum_p_values(table.values, table.labels, find_strata(table)),
-            units,
-            (*self._not_done, *(found.not_done if found else ())),
-            found,
-        )
-        return replace(result, published=_publish(result, published)) if published else result
+    for split in splits:
+        try:
+            plans.append(SelectionPlan(table, split, random_state=random_state))
+        except EvaluationError as error:  # noqa: PERF203 - a few splits
+            not_done.append(f'feature selection, {split.name}: {error}')
+    return plans
 
 
-def _publish(result: SetResult, evaluations: tuple[Evaluation, ...]) -> SetResult | None:
-    """Return what was found with the features that the paper computes."""
-    table = result.recordings.published
-    if table is None:
-        return None
-    return replace(
+def _finish_set(
+    recordings: RecordingSet, found: dict[str, list[Any]], not_done: Sequence[str]
+) -> SetResult:
+    answers = next(iter(found.get('answers', ())), None)
+    units = [evaluation.scores[0].mean for evaluation in found.get('units', ())]
+    result = SetResult(
+        recordings,
+        tuple(found['evaluations']),
+        tuple(curve for curves in found.get('curves', ()) for curve in curves),
+        tuple(result for results in found.get('selections', ()) for result in results),
+        _test_ranks(recordings.table),
+        dict(zip(FORCE_UNITS, units, strict=False)),
+        (*not_done, *(answers.not_done if answers else ())),
+        answers,
+    )
+    published = recordings.published
+    if published is None or 'published' not in found:
+        return result
+    as_published = replace(
         result,
-        recordings=replace(result.recordings, table=table),
-        evaluations=evaluations,
-        significance=rank_sum_p_values(table.values, table.labels, find_strata(table)),
+        recordings=replace(recordings, table=published),
+        evaluations=tuple(found['published']),
+        significance=_test_ranks(published),
         curves=(),
         selections=(),
         answers=None,
     )
+    return replace(result, published=as_published)
+
+
+def _test_ranks(table: FeatureTable) -> RankSum:
+    return rank_sum_p_values(table.values, table.labels, find_strata(table))
 
 
 def in_unit(table: FeatureTable, factor: float) -> FeatureTable:
@@ -252,13 +230,16 @@ def analyse(
         When the trials do not allow a split.
     """
     planned = [
-        _SetPlans(each, folds, repetitions, random_state, answers=answers, details=details)
+        _plan_set(each, folds, repetitions, random_state, answers=answers, details=details)
         for each in sets
     ]
-    counts = [len(each.plans()) for each in planned]
-    results = run_plans([plan for each in planned for plan in each.plans()], jobs, progress)
-    finished, first = [], 0
-    for each, count in zip(planned, counts, strict=True):
-        finished.append(each.finish(results[first : first + count]))
-        first += count
-    return finished
+    work = [plan for plans, _ in planned for some in plans.values() for plan in some]
+    results = iter(run_plans(work, jobs, progress))
+    return [
+        _finish_set(
+            each,
+            {name: [next(results) for _ in some] for name, some in plans.items()},
+            not_done,
+        )
+        for each, (plans, not_done) in zip(sets, planned, strict=True)
+    ]

@@ -16,11 +16,7 @@ from numpy.typing import NDArray
 from tactile_classifier.confidence.calibration import calibrate_stage, make_group_folds
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ClassifierError
-from tactile_classifier.estimators.classifiers import (
-    CLASSIFIERS,
-    default_scaling,
-    SCORE_KINDS,
-)
+from tactile_classifier.estimators.classifiers import CLASSIFIERS, default_scaling, SCORE_KINDS
 from tactile_classifier.evaluation.early_answers import evaluate_stopping, StoppingEvaluation
 from tactile_classifier.evaluation.open_set import evaluate_open_set, OpenSetEvaluation
 from tactile_classifier.evaluation.plans import Task
@@ -29,12 +25,11 @@ from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import Measure, PROTOCOL_TEXTURE
 from tactile_features.spec import spec_for
-from tactile_lab.datasets.measure_tables import read_measures
-from tactile_lab.datasets.partial_tables import read_partial_tables
+from tactile_lab.datasets.reread import read_measures, read_partial_tables
 from tactile_ros.errors import TactileError
 
 CLASSIFIER = 'knn'
-"""What `tactile train` takes when not told otherwise, with the scaling it takes then."""
+"""What `tactile train` writes by default, with the scaling that it takes then."""
 
 FALSE_ALARM_RATE = 0.05
 SPREAD_NEEDS = 5
@@ -50,7 +45,6 @@ class MeasureSummary:
 
     Attributes
     ----------
-    name, unit, label : str
     trials, measured : int
         How many trials there are, and how many gave a value.
     median : float or None
@@ -105,7 +99,6 @@ class AnswersPlan:
 
     Parameters
     ----------
-    table : FeatureTable
     hold_out : sequence of str
         Trials that agree in these columns are held out together; empty: single trials.
     """
@@ -202,14 +195,7 @@ def _need_bag(table: FeatureTable) -> None:
 def summarise_measures(
     labels: NDArray[Any], measures: Sequence[Sequence[Measure]]
 ) -> tuple[MeasureSummary, ...]:
-    """Return one summary a measure and label.
-
-    Parameters
-    ----------
-    labels : ndarray of str, shape (trials,)
-    measures : sequence of sequence of Measure
-        Those of each trial.
-    """
+    """Return one summary a measure and label, from labels and measures of each trial."""
     found: dict[tuple[str, str, str], list[Measure]] = {}
     for label, of_trial in zip(labels, measures, strict=True):
         for measure in of_trial:

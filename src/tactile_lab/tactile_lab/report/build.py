@@ -75,7 +75,6 @@ def build_page(
 
     Parameters
     ----------
-    results : sequence of SetResult
     sources : sequence of Source
         The recordings.
     settings, versions : mapping of str to str

@@ -59,8 +59,6 @@ class Page:
         ----------
         caption : str
             Names split and scaling of what stands in it; "SIMULATED" is put before it.
-        header : sequence of str
-        rows : sequence of sequence of str
         words : int
             How many columns from the left hold words; the others hold numbers.
         """

@@ -14,6 +14,7 @@ import platform
 from typing import Any
 
 from tactile_bags.bag_reader import TactileBag
+from tactile_lab.datasets.sources.leaves import find_leaves, Kind
 
 LIBRARIES = ('tactile_classifier', 'numpy', 'scipy', 'scikit-learn', 'matplotlib')
 
@@ -36,13 +37,9 @@ class Source:
     sha256: str
     facts: dict[str, Any]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the source as what JSON can hold."""
-        return {'name': self.name, 'sha256': self.sha256, 'facts': self.facts}
-
 
 def describe_sources(paths: Sequence[Path]) -> list[Source]:
-    """Return name, digest and facts of each recording.
+    """Return name, digest and facts of each recording; a folder of files is one.
 
     Raises
     ------
@@ -51,15 +48,19 @@ def describe_sources(paths: Sequence[Path]) -> list[Source]:
     """
     sources = []
     for path in paths:
-        facts = {}
-        if path.is_dir():
-            with TactileBag(path) as bag:
-                facts = {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))}
-        sources.append(Source(path.resolve().name, compute_digest(path), facts))
+        bags = [leaf.path for leaf in find_leaves([path]) if leaf.kind is Kind.BAG]
+        for each in bags or [path]:
+            facts = _read_facts(each) if bags else {}
+            sources.append(Source(each.resolve().name, _compute_digest(each), facts))
     return sources
 
 
-def compute_digest(path: Path) -> str:
+def _read_facts(path: Path) -> dict[str, Any]:
+    with TactileBag(path, needs_strain=False) as bag:
+        return {k: v for k, v in bag.metadata.items() if not isinstance(v, (dict, list))}
+
+
+def _compute_digest(path: Path) -> str:
     """Return the SHA-256 of a file, or of all files of a folder in the order of their names."""
     digest = hashlib.sha256()
     files = sorted(p for p in path.rglob('*') if p.is_file()) if path.is_dir() else [path]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -35,9 +34,6 @@ LABELS = {
 }
 """The paper's labels by task. Its statements are about these and no others."""
 
-_DESIGN_COLUMNS = ('session_id', 'mounting_id')
-_WITHOUT_RBF = ('knn', 'svm_linear', 'tree')
-
 AGREES = 'agrees'
 DISAGREES = 'does not agree'
 UNTESTED = 'not tested'
@@ -49,10 +45,8 @@ class Comparison:
 
     Attributes
     ----------
-    statement : str
     rule : str
         When the measurement counts as agreeing.
-    measured : str
     verdict : str
         ``agrees``, ``does not agree`` or ``not tested``.
     """
@@ -61,26 +55,6 @@ class Comparison:
     rule: str
     measured: str
     verdict: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as what JSON can hold."""
-        return {
-            'statement': self.statement,
-            'rule': self.rule,
-            'measured': self.measured,
-            'verdict': self.verdict,
-        }
-
-
-@dataclass(frozen=True)
-class _Claim:
-    """A statement on accuracies: which are shown, and how they are judged."""
-
-    task: str
-    statement: str
-    rule: str
-    shown: tuple[str, ...]
-    holds: Callable[[SetResult, str], bool]
 
 
 def is_the_papers(result: SetResult) -> bool:
@@ -109,7 +83,7 @@ def tell_design(results: Sequence[SetResult]) -> str:
     told = {}
     for result in results:
         table = result.recordings.table
-        sessions, mountings = (table.columns.get(name) for name in _DESIGN_COLUMNS)
+        sessions, mountings = map(table.columns.get, ('session_id', 'mounting_id'))
         if sessions is None or mountings is None or (np.asarray(mountings) == '').any():
             told[_name(result)] = 'sessions or mountings not stated'
             continue
@@ -133,64 +107,69 @@ def compare_with_paper(results: Sequence[SetResult]) -> list[Comparison]:
     """Return the paper's statements on its own two tasks, each with a verdict."""
     textures = [r for r in results if r.recordings.table.task == PROTOCOL_TEXTURE]
     holds = [r for r in results if r.recordings.table.task == PROTOCOL_STIFFNESS]
+    claims: Sequence[tuple[str, str, Sequence[SetResult], Sequence[str], Callable[..., bool]]] = (
+        (
+            'Texture: neighbours and the RBF SVM reach 100 %',
+            f'all means at least {100 * PERFECT:.1f} %',
+            textures,
+            ('knn', 'svm_rbf'),
+            lambda *means: min(means) >= PERFECT,
+        ),
+        (
+            'Stiffness: neighbours, the linear SVM and the tree reach above 97.2 %',
+            'all means at least 97.2 %',
+            holds,
+            ('knn', 'svm_linear', 'tree'),
+            lambda *means: min(means) >= STIFFNESS_LEAST,
+        ),
+        (
+            'Stiffness: the RBF SVM is dramatically lower',
+            f'{100 * DRAMATIC:.0f} points or more below each of the others',
+            holds,
+            CLASSIFIERS,
+            lambda knn, linear, rbf, tree: min(knn, linear, tree) - rbf >= DRAMATIC,
+        ),
+    )
     rows = []
-    for claim in _CLAIMS:
-        sets = textures if claim.task == PROTOCOL_TEXTURE else holds
+    for statement, rule, sets, shown, agrees in claims:
         for scaling, words in zip(SCALINGS, ('scaled', 'not scaled'), strict=True):
-            rows.append(_compare_claim(claim, sets, scaling, words))
-    rows += [
-        _compare_contacts(name, sets)
-        for name, sets in (('Texture', textures), ('Stiffness', holds))
-    ]
+            found = []
+            for result in sets:
+                means = [result.plain.score(name, scaling).mean for name in shown]
+                found.append((result, _tell_means(shown, means), agrees(*means)))
+            rows.append(_compare(f'{statement} ({words})', rule, found))
+    rows += [_compare_contacts('Texture', textures), _compare_contacts('Stiffness', holds)]
+    shares = [(r, share) for r in textures if (share := _share_above(r)) is not None]
     rows.append(
         _compare(
             'Besides 0 Hz, only few Fourier components have a mean p above 0.05',
             f'{100 * FEW:.0f} % of them at most',
-            [r for r in textures if find_components(r.recordings.table.spec)],
-            lambda r: f'{100 * _share_above(r):.0f} %',
-            lambda r: _share_above(r) <= FEW,
+            [(result, f'{100 * share:.0f} %', share <= FEW) for result, share in shares],
         )
     )
+    counts = [(result, _count_unlike_paper(result)) for result in holds]
     rows.append(
         _compare(
             'The three stiffness features differ between all objects, except the correlation '
             'between rubber and PLA',
             'p over 0.05 for no other pair',
-            holds,
-            lambda r: f'{len(_unlike_paper(r))} other pairs',
-            lambda r: not _unlike_paper(r),
+            [(result, f'{count} other pairs', not count) for result, count in counts],
         )
     )
     return rows
 
 
-def _compare_claim(
-    claim: _Claim, results: Sequence[SetResult], scaling: str, words: str
-) -> Comparison:
-    return _compare(
-        f'{claim.statement} ({words})',
-        claim.rule,
-        results,
-        lambda result: _accuracies(result, scaling, claim.shown),
-        lambda result: claim.holds(result, scaling),
-    )
-
-
 def _compare(
-    statement: str,
-    rule: str,
-    results: Sequence[SetResult],
-    tell: Callable[[SetResult], str],
-    holds: Callable[[SetResult], bool],
+    statement: str, rule: str, found: Sequence[tuple[SetResult, str, bool]]
 ) -> Comparison:
-    if not results:
+    """Compare with what was measured on each set, in words, and whether that agrees."""
+    if not found:
         return Comparison(statement, rule, 'no such trials', UNTESTED)
-    measured = '; '.join(f'{_name(result)}: {tell(result)}' for result in results)
-    agreeing = [holds(result) for result in results]
-    verdict = AGREES if all(agreeing) else DISAGREES
-    if any(agreeing) and not all(agreeing):
-        names = ', '.join(_name(r) for r, a in zip(results, agreeing, strict=True) if a)
-        verdict = f'{AGREES} for {names} only'
+    measured = '; '.join(f'{_name(result)}: {words}' for result, words, _ in found)
+    agreeing = [_name(result) for result, _, agrees in found if agrees]
+    if len(agreeing) == len(found):
+        return Comparison(statement, rule, measured, AGREES)
+    verdict = f'{AGREES} for {", ".join(agreeing)} only' if agreeing else DISAGREES
     return Comparison(statement, rule, measured, verdict)
 
 
@@ -213,67 +192,28 @@ def _name(result: SetResult) -> str:
     return result.recordings.contact or result.recordings.title
 
 
-def _means(result: SetResult, scaling: str, classifiers: Sequence[str]) -> list[float]:
-    return [result.plain.score(classifier, scaling).mean for classifier in classifiers]
-
-
-def _accuracies(result: SetResult, scaling: str, classifiers: Sequence[str]) -> str:
+def _tell_means(classifiers: Sequence[str], means: Sequence[float]) -> str:
     short = {'knn': 'neighbours', 'svm_linear': 'linear', 'svm_rbf': 'RBF', 'tree': 'tree'}
     return ', '.join(
-        f'{short[classifier]} {100 * mean:.1f}'
-        for classifier, mean in zip(classifiers, _means(result, scaling, classifiers), strict=True)
+        f'{short[name]} {100 * mean:.1f}' for name, mean in zip(classifiers, means, strict=True)
     )
 
 
-def _rbf_deficit(result: SetResult, scaling: str) -> float:
-    (rbf,) = _means(result, scaling, ('svm_rbf',))
-    return min(_means(result, scaling, _WITHOUT_RBF)) - rbf
-
-
-def _share_above(result: SetResult) -> float:
+def _share_above(result: SetResult) -> float | None:
     components = find_components(result.recordings.table.spec)
     if components is None:
-        return 0.0
+        return None
     return float((result.significance.mean_p[components.columns] > SIMILAR_LEVEL).mean())
 
 
-def _unlike_paper(result: SetResult) -> list[tuple[str, str, str]]:
-    """Return feature and pair of classes of each p that the paper does not excuse."""
+def _count_unlike_paper(result: SetResult) -> int:
+    """Return for how many features and pairs of classes p is not small; the paper excuses some."""
     significance = result.significance
-    found = []
+    count = 0
     for name, p in zip(result.recordings.table.spec.names, significance.p, strict=True):
-        for i, one in enumerate(significance.labels):
-            for j in range(i):
-                other = significance.labels[j]
-                rubber_and_pla = (
-                    'pla' in (one.lower(), other.lower()) and 'rubber' in (one + other).lower()
-                )
-                excused = name.endswith('correlation') and rubber_and_pla
-                if p[i, j] > SIMILAR_LEVEL and not excused:
-                    found.append((name, other, one))
-    return found
-
-
-_CLAIMS = (
-    _Claim(
-        PROTOCOL_TEXTURE,
-        'Texture: neighbours and the RBF SVM reach 100 %',
-        f'all means at least {100 * PERFECT:.1f} %',
-        ('knn', 'svm_rbf'),
-        lambda result, scaling: min(_means(result, scaling, ('knn', 'svm_rbf'))) >= PERFECT,
-    ),
-    _Claim(
-        PROTOCOL_STIFFNESS,
-        'Stiffness: neighbours, the linear SVM and the tree reach above 97.2 %',
-        'all means at least 97.2 %',
-        _WITHOUT_RBF,
-        lambda result, scaling: min(_means(result, scaling, _WITHOUT_RBF)) >= STIFFNESS_LEAST,
-    ),
-    _Claim(
-        PROTOCOL_STIFFNESS,
-        'Stiffness: the RBF SVM is dramatically lower',
-        f'{100 * DRAMATIC:.0f} points or more below each of the others',
-        CLASSIFIERS,
-        lambda result, scaling: _rbf_deficit(result, scaling) >= DRAMATIC,
-    ),
-)
+        for i, j in zip(*np.tril_indices(len(p), -1), strict=True):
+            pair = (significance.labels[i].lower(), significance.labels[j].lower())
+            rubber_and_pla = 'pla' in pair and 'rubber' in ''.join(pair)
+            excused = name.endswith('correlation') and rubber_and_pla
+            count += bool(p[i, j] > SIMILAR_LEVEL and not excused)
+    return count

@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bags.bag_reader import TactileBag
-from tactile_bags.message_records import read_records
-from tactile_bags.recorded_topics import STRAIN
 from tactile_classifier.datasets.archive import Skipped
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
 from tactile_features.records import PROTOCOL_STIFFNESS
-from tactile_lab.datasets.traces import read_trace, TrialTrace
+from tactile_lab.datasets.traces import read_spans, read_trace, TrialTrace
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,6 @@ class RecordingSet:
         Task, contact or source, and whether it is simulated.
     contact : str
         Empty where there is none, as in an archive.
-    simulated : bool
-    table : FeatureTable
     hold_out : tuple of tuple of str
         The columns of each grouped split that stands beside plain folds.
     unit : str
@@ -103,7 +99,7 @@ class RecordingSet:
         return lines
 
 
-def choose_rows(table: FeatureTable) -> list[int]:
+def _first_rows(table: FeatureTable) -> list[int]:
     """Return the row of the first trial of each label."""
     return [int(np.argmax(table.labels == label)) for label in np.unique(table.labels)]
 
@@ -113,7 +109,7 @@ def array_examples(
 ) -> tuple[Example, ...]:
     """Return one example a label from ready-cut windows, shape (trials, samples)."""
     time_s = np.asarray(np.arange(signals.shape[1]) / rate_hz, dtype=np.float64)
-    return tuple(Example(row, time_s, signals[row]) for row in choose_rows(table))
+    return tuple(Example(row, time_s, signals[row]) for row in _first_rows(table))
 
 
 def bag_sets(
@@ -132,6 +128,11 @@ def bag_sets(
         several that have all labels, and one block of trials where not.
     also : sequence of str
         Columns that are held out then, too, one by one, where that can be done.
+
+    Raises
+    ------
+    BagError
+        When a bag has gone.
     """
     sets = []
     for (task, contact), table in tables.items():
@@ -145,8 +146,8 @@ def bag_sets(
                 table=table,
                 hold_out=tuple(tuple(columns) for columns in chosen),
                 unit='N',
-                examples=bag_examples(table),
-                trial=bag_trial(table) if task == PROTOCOL_STIFFNESS else None,
+                examples=_bag_examples(table),
+                trial=_bag_trial(table) if task == PROTOCOL_STIFFNESS else None,
             )
         )
     return sets
@@ -164,63 +165,28 @@ def _usual_split(table: FeatureTable, also: Sequence[str]) -> list[tuple[str, ..
     return [(column,) for column in (first, *filter(can_hold_out, also)) if column]
 
 
-def bag_examples(table: FeatureTable) -> tuple[Example, ...]:
-    """Read one example a label from the bags that the table was made of.
-
-    Raises
-    ------
-    BagError
-        When a bag has gone.
-    """
-    rows = choose_rows(table)
+def _bag_examples(table: FeatureTable) -> tuple[Example, ...]:
+    """Read one example a label from the bags that the table was made of."""
+    rows = _first_rows(table)
+    names = ('bag', 'namespace', 'window_start_ns', 'window_end_ns')
+    columns = [table.column(name)[rows].tolist() for name in names]
     examples = {}
-    sources = {(str(table.column('bag')[r]), str(table.column('namespace')[r])) for r in rows}
-    for path, namespace in sorted(sources):
-        here = [
-            row
-            for row in rows
-            if (table.column('bag')[row], table.column('namespace')[row]) == (path, namespace)
-        ]
-        spans = {
-            row: (
-                int(table.column('window_start_ns')[row]),
-                int(table.column('window_end_ns')[row]),
-            )
-            for row in here
-        }
-        with TactileBag(Path(path)) as bag:
-            examples.update(_read_windows(bag, namespace, spans))
-    return tuple(examples[row] for row in rows)
+    sources = list(zip(*columns[:2], strict=True))
+    spans_ns = list(zip(*columns[2:], strict=True))
+    for source in sorted(set(sources)):
+        here = [i for i, each in enumerate(sources) if each == source]
+        with TactileBag(Path(source[0])) as bag:
+            found = read_spans(bag, source[1], [spans_ns[i] for i in here])
+        examples.update({i: Example(rows[i], *each) for i, each in zip(here, found, strict=True)})
+    return tuple(examples[i] for i in range(len(rows)))
 
 
-def _read_windows(
-    bag: TactileBag, namespace: str, spans: dict[int, tuple[int, int]]
-) -> dict[int, Example]:
-    times_ns: dict[int, list[NDArray[np.int64]]] = {row: [] for row in spans}
-    values: dict[int, list[NDArray[np.float64]]] = {row: [] for row in spans}
-    for _, block in read_records(bag.messages(STRAIN, namespace=namespace)):
-        stamps = block.stamp_ns + np.arange(len(block.tension_n)) * block.period_ns
-        for row, (start, end) in spans.items():
-            if stamps[-1] >= start and stamps[0] <= end:
-                inside = (stamps >= start) & (stamps <= end)
-                times_ns[row].append(stamps[inside] - start)
-                values[row].append(np.asarray(block.tension_n, dtype=np.float64)[inside])
-    return {
-        row: Example(
-            row,
-            1e-9 * np.concatenate(times_ns[row], dtype=np.float64),
-            np.concatenate(values[row]),
-        )
-        for row in spans
-    }
-
-
-def bag_trial(table: FeatureTable) -> TrialExample | None:
+def _bag_trial(table: FeatureTable) -> TrialExample | None:
     """Read the whole of one stiffness trial: that with the steepest relaxation of its kind.
 
     None when its name came more than once, so that its phases cannot be told apart.
     """
-    rows = choose_rows(table)
+    rows = _first_rows(table)
     row = rows[int(np.argmin(table.values[rows, 0]))]
     trial_id = str(table.column('trial_id')[row])
     if np.sum(table.column('trial_id') == trial_id) > 1:

@@ -10,15 +10,14 @@ chosen by the accuracies that are shown.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.names import CLASSIFIER_TITLES
 from tactile_lab.datasets.tables import tell_interval
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.answers import Answers
-
-CLASSIFIER = 'knn'
+from tactile_lab.report.answers import Answers, CLASSIFIER
 
 
 def default_score(result: SetResult, evaluation: Evaluation) -> Score:
@@ -51,9 +50,14 @@ def tell_accuracy(result: SetResult) -> str:
     )
 
 
+def confusion_shares(score: Score) -> NDArray[np.float64]:
+    """Return the confusion as shares of the trials of each true label."""
+    return np.asarray(score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1))
+
+
 def tell_confusion(score: Score) -> str:
     """Return the most frequent confusion, such as ``pla as sponge in 33 % of its trials``."""
-    shares = score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1)
+    shares = confusion_shares(score)
     shares *= 1 - np.eye(len(shares))
     if not shares.any():
         return 'none'

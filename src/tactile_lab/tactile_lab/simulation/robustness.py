@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 from joblib import delayed, Parallel
@@ -28,7 +27,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.records import Outcome, PROTOCOL_STIFFNESS, PROTOCOL_TEXTURE, TrialEvent
 from tactile_lab.simulation.robustness_axes import list_axes, Sensing, Setting
-from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial
+from tactile_lab.simulation.simulated_trials import EPOCH_NS, plan_trial, PlannedTrial
 from tactile_ros.strain import StrainBlock
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_motion, STEPS_PER_SAMPLE
@@ -42,7 +41,9 @@ CLASSIFIER = 'knn'
 """With the default scaling of its task: what `tactile train` writes when nothing is asked for."""
 
 _GLIDE_S = 4.2  # long enough for the window at any speed, where the plate is
-_EPOCH_NS = 1_600_000_000_000_000_000
+
+_Row = tuple[str, FloatArray | None]
+"""Label and features of a trial; None: it gave none."""
 
 
 @dataclass(frozen=True)
@@ -88,12 +89,11 @@ class Study:
 
 @dataclass(frozen=True)
 class _Features:
-    """Features of some trials; ``answered`` marks those of all trials that have any."""
+    """Features and labels of those of some trials that have any."""
 
     values: FloatArray
     labels: NDArray[np.str_]
-    answered: NDArray[np.bool_]
-    all_labels: NDArray[np.str_]
+    trials: int
 
 
 def run_study(
@@ -142,7 +142,7 @@ def _judge(
         setting.value,
         None if usual is None else score(protocol, usual, test),
         score(protocol, train, test),
-        float(1.0 - test.answered.mean()),
+        1.0 - len(test.labels) / test.trials,
     )
 
 
@@ -155,7 +155,7 @@ def score(protocol: str, train: _Features, test: _Features) -> float | None:
     estimator = build_estimator(CLASSIFIER, DEFAULT_SCALING[protocol])
     estimator.fit(train.values, train.labels)
     right = np.sum(estimator.predict(test.values) == test.labels)
-    return float(right / len(test.all_labels))
+    return float(right / test.trials)
 
 
 def make_features(
@@ -163,7 +163,7 @@ def make_features(
 ) -> list[tuple[_Features, _Features]]:
     """Return features to train on and to test on, for settings that share their motion."""
     config, features, catalogue = _configure(study, catalogue, settings[0])
-    parts: list[list[list[tuple[str, list[FloatArray | None]]]]] = [[[], []] for _ in settings]
+    rows: list[tuple[list[_Row], list[_Row]]] = [([], []) for _ in settings]
     for label in catalogue.labels(protocol):
         for session in range(study.train_sessions + study.test_sessions):
             is_test = session >= study.train_sessions
@@ -171,9 +171,18 @@ def make_features(
             trials = CleanTrials(protocol, label, study, config, catalogue, session, count)
             for i, setting in enumerate(settings):
                 policy = replace(features, max_gap_samples=setting.max_gap_samples)
-                rows = trials.extract(setting.sensing, policy)
-                parts[i][is_test].append((label, rows))
-    return [(_gather(train), _gather(test)) for train, test in parts]
+                found = trials.extract(setting.sensing, policy)
+                rows[i][is_test].extend((label, features) for features in found)
+    return [(_gather(train), _gather(test)) for train, test in rows]
+
+
+def _gather(rows: Sequence[_Row]) -> _Features:
+    answered = [(label, values) for label, values in rows if values is not None]
+    return _Features(
+        np.array([values for _, values in answered]),
+        np.array([label for label, _ in answered]),
+        len(rows),
+    )
 
 
 def _configure(
@@ -188,21 +197,17 @@ def _configure(
         glide_length_m=min(usual.glide_length_m, speed_m_s * _GLIDE_S),
         **{depth: getattr(usual, depth) * setting.depth},
     )
-    rate_hz = setting.rate_hz or catalogue.rig().load_cell.rate_hz
+    rig = catalogue.rig()
+    rate_hz = setting.rate_hz or rig.load_cell.rate_hz
     features = FeatureConfig()
     window_s = features.texture_samples / features.rate_hz
     features = replace(
         features, rate_hz=rate_hz, texture_samples=round(window_s * rate_hz), measures=False
     )
-    return config, features, _with_rate(catalogue, rate_hz)
-
-
-@lru_cache(maxsize=8)
-def _with_rate(catalogue: Catalogue, rate_hz: float) -> Catalogue:
-    rig = catalogue.rig()
-    if rate_hz == rig.load_cell.rate_hz:
-        return catalogue
-    return catalogue.with_rig(replace(rig, load_cell=replace(rig.load_cell, rate_hz=rate_hz)))
+    if rate_hz != rig.load_cell.rate_hz:
+        cell = replace(rig.load_cell, rate_hz=rate_hz)
+        catalogue = catalogue.with_rig(replace(rig, load_cell=cell))
+    return config, features, catalogue
 
 
 class CleanTrials:
@@ -243,11 +248,9 @@ class CleanTrials:
     def sense(self, sensing: Sensing) -> FloatArray:
         """Return the readings, shape (trials, samples) [N]; NaN where a trial failed."""
         variation, generators = draw_variation(*self._draw)
-        cell = self._cell
-        if sensing.noise_n is not None:
-            cell = replace(cell, noise_n=sensing.noise_n)
-        if sensing.drift_n_rt_s is not None:
-            cell = replace(cell, drift_n_rt_s=sensing.drift_n_rt_s)
+        stated = {'noise_n': sensing.noise_n, 'drift_n_rt_s': sensing.drift_n_rt_s}
+        changes = {name: value for name, value in stated.items() if value is not None}
+        cell = replace(self._cell, **changes)
         clean_n = self._sensed_n
         if sensing.jitter:
             clean_n = np.array(
@@ -283,30 +286,19 @@ class CleanTrials:
     ) -> FloatArray | None:
         extractor = TrialFeatureExtractor(config)
         for phase, at_s in self.planned.phases:
-            stamp_ns = _EPOCH_NS + round(at_s * 1e9)
+            stamp_ns = EPOCH_NS + round(at_s * 1e9)
             extractor.add_event(replace(self._event, stamp_ns=stamp_ns, phase=phase))
         period_ns = round(1e9 / config.rate_hz)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]])))
         windows = []
         for first, end in edges.reshape(-1, 2).tolist():
-            stamp_ns = _EPOCH_NS + round(first * 1e9 / config.rate_hz)
+            stamp_ns = EPOCH_NS + round(first * 1e9 / config.rate_hz)
             windows += extractor.add_block(
                 StrainBlock(stamp_ns, first, period_ns, tension_n[first:end])
             )
         windows += extractor.finish()
         usable = [window.values for window in windows if window.outcome == Outcome.OK]
         return usable[0] if usable else None
-
-
-def _gather(parts: Sequence[tuple[str, list[FloatArray | None]]]) -> _Features:
-    rows = [row for _, some in parts for row in some]
-    labels = np.array([label for label, some in parts for _ in some])
-    answered = np.array([row is not None for row in rows])
-    values = [row for row in rows if row is not None]
-    width = len(values[0]) if values else 0
-    return _Features(
-        np.array(values).reshape(len(values), width), labels[answered], answered, labels
-    )
 
 
 def describe(study: Study, catalogue: Catalogue, points: Sequence[Point]) -> dict[str, Any]:

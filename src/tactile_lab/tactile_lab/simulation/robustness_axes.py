@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from tactile_bringup.records import TrialConfig
 from tactile_sim.descriptions.description import LoadCell
-
-_BRIDGED = 'lost samples, gaps bridged'
-_LOST = (0.0, 0.003, 0.01, 0.03, 0.1)
 
 
 @dataclass(frozen=True)
@@ -63,8 +61,6 @@ class Axis:
 
     Attributes
     ----------
-    name, unit : str
-    settings : tuple of Setting
     nominal : float
         Its value where the others are varied.
     trains_elsewhere : bool
@@ -82,59 +78,38 @@ class Axis:
 def list_axes(cell: LoadCell, config: TrialConfig) -> tuple[Axis, ...]:
     """Return what is varied, around the rig's own values."""
     steps = (1.0, 3.0, 10.0, 30.0)
+    lost = (0.0, 0.003, 0.01, 0.03, 0.1)
+    speeds_m_s = (0.005, 0.010, 0.0135, config.glide_speed_m_s, 0.0165)
 
-    def sensed(name: str, values: Sequence[float], key: str) -> tuple[Setting, ...]:
-        return tuple(Setting(name, v, sensing=Sensing(**{key: v})) for v in values)
+    def sensed(
+        name: str, unit: str, key: str, nominal: float, values: Sequence[Any], **more: Any
+    ) -> Axis:
+        settings = tuple(Setting(name, v, sensing=Sensing(**{key: v}), **more) for v in values)
+        return Axis(name, unit, settings, nominal)
 
+    def moved(
+        name: str, unit: str, key: str, nominal: float, values: Sequence[Any], **more: Any
+    ) -> Axis:
+        settings = tuple(Setting(name, v, **{key: v}) for v in values)
+        return Axis(name, unit, settings, nominal, **more)
+
+    noise_n, drift_n_rt_s = cell.noise_n, cell.drift_n_rt_s
     return (
-        Axis(
-            'noise',
-            'N',
-            sensed('noise', [cell.noise_n * s for s in steps], 'noise_n'),
-            cell.noise_n,
+        sensed('noise', 'N', 'noise_n', noise_n, [noise_n * s for s in steps]),
+        sensed(
+            'drift', 'N/√s', 'drift_n_rt_s', drift_n_rt_s, [drift_n_rt_s * s**2 for s in steps]
         ),
-        Axis(
-            'drift',
-            'N/√s',
-            sensed('drift', [cell.drift_n_rt_s * s**2 for s in steps], 'drift_n_rt_s'),
-            cell.drift_n_rt_s,
-        ),
-        Axis('lost samples', 'share', sensed('lost samples', _LOST, 'lost'), 0.0),
-        Axis(
-            _BRIDGED,
-            'share',
-            tuple(
-                Setting(
-                    'lost samples, gaps bridged',
-                    lost,
-                    max_gap_samples=3,
-                    sensing=Sensing(lost=lost),
-                )
-                for lost in _LOST
-            ),
-            0.0,
-        ),
-        Axis('jitter', 'periods', sensed('jitter', (0.0, 0.1, 0.3, 0.6), 'jitter'), 0.0),
-        Axis(
-            'glide speed',
-            'm/s',
-            tuple(
-                Setting('glide speed', speed, glide_speed_m_s=speed)
-                for speed in (0.005, 0.010, 0.0135, config.glide_speed_m_s, 0.0165)
-            ),
-            config.glide_speed_m_s,
-        ),
-        Axis(
-            'contact depth',
-            'of nominal pull',
-            tuple(Setting('contact depth', d, depth=d) for d in (0.8, 0.9, 1.0, 1.1)),
-            1.0,
-        ),
-        Axis(
+        sensed('lost samples', 'share', 'lost', 0.0, lost),
+        sensed('lost samples, gaps bridged', 'share', 'lost', 0.0, lost, max_gap_samples=3),
+        sensed('jitter', 'periods', 'jitter', 0.0, (0.0, 0.1, 0.3, 0.6)),
+        moved('glide speed', 'm/s', 'glide_speed_m_s', config.glide_speed_m_s, speeds_m_s),
+        moved('contact depth', 'of nominal pull', 'depth', 1.0, (0.8, 0.9, 1.0, 1.1)),
+        moved(
             'sample rate',
             'Hz',
-            tuple(Setting('sample rate', r, rate_hz=r) for r in (15.0, 30.0, cell.rate_hz, 120.0)),
+            'rate_hz',
             cell.rate_hz,
+            (15.0, 30.0, cell.rate_hz, 120.0),
             trains_elsewhere=False,
         ),
     )

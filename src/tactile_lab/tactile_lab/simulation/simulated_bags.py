@@ -24,7 +24,6 @@ from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
 import shutil
-from typing import Any
 
 from joblib import delayed, Parallel
 
@@ -43,7 +42,7 @@ from tactile_lab.simulation.simulated_trials import (
     SLIP_M,
     TrialChunk,
 )
-from tactile_sim.descriptions.catalogue import Catalogue, default_catalogue
+from tactile_sim.descriptions.catalogue import Catalogue
 
 CHUNK_TRIALS = 256
 """Most trials that a worker simulates at a time."""
@@ -59,7 +58,6 @@ class SimulatedBag:
 
     Attributes
     ----------
-    path : pathlib.Path
     trials : int
         How many there are in it, the aborted ones included.
     aborted : tuple of (str, float)
@@ -93,10 +91,6 @@ def write_simulated_bag(
 
     Parameters
     ----------
-    folder : pathlib.Path
-    plan : SimulationPlan
-    trial_config : TrialConfig
-    feature_config : FeatureConfig
     catalogue : Catalogue, optional
         Descriptions of finger, rig, plates and objects; those of the package when left out.
     jobs : int or None
@@ -122,7 +116,7 @@ def write_simulated_bag(
         'trials_per_label': plan.trials_per_label,
         'sessions': plan.sessions,
         'trials_per_mounting': plan.trials_per_mounting,
-        'description_sha256': (catalogue or default_catalogue()).digest,
+        'description_sha256': catalogue.digest,
         'feature_config': asdict(feature_config),
         'trial_config': asdict(trial_config),
     }
@@ -146,7 +140,18 @@ def write_simulated_bag(
                 written += 1
                 on_trials(1)
             if plan.protocol == 'slip':
-                writer.add_metadata({'slip_onsets': _describe_onsets(onsets)})
+                writer.add_metadata(
+                    {
+                        'slip_onsets': {
+                            'simulated': True,
+                            'meaning': 'true onset of slip in seconds since the first event of '
+                            'the trial; null: it did not slip during the pull, or the trial was '
+                            'aborted before',
+                            'threshold_m': SLIP_M,
+                            'onset_s': onsets,
+                        }
+                    }
+                )
         except BaseException:
             writer.close()
             shutil.rmtree(writer.path)
@@ -192,16 +197,6 @@ def _chunk_groups(plan: SimulationPlan, labels: Sequence[str]) -> Iterator[list[
                 TrialChunk(label, session, first, count, row + i, len(labels))
                 for i, label in enumerate(labels)
             ]
-
-
-def _describe_onsets(onsets: dict[str, float | None]) -> dict[str, Any]:
-    return {
-        'simulated': True,
-        'meaning': 'true onset of slip in seconds since the first event of the trial; '
-        'null: it did not slip during the pull, or the trial was aborted before',
-        'threshold_m': SLIP_M,
-        'onset_s': onsets,
-    }
 
 
 def _tell_loss(data: bytes, lost_before: int) -> bytes:

@@ -86,11 +86,8 @@ def plan_trial(
             guide_m = step.position_m
         elif isinstance(step, TendonStep):
             tendon_moves.append(Move(now_s, step.displacement_m, step.speed_m_s))
-            now_s += move_duration_s(
-                abs(step.displacement_m - tendon_m),
-                step.speed_m_s,
-                tendon_m_s2,
-            )
+            distance_m = abs(step.displacement_m - tendon_m)
+            now_s += move_duration_s(distance_m, step.speed_m_s, tendon_m_s2)
             tendon_m = step.displacement_m
         elif isinstance(step, PullStep):
             object_moves.append(Move(now_s, rig.pull.distance_m, rig.pull.speed_m_s))
@@ -116,7 +113,6 @@ class SimulationPlan:
 
     Attributes
     ----------
-    protocol, contact : str
     trials_per_label : int
         In each session.
     seed : int
@@ -161,8 +157,6 @@ class TrialChunk:
 
     Attributes
     ----------
-    label : str
-    session : int
     first, count : int
         Numbers of the trials: ``first`` to ``first + count - 1``.
     row, row_step : int
@@ -183,7 +177,6 @@ class SimulatedTrial:
 
     Attributes
     ----------
-    trial_id : str
     messages : tuple of (int, str, bytes)
         Time [ns], type and bytes (CDR) of each message, in the order of time.
     missing_samples : int
@@ -223,25 +216,20 @@ def simulate_chunk(
     )
     done = []
     for i in range(chunk.count):
-        failed_at_s = trials.failed_at_s[i]
+        failed_at_s = float(trials.failed_at_s[i]) if np.isfinite(trials.failed_at_s[i]) else None
         times_s = trials.sample_times_s
         # The sample at the very end is the first one of the next trial.
         count = planned.sample_count
-        if math.isfinite(failed_at_s):
+        if failed_at_s is not None:
             count = min(count, int(np.searchsorted(times_s, failed_at_s)))
         onset_s = None
         if plan.protocol == 'slip':
             onset_s = find_onset_s(planned, times_s[:count], trials.truth['slip_m'][i, :count])
         recorder = _TrialRecorder(plan, planned, config, chunk, i)
         messages = recorder.messages(trials.tension_n[i, :count], failed_at_s)
+        missing = planned.sample_count - count
         done.append(
-            SimulatedTrial(
-                recorder.trial_id,
-                tuple(messages),
-                planned.sample_count - count,
-                float(failed_at_s) if math.isfinite(failed_at_s) else None,
-                onset_s,
-            )
+            SimulatedTrial(recorder.trial_id, tuple(messages), missing, failed_at_s, onset_s)
         )
     return done
 
@@ -249,19 +237,19 @@ def simulate_chunk(
 def find_onset_s(
     planned: PlannedTrial, times_s: NDArray[np.float64], slip_m: NDArray[np.float64]
 ) -> float | None:
-    """Return when a trial's object began to slip, or None.
+    """Return when the slip since the start of the pull passes `SLIP_M`, or None.
+
+    Slip during the release does not count.
 
     Parameters
     ----------
-    planned : PlannedTrial
     times_s, slip_m : ndarray of shape (samples,)
         Time since the first sample [s] and true slip of the fingertip [m].
 
     Returns
     -------
     float or None
-        Since the trial's first phase [s], linear between samples: when the slip since the
-        start of the pull passes `SLIP_M`. As the tendon is released afterwards, everything slips.
+        Since the trial's first phase [s], linear between samples.
     """
     phases = dict(planned.phases)
     first, end = np.searchsorted(times_s, [phases['pull'], phases['release']])
@@ -304,15 +292,12 @@ class _TrialRecorder:
         self.trial_id = f'{plan.name}-{plan.seed}-{chunk.session}-{chunk.label}-{number:04d}'
 
     def messages(
-        self, tension_n: NDArray[np.float64], failed_at_s: float
+        self, tension_n: NDArray[np.float64], failed_at_s: float | None
     ) -> list[tuple[int, str, bytes]]:
-        """Return (time, type, bytes) of each message in the order of time.
-
-        ``failed_at_s`` is not a number where the whole trial was computed.
-        """
+        """Return (time, type, bytes) of each message in the order of time."""
         items: list[tuple[int, str, bytes]] = []
         phases = [(phase, at_s, '') for phase, at_s in self._planned.phases]
-        if math.isfinite(failed_at_s):
+        if failed_at_s is not None:
             why = f'the simulation found no equilibrium at {failed_at_s:.3f} s'
             phases = [phase for phase in phases if phase[1] < failed_at_s and phase[0] != 'done']
             phases.append(('aborted', failed_at_s, why))

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,11 +18,8 @@ from numpy.typing import NDArray
 from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
-from tactile_lab.plots import shade_phase
-from tactile_lab.simulation.simulated_trials import (
-    find_onset_s,
-    SimulationPlan,
-)
+from tactile_lab.plots import draw_spectrum, shade_phases
+from tactile_lab.simulation.simulated_trials import find_onset_s, SimulationPlan
 from tactile_lab.simulation.trial_picture import (
     compute_touching_tip,
     find_measured_phase,
@@ -33,7 +29,6 @@ from tactile_lab.simulation.trial_picture import (
 )
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
-from tactile_sim.descriptions.description import HeldObject
 from tactile_sim.physics.surface import compute_plate_profile
 
 FloatArray = NDArray[np.float64]
@@ -62,8 +57,6 @@ def plot_simulated_trial(
         PNG to write.
     plan : SimulationPlan
         Says protocol and contact.
-    config : TrialConfig
-    catalogue : Catalogue
 
     Raises
     ------
@@ -142,6 +135,7 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
     reach_m, top_m = compute_touching_tip(finger)[0], surface_drop_m(finger)
     middle_m, half_m = place.object_guide_m + reach_m, place.object_half_width_m
     what, pull_m = f'object {picture.label}', 0.0
+    outline_m = _block_outline(middle_m, half_m, top_m)
     if protocol == 'texture':
         plate, what = catalogue.plate(picture.label), f'plate {picture.label}'
         along_m = np.linspace(0.0, plate.length_m, 4000, dtype=np.float64)
@@ -154,17 +148,19 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
     elif protocol == 'slip':
         pull_m = catalogue.rig().pull.distance_m
         what += f', pulled by {MM * pull_m:g} mm'
-        outline_m = _held_outline(catalogue.held_object(picture.label), middle_m, half_m, top_m)
-    else:
-        what = what if catalogue.body(picture.label).stiffness_n_m > 0 else 'no object'
-        outline_m = _block_outline(middle_m, half_m, top_m)
-    style: dict[str, Any] = {'facecolor': '0.85', 'edgecolor': '0.4', 'lw': 1}
+        held = catalogue.held_object(picture.label)
+        if held.motion == 'roll':
+            angle = np.linspace(0.0, 2 * np.pi, 181)
+            circle = np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
+            outline_m = np.array([middle_m, top_m]) + held.radius_m * circle
+    elif catalogue.body(picture.label).stiffness_n_m == 0:
+        what = 'no object'
     if what != 'no object':
-        axes.add_patch(Polygon(MM * outline_m, **style, zorder=1))
+        axes.add_patch(Polygon(MM * outline_m, fc='0.85', ec='0.4', lw=1, zorder=1))
     if pull_m > 0:
         pulled_m = outline_m + np.array([pull_m, 0.0])
-        style = {'fill': False, 'edgecolor': SHAPE_STYLES['end'][0], 'ls': '--'}
-        axes.add_patch(Polygon(MM * pulled_m, **style, zorder=1))
+        colour = SHAPE_STYLES['end'][0]
+        axes.add_patch(Polygon(MM * pulled_m, fill=False, ec=colour, ls='--', zorder=1))
     deepest_m = outline_m[:, 1].max()
     axes.text(MM * middle_m, MM * deepest_m + 1.0, what, ha='center', va='top', fontsize=9)
     axes.update_datalim(MM * np.array([[middle_m, deepest_m + 6e-3]]))
@@ -173,14 +169,6 @@ def _draw_touched(axes: Axes, picture: TrialPicture) -> None:
 def _block_outline(middle_m: float, half_m: float, top_m: float) -> FloatArray:
     left, right, low = middle_m - half_m, middle_m + half_m, top_m + BODY_DEPTH_M
     return np.array([[left, top_m], [right, top_m], [right, low], [left, low]])
-
-
-def _held_outline(held: HeldObject, middle_m: float, half_m: float, top_m: float) -> FloatArray:
-    if held.motion != 'roll':
-        return _block_outline(middle_m, half_m, top_m)
-    angle = np.linspace(0.0, 2 * np.pi, 181)
-    circle = np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
-    return np.array([middle_m, top_m]) + held.radius_m * circle
 
 
 def _draw_tension(axes: Axes, picture: TrialPicture) -> None:
@@ -210,19 +198,8 @@ def _texture_window(picture: TrialPicture) -> tuple[FloatArray, FloatArray]:
 
 
 def _shade_phases(axes: Axes, picture: TrialPicture) -> None:
-    phases = picture.planned.phases
-    for (name, start_s), (_, end_s) in pairwise(phases):
-        shade_phase(axes, name, start_s, end_s)
-        if end_s - start_s > 0.03 * picture.times_s[-1]:
-            axes.text(
-                (start_s + end_s) / 2,
-                0.97,
-                name,
-                transform=axes.get_xaxis_transform(),
-                ha='center',
-                va='top',
-                fontsize=9,
-            )
+    phases = pairwise(picture.planned.phases)
+    shade_phases(axes, [(name, start_s, end_s) for (name, start_s), (_, end_s) in phases])
     axes.set_xlim(0.0, picture.times_s[-1])
     axes.margins(y=0.18)
 
@@ -234,10 +211,8 @@ def _draw_spectrum(axes: Axes, picture: TrialPicture) -> None:
         _texture_window(picture)[1], config.spectrum_detrend, config.spectrum_window
     )
     frequency_hz = np.arange(len(amplitude_n)) * config.rate_hz / config.texture_samples
-    # As in `plots.plot_spectra`; a signal without any change would have nothing to draw.
-    axes.semilogy(
-        frequency_hz[1:], np.maximum(MM * amplitude_n[1:], 1e-3), color='#1f4e79', lw=1.2
-    )
+    # A signal without any change would have nothing to draw.
+    draw_spectrum(axes, frequency_hz, np.maximum(MM * amplitude_n, 1e-3))
     plate = picture.catalogue.plate(picture.label)
     if plate.groove not in ('none', 'profile'):
         speed_m_s = picture.planned.timeline.guide_moves[-1].speed_m_s

@@ -13,11 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_bringup.records import TrialConfig
-from tactile_lab.simulation.simulated_trials import (
-    plan_trial,
-    PlannedTrial,
-    SimulationPlan,
-)
+from tactile_lab.simulation.simulated_trials import plan_trial, PlannedTrial, SimulationPlan
 from tactile_ros.errors import TactileError
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.descriptions.description import Finger
@@ -54,10 +50,6 @@ class TrialPicture:
 
     Attributes
     ----------
-    plan : SimulationPlan
-    label : str
-    catalogue : Catalogue
-    planned : PlannedTrial
     times_s : ndarray of shape (samples,)
         Since the trial's first sample [s].
     truth : mapping of str to ndarray

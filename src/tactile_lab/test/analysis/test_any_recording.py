@@ -11,11 +11,10 @@ import pyarrow.parquet
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
-from typer.testing import CliRunner
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_lab.cli.main import app
+from tactile_command import ask_tactile, hear_tactile, tactile
 
 RATE_HZ = 100.0
 SLOPES = {'rubber': -0.9, 'pla': -0.5}
@@ -32,42 +31,37 @@ def all_holds(count=6):
     return [(label, i, *hold(label, i, 240 + i)) for label in SLOPES for i in range(count)]
 
 
-def invoke(*arguments):
-    done = CliRunner().invoke(app, [str(a) for a in arguments])
-    return done.exit_code, done.output
+def save_rows(path, lines):
+    """Write a table as text; make its folders."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text('\n'.join(lines))
+    return path
 
 
-def ask(*arguments):
-    """Return what a command says in JSON."""
-    done = CliRunner().invoke(app, [*map(str, arguments), '--json'])
-    assert done.exit_code == 0, done.output
-    return json.loads(done.stdout)
+def rows_of(time_s, tension_n, form):
+    return [form.format(*row) for row in zip(time_s.tolist(), tension_n.tolist(), strict=True)]
 
 
 def import_json(tmp_path, *arguments):
     archive = tmp_path / 'imported.npz'
-    found = ask('import', *arguments, '-o', archive, '--force')
+    found = ask_tactile('import', *arguments, '-o', archive, '--force')
     return found, load_archive(archive, folds=0)
 
 
 def refusal(tmp_path, *arguments):
-    code, said = invoke('import', *arguments, '-o', tmp_path / 'refused.npz')
-    assert code == 2, said
+    done = tactile('import', *arguments, '-o', tmp_path / 'refused.npz')
+    assert done.returncode == 2, done.stderr
     assert not (tmp_path / 'refused.npz').exists()
-    return said
+    return done.stderr
 
 
 @pytest.fixture
 def long_table(tmp_path):
     """Write one table of all trials; trials are numbered within each object."""
     lines = ['object,trial,time_s,force_n,session']
-    for label, i, time_s, tension_n in all_holds():
-        lines += [
-            f'{label},{i},{t:.3f},{f!r},{i % 2}'
-            for t, f in zip(time_s.tolist(), tension_n.tolist(), strict=True)
-        ]
-    (tmp_path / 'long.csv').write_text('\n'.join(lines) + '\n')
-    return tmp_path / 'long.csv'
+    for label, i, *samples in all_holds():
+        lines += rows_of(*samples, f'{label},{i},{{:.3f}},{{!r}},{i % 2}')
+    return save_rows(tmp_path / 'long.csv', lines)
 
 
 def check_holds(trials, count=6, *, column='', pattern=''):
@@ -110,10 +104,8 @@ def folders(tmp_path):
         path = tmp_path / 'lab' / label / f'{i:02d}.csv'
         path.parent.mkdir(parents=True, exist_ok=True)
         lines = ['Gerät;LC-1', 'Datum;22.11.2026', '', 'Zeit [ms];Kraft [N];Temperatur [°C]']
-        lines += [
-            f'{1e3 * t:.1f};{f!r};{21.0 + 0.001 * i:.3f}'.replace('.', ',')
-            for t, f in zip(time_s.tolist(), tension_n.tolist(), strict=True)
-        ]
+        samples = rows_of(1e3 * time_s, tension_n, f'{{:.1f}};{{!r}};{21.0 + 0.001 * i:.3f}')
+        lines += [row.replace('.', ',') for row in samples]
         path.write_bytes('\r\n'.join(lines).encode('latin-1'))
     return tmp_path / 'lab'
 
@@ -215,12 +207,16 @@ def stamped(make, time_s, tension_n):
     return [(t, make(t, f)) for t, f in zip(stamps, tension_n.tolist(), strict=True)]
 
 
-@pytest.mark.parametrize('plugin', list(StoragePlugin))
 @pytest.mark.parametrize(
-    ('make', 'field'), [(wrench, 'force.z'), (effort, 'effort.tendon'), (number, None)]
+    ('make', 'field', 'plugin'),
+    [
+        (wrench, 'force.z', StoragePlugin.SQLITE3),
+        (effort, 'effort.tendon', StoragePlugin.MCAP),
+        (number, None, StoragePlugin.MCAP),
+    ],
 )
-def test_bags_of_others(tmp_path, plugin, make, field):
-    for label, i, time_s, tension_n in all_holds():
+def test_bags_of_others(tmp_path, make, field, plugin):
+    for label, i, time_s, tension_n in all_holds(2):
         messages = stamped(make, time_s, tension_n)
         write_bag(tmp_path / 'bags' / label / f'run_{i}', plugin, '/ft', messages)
     if field is not None:
@@ -228,8 +224,8 @@ def test_bags_of_others(tmp_path, plugin, make, field):
         assert 'effort.z' in refusal(tmp_path, tmp_path / 'bags', '--field', 'effort.z')
     stated = ('--field', field) if field else ()
     found, trials = import_json(tmp_path, tmp_path / 'bags', *stated)
-    assert found['labels'] == {'pla': 6, 'rubber': 6}
-    check_holds(trials, column='source', pattern='bags/{label}/run_{i}')
+    assert found['labels'] == {'pla': 2, 'rubber': 2}
+    check_holds(trials, 2, column='source', pattern='bags/{label}/run_{i}')
     assert 'no topic /other' in refusal(tmp_path, tmp_path / 'bags', '--topic', '/other')
 
 
@@ -260,10 +256,8 @@ def write_lines(folder, pla_s, rubber_s):
     """Write three trials a label with these times [s]; return the folder."""
     for label, time_s in (('pla', pla_s), ('rubber', rubber_s)):
         for i in range(3):
-            path = folder / label / f'{i}.csv'
-            path.parent.mkdir(parents=True, exist_ok=True)
-            rows = np.column_stack([time_s, line(label, i, time_s)])
-            np.savetxt(path, rows, delimiter=',', header='time_s,force_n', comments='')
+            rows = rows_of(time_s, line(label, i, time_s), '{!r},{!r}')
+            save_rows(folder / label / f'{i}.csv', ['time_s,force_n', *rows])
     return folder
 
 
@@ -299,8 +293,8 @@ def test_oddities_are_said(tmp_path):
     found, _ = import_json(tmp_path, tmp_path / 'odd.npz')
     assert 'warning: channel 1 is constant in 1 trial (row 2)' in found['notes']
     assert any('fewer than 16 samples in 16 trials' in note for note in found['notes'])
-    code, said = invoke('evaluate', tmp_path / 'odd.npz', '--task', 'texture', '--folds', 2)
-    assert code == 0
+    options = ('--task', 'texture', '--folds', 2, '--repetitions', 1)
+    said = hear_tactile('evaluate', tmp_path / 'odd.npz', *options)
     assert 'fewer than 16 samples' in said
     assert 'channel 1 is constant' in said
 
@@ -310,8 +304,8 @@ def test_float32_gives_no_warning(tmp_path):
     x = np.stack([tension_n[:240] for _, _, _, tension_n in all_holds()]).astype(np.float32)
     np.savez(tmp_path / 'f.npz', x=x, label=[hold[0] for hold in all_holds()], rate_hz=100.0)
     for task in ('texture', 'stiffness'):
-        code, said = invoke('evaluate', tmp_path / 'f.npz', '--task', task, '--folds', 2)
-        assert code == 0, said
+        options = ('--task', task, '--folds', 2, '--repetitions', 1)
+        hear_tactile('evaluate', tmp_path / 'f.npz', *options)
 
 
 def test_kinds_are_not_mixed(tmp_path, long_table):
@@ -325,13 +319,10 @@ def test_kinds_are_not_mixed(tmp_path, long_table):
 def test_train_and_evaluate_take_what_import_takes(tmp_path, long_table):
     common = ('--task', 'stiffness', '--folds', 2, '--repetitions', 1)
     import_json(tmp_path, long_table)
-    means = []
-    for source in (long_table, tmp_path / 'imported.npz'):
-        (found,) = ask('evaluate', source, *common)['sets']
-        means.append([score['mean'] for score in found['evaluations'][0]['scores']])
-    assert means[0] == means[1]
-    (trained,) = ask('train', long_table, '-o', tmp_path / 'models', *common)['models']
-    assert [s['mean'] for s in trained['evaluation']['scores']] == means[0]
+    (found,) = ask_tactile('evaluate', tmp_path / 'imported.npz', *common)['sets']
+    means = [score['mean'] for score in found['evaluations'][0]['scores']]
+    (trained,) = ask_tactile('train', long_table, '-o', tmp_path / 'models', *common)['models']
+    assert [s['mean'] for s in trained['evaluation']['scores']] == means
     model = TactileModel.load(tmp_path / 'models' / 'stiffness.onnx')
     assert model.model_id == trained['model_id']
     assert model.contact == ''
@@ -341,8 +332,7 @@ def test_features_as_tables_with_units(tmp_path, long_table):
     common = ('--task', 'stiffness', '--group', 'session_id')
     files = {suffix: tmp_path / f'features.{suffix}' for suffix in ('parquet', 'csv')}
     for file in files.values():
-        code, said = invoke('features', long_table, '-o', file, *common)
-        assert code == 0, said
+        hear_tactile('features', long_table, '-o', file, *common)
     table = pyarrow.parquet.read_table(files['parquet'])
     known = ['source', 'trial', 'label', 'session', 'group', 'simulated']
     assert table.column_names[:6] == known
@@ -360,18 +350,14 @@ def test_features_as_tables_with_units(tmp_path, long_table):
     for row, (_, _, time_s, tension_n) in enumerate(all_holds()):
         slope = np.polyfit(time_s[:240], tension_n[:240], 1)[0]
         assert table[names[0]].to_pylist()[row] == pytest.approx(slope, rel=1e-9)
-    code, said = invoke('features', long_table, '-o', files['csv'], *common)
-    assert code == 2
-    assert '--force' in said
+    assert '--force' in hear_tactile('features', long_table, '-o', files['csv'], *common, code=2)
 
 
 def test_features_of_our_bags_have_a_file_for_each_kind(tmp_path):
     for protocol in ('texture', 'stiffness'):
-        arguments = ('simulate', protocol, '-o', tmp_path / 'bags', '--contact', 'flexion')
-        code, said = invoke(*arguments, '--trials', 1, '--jobs', 1)
-        assert code == 0, said
-    code, said = invoke('features', tmp_path / 'bags', '-o', tmp_path / 'f.parquet')
-    assert code == 0, said
+        options = ('--contact', 'flexion', '--trials', 1, '--jobs', 1)
+        hear_tactile('simulate', protocol, '-o', tmp_path / 'bags', *options)
+    hear_tactile('features', tmp_path / 'bags', '-o', tmp_path / 'f.parquet')
     table = pyarrow.parquet.read_table(tmp_path / 'f_texture_flexion.parquet')
     assert set(table['simulated'].to_pylist()) == {True}
     assert table.num_rows == 8
@@ -383,10 +369,8 @@ def test_trials_numbered_anew_in_each_session_are_kept_apart(tmp_path):
     lines = ['session,label,trial,time_s,force_n']
     for session in (1, 2):
         for label in SLOPES:
-            for t, f in zip(*(a.tolist() for a in hold(label, session, 50)), strict=True):
-                lines.append(f'{session},{label},0,{t},{f!r}')
-    (tmp_path / 'sessions.csv').write_text('\n'.join(lines))
-    found, trials = import_json(tmp_path, tmp_path / 'sessions.csv')
+            lines += rows_of(*hold(label, session, 50), f'{session},{label},0,{{!r}},{{!r}}')
+    found, trials = import_json(tmp_path, save_rows(tmp_path / 'sessions.csv', lines))
     assert trials.lengths.tolist() == [50] * 4
     assert trials.columns['session_id'].tolist() == [1, 1, 2, 2]
     assert 'a trial is named by session and label and trial together' in found['notes']

@@ -9,15 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.model_file.inference import TactileModel
+from tactile_command import hear_tactile
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
-from tactile_lab.cli.main import app
 from tactile_lab.commands.analysis.evaluate import _read_sets, run_evaluate
 from tactile_lab.commands.analysis.requests import EvaluateRequest
 from tactile_lab.commands.output import Output
@@ -33,11 +32,9 @@ SPEEDS_MM_S = (10, 30)
 @pytest.fixture(scope='module')
 def bags(tmp_path_factory):
     folder = tmp_path_factory.mktemp('bags')
-    speeds = [part for mm_s in SPEEDS_MM_S for part in ('--speed', str(mm_s))]
-    arguments = ['simulate', 'texture', '-o', str(folder), '--contact', 'flexion']
-    arguments += ['--trials', '2', '--sessions', '2', '--jobs', '1', *speeds]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code == 0, done.output
+    speeds = [part for mm_s in SPEEDS_MM_S for part in ('--speed', mm_s)]
+    options = ('--contact', 'flexion', '--trials', 2, '--sessions', 2, '--jobs', 1, *speeds)
+    hear_tactile('simulate', 'texture', '-o', folder, *options)
     return [folder / f'texture_flexion_{mm_s}mm_s' for mm_s in SPEEDS_MM_S]
 
 
@@ -53,22 +50,16 @@ def test_each_speed_has_a_bag_whose_events_state_it(bags):
 
 
 def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, tmp_path):
-    arguments = ['train', *map(str, bags), '-o', str(tmp_path), '--over', '45:0.5']
-    done = CliRunner().invoke(app, [*arguments, '--repetitions', '1', '--folds', '2'])
-    assert done.exit_code == 0, done.output
+    arguments = ('train', *bags, '-o', tmp_path, '--over', '45:0.5')
+    hear_tactile(*arguments, '--repetitions', 1, '--folds', 2)
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
     config = FeatureConfig(texture_features='texture_spatial')
     assert model.spec.mismatch(spec_for('texture', config)) == ''
     assert 'feature set' in model.spec.mismatch(spec_for('texture', FeatureConfig()))
     finer = dataclasses.replace(config, spatial_finest_m=0.00025)
     assert 'spatial_finest_m' in model.spec.mismatch(spec_for('texture', finer))
-
-
-def test_running_answers_over_distance_are_refused(bags, tmp_path):
-    arguments = ['train', str(bags[0]), '-o', str(tmp_path), '--over', '45:0.5']
-    done = CliRunner().invoke(app, [*arguments, '--running', '1'])
-    assert done.exit_code == 2
-    assert 'no early predictions' in done.output
+    said = hear_tactile(*arguments, '--running', 1, '--force', code=2)
+    assert 'no early predictions' in said
 
 
 @pytest.mark.parametrize('text', ['45', '45:', 'a:b', '1:0.5', '45:0', 'nan:1'])
@@ -78,9 +69,8 @@ def test_a_window_that_is_none_is_refused(text):
 
 
 def test_only_texture_has_a_speed(tmp_path):
-    done = CliRunner().invoke(app, ['simulate', 'slip', '-o', str(tmp_path), '--speed', '5'])
-    assert done.exit_code == 2
-    assert 'for texture' in done.output
+    said = hear_tactile('simulate', 'slip', '-o', tmp_path, '--speed', 5, code=2)
+    assert 'for texture' in said
 
 
 @pytest.fixture
@@ -122,7 +112,8 @@ def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, 
     with np.load(archive) as loaded:
         plates = np.repeat(sorted(LABELS['texture']), 3)
         np.savez(archive, **{**loaded, 'label': plates})
-    run_evaluate(request_for(archive, **fields, report=page), as_json=True)
+    request = request_for(archive, **fields, report=page)
+    run_evaluate(request, as_json=True)
     (result,) = json.loads(capsys.readouterr().out)['sets']
     assert result['feature_parameters'] == {
         'spectrum_detrend': 'linear',
@@ -131,22 +122,17 @@ def test_a_report_compares_the_paper_s_features_whatever_else_it_shows(archive, 
     text = page.read_text()
     assert 'features: texture_spectrum, spectrum_detrend linear, spectrum_window none' in text
     assert 'so do the texture features of this comparison' in text
-    run_evaluate(request_for(archive, **{**fields, 'detrend': 'mean'}, report=page), as_json=True)
-    assert 'so do the texture features of this comparison' not in page.read_text()
-
-
-def test_the_comparison_with_the_paper_is_made_with_the_mean_alone(archive, tmp_path):
-    request = request_for(archive, over=None, speed_column=None, detrend='linear', report=tmp_path)
+    # The comparison is made with the mean alone.
     (recordings,) = _read_sets(request, Output(as_json=True))
     trials = load_archive(archive)
     want = table_from_trials('texture', trials, 0, config=FeatureConfig(spectrum_detrend='mean'))
     assert recordings.published.compute_sha256() == want.compute_sha256()
-    (result,) = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)
-    published = result.as_published
+    found = analyse([recordings], folds=2, repetitions=1, random_state=0, jobs=1)[0]
+    published = found.as_published
     expected = evaluate(want, folds=2, repetitions=1, random_state=0)
     assert published.plain.to_dict()['scores'] == expected.to_dict()['scores']
     assert published.recordings.table is recordings.published
-    assert not np.array_equal(published.significance.mean_p, result.significance.mean_p)
+    assert not np.array_equal(published.significance.mean_p, found.significance.mean_p)
     mean = dataclasses.replace(request, detrend='mean')
     assert _read_sets(mean, Output(as_json=True))[0].published is None
 

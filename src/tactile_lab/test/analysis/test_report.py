@@ -16,6 +16,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.spec import spec_for
 from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.feature_options import select_features
 from tactile_lab.report.analysis import analyse, in_unit
 from tactile_lab.report.build import build_page, report_path, write_report
 from tactile_lab.report.components import find_components
@@ -27,24 +28,18 @@ from tactile_lab.report.summary import hardest_score, tell_accuracy, tell_confus
 from tactile_ros.errors import TactileError
 
 
-def make_holds(values, labels, **columns):
-    table = FeatureTable(values, labels, spec_for('stiffness', FeatureConfig()), columns)
-    return RecordingSet('stiffness, flexion', 'flexion', False, table, (), 'N')
-
-
-def make_easy_holds(slope_n_s=1.0):
+def make_easy_holds():
     """Objects that differ in slope alone, while the intercept varies far more."""
     generator = np.random.default_rng(3)
     code = np.repeat([0, 1, 2], 24)
-    values = np.stack(
-        [
-            slope_n_s * (code + generator.normal(0.0, 0.05, 72)),
-            generator.normal(0.0, 30.0, 72),
-            np.clip(generator.normal(-0.9, 0.01, 72), -1.0, 0.0),
-        ],
-        axis=1,
+    columns = (
+        code + generator.normal(0.0, 0.05, 72),
+        generator.normal(0.0, 30.0, 72),
+        np.clip(generator.normal(-0.9, 0.01, 72), -1.0, 0.0),
     )
-    return make_holds(values, np.array(['pla', 'rubber_shell', 'sponge'])[code])
+    labels = np.array(['pla', 'rubber_shell', 'sponge'])[code]
+    table = FeatureTable(np.stack(columns, axis=1), labels, spec_for('stiffness', FeatureConfig()))
+    return RecordingSet('stiffness, flexion', 'flexion', False, table, (), 'N')
 
 
 def make_textures():
@@ -61,20 +56,26 @@ def make_textures():
     return RecordingSet('texture, x.npz', '', False, table, (('day',),), 'raw', examples)
 
 
-def run(*sets):
-    return analyse(sets, folds=6, repetitions=1, random_state=0, jobs=1)
+def run(recordings, folds=6):
+    (result,) = analyse([recordings], folds=folds, repetitions=1, random_state=0, jobs=1)
+    return result
+
+
+def with_table(result, **changes):
+    """Return a result as if its table had other labels or columns."""
+    table = dataclasses.replace(result.recordings.table, **changes)
+    recordings = dataclasses.replace(result.recordings, table=table)
+    return dataclasses.replace(result, recordings=recordings)
 
 
 @pytest.fixture(scope='module')
 def easy_holds():
-    (result,) = run(make_easy_holds())
-    return result
+    return run(make_easy_holds())
 
 
 @pytest.fixture(scope='module')
 def textures():
-    (result,) = run(make_textures())
-    return result
+    return run(make_textures())
 
 
 @pytest.fixture(scope='module')
@@ -93,7 +94,7 @@ class LinkCollector(html.parser.HTMLParser):
         self.links += [value for name, value in attrs if name in names]
 
 
-def test_page_refers_to_nothing_outside_itself_and_escapes_labels(page):
+def test_page_stands_alone_escapes_labels_and_names_the_split_of_every_table(page):
     collector = LinkCollector()
     collector.feed(page)
     assert [link for link in collector.links if not link.startswith('#')] == []
@@ -102,11 +103,10 @@ def test_page_refers_to_nothing_outside_itself_and_escapes_labels(page):
     assert '@import' not in page
     assert 'url(http' not in page
     assert 'fine &lt;b&gt;' in page
+    assert 'Early predictions' not in page
     for target in (link[1:] for link in collector.links if link.startswith('#s')):
         assert f'id="{target}"' in page
 
-
-def test_every_table_of_accuracies_names_its_split(page):
     captions = [part.split('</caption>')[0] for part in page.split('<caption>')[1:]]
     of_accuracies = [caption for caption in captions if caption.startswith('accurac')]
     assert len(of_accuracies) == 4
@@ -115,12 +115,21 @@ def test_every_table_of_accuracies_names_its_split(page):
     assert 'SIMULATED' not in page
 
 
+def test_all_but_picture_summary_and_signals_is_folded(page):
+    whole, *folded = page.split('<details>')
+    assert '<table' not in whole
+    assert whole.count('<figure>') == 2
+    assert whole.index('<figure>') < whole.index('accuracy ')
+    assert all(part.count('</details>') == 1 for part in folded)
+    assert page.count('<h2') == 2
+
+
 def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tmp_path):
     sets = bag_sets(read_tables([stiffness_bag]).tables)
     assert sets[0].hold_out == (('trial_block',),)
-    results = analyse(sets, folds=3, repetitions=1, random_state=0, jobs=1)
+    result = run(sets[0], folds=3)
     path = tmp_path / 'report.html'
-    write_report(path, results, [stiffness_bag], {'folds': '3'})
+    write_report(path, [result], [stiffness_bag.parent], {'folds': '3'})
     page = path.read_text(encoding='utf-8')
     figures = page.split('<figure>')[1:]
     assert len(figures) == 8
@@ -131,11 +140,9 @@ def test_simulated_trials_are_marked_in_every_figure_and_table(stiffness_bag, tm
     assert all(table.startswith('SIMULATED. ') for table in tables)
     assert 'slope -0.90, intercept 12.62, correlation -0.99' in page
     assert 'seed 7' in page
-    json.dumps([result.to_dict() for result in results], allow_nan=False)
-
-
-def test_examples_are_the_very_windows_of_the_features(stiffness_bag):
-    (found,) = bag_sets(read_tables([stiffness_bag]).tables)
+    json.dumps(result.to_dict(), allow_nan=False)
+    # The examples are the very windows of the features.
+    found = result.recordings
     assert len(found.examples) == 5
     for example in found.examples:
         slope, intercept, correlation = found.table.values[example.row]
@@ -155,9 +162,8 @@ def test_unscaled_rbf_machine_is_told_from_the_others_and_its_cause_is_seen(easy
         'does not agree'
     )
     assert rows['Texture: flexion and abduction do equally well'].verdict == 'not tested'
-    accuracies = {point.unit: point.accuracy for point in easy_holds.units}
     # In a unit in which slope and correlation count as much as the intercept: all is well.
-    assert min(accuracies.values()) < 0.6
+    assert min(easy_holds.units.values()) < 0.6
     assert easy_holds.plain.score('svm_rbf', 'standard').mean > 0.97
     assert easy_holds.plain.score('svm_rbf', 'none').mean < 0.6
 
@@ -165,25 +171,19 @@ def test_unscaled_rbf_machine_is_told_from_the_others_and_its_cause_is_seen(easy
 @pytest.mark.parametrize(
     ('mountings', 'sessions', 'words'),
     [
-        (
-            lambda label, i: label,
-            lambda i: 'a',
-            '1 session, each plate or object fixed once, as in',
-        ),
+        (lambda label, i: label, lambda i: 'a', '1 session, each .* fixed once, as in'),
         (lambda label, i: f'{label}{i % 2}', lambda i: 'a', 'fixed up to 2 times, not as in'),
         (lambda label, i: label, lambda i: f's{i % 3}', '3 sessions, .* fixed once, not as in'),
         (lambda label, i: '', lambda i: 'a', 'mountings not stated'),
     ],
 )
 def test_design_of_the_trials_is_told_beside_the_papers(easy_holds, mountings, sessions, words):
-    table = easy_holds.recordings.table
+    labels = easy_holds.recordings.table.labels
     columns = {
-        'mounting_id': np.array([mountings(label, i) for i, label in enumerate(table.labels)]),
-        'session_id': np.array([sessions(i) for i in range(len(table))]),
+        'mounting_id': np.array([mountings(label, i) for i, label in enumerate(labels)]),
+        'session_id': np.array([sessions(i) for i in range(len(labels))]),
     }
-    changed = dataclasses.replace(table, columns=columns)
-    recordings = dataclasses.replace(easy_holds.recordings, table=changed)
-    assert re.search(words, tell_design([dataclasses.replace(easy_holds, recordings=recordings)]))
+    assert re.search(words, tell_design([with_table(easy_holds, columns=columns)]))
 
 
 def test_summary_states_the_hardest_split_in_one_line(textures, easy_holds):
@@ -194,9 +194,6 @@ def test_summary_states_the_hardest_split_in_one_line(textures, easy_holds):
     assert line.startswith(f'accuracy {100 * held_out.mean:.1f} % (one day held out; ')
     assert f'chance {100 * textures.plain.chance:.1f} %; most frequent confusion: ' in line
     assert 'the only split' in tell_accuracy(easy_holds)
-
-
-def test_most_frequent_confusion_is_that_of_the_matrix(easy_holds):
     score = easy_holds.plain.score('knn', 'standard')
     confusion = np.array([[70, 2, 0], [0, 48, 24], [9, 0, 63]])
     told = tell_confusion(dataclasses.replace(score, confusion=confusion))
@@ -206,23 +203,9 @@ def test_most_frequent_confusion_is_that_of_the_matrix(easy_holds):
 
 def test_papers_statements_stand_beside_the_papers_labels_alone(easy_holds):
     assert 'Beside the paper' not in build_page([easy_holds], [], {}, {})
-    table = easy_holds.recordings.table
     names = np.array(['none', 'pla', 'rubber_shell', 'solid_rubber', 'sponge'])
-    labels = names[np.arange(len(table)) % 5]
-    holds = dataclasses.replace(
-        easy_holds.recordings, table=dataclasses.replace(table, labels=labels)
-    )
-    (result,) = run(holds)
-    assert 'Beside the paper' in build_page([result], [], {}, {})
-
-
-def test_all_but_picture_summary_and_signals_is_folded(page):
-    whole, *folded = page.split('<details>')
-    assert '<table' not in whole
-    assert whole.count('<figure>') == 2
-    assert whole.index('<figure>') < whole.index('accuracy ')
-    assert all(part.count('</details>') == 1 for part in folded)
-    assert page.count('<h2') == 2
+    labels = names[np.arange(len(easy_holds.recordings.table)) % 5]
+    assert 'Beside the paper' in build_page([with_table(easy_holds, labels=labels)], [], {}, {})
 
 
 def test_units_change_forces_and_nothing_else():
@@ -232,14 +215,8 @@ def test_units_change_forces_and_nothing_else():
 
 
 def test_one_feature_is_evaluated_and_says_what_cannot_be_done():
-    holds = make_easy_holds()
-    spec = holds.table.spec
-    one = FeatureTable(
-        holds.table.values[:, :1],
-        holds.table.labels,
-        dataclasses.replace(spec, names=spec.names[:1], units=spec.units[:1]),
-    )
-    (result,) = run(RecordingSet('one', '', False, one, (), 'N'))
+    table = select_features(make_easy_holds().table, 'slope')
+    result = run(RecordingSet('one', '', False, table, (), 'N'), folds=2)
     assert result.selections == ()
     assert result.not_done == ('feature selection: there is one feature only',)
     assert 'one feature only' in build_page([result], [], {}, {})

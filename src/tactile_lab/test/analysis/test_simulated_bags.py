@@ -9,22 +9,21 @@ import threading
 import joblib
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_command import tactile
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_lab.cli.main import app
 from tactile_lab.commands import simulate
 from tactile_lab.commands.replay import run_replay
 from tactile_lab.commands.simulate import run_simulate
 from tactile_lab.commands.simulate_request import SimulateRequest
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
-from tactile_lab.simulation.simulated_bags import paper_plans, write_simulated_bag
+from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import (
     find_onset_s,
     plan_trial,
@@ -62,57 +61,45 @@ def read_blocks(bag_path):
         return [strain_block_from_msg(message.decode()) for message in bag.messages(STRAIN)]
 
 
+class FakeSimulator:
+    """Stands in for the physics: a rising tension, and what a test wants to go wrong."""
+
+    def __init__(self):
+        self.failures = {}  # (label, number) to when the solver gives up
+        self.slip_m = lambda label, times_s: np.zeros_like(times_s)
+        self.finished = 0
+
+    def simulate(self, protocol, label, contact, timeline, count, seed, *, first, **more):
+        times_s = np.arange(round(timeline.duration_s * RATE_HZ) + 1) / RATE_HZ
+        failed_at_s = [self.failures.get((label, first + i), np.nan) for i in range(count)]
+        self.finished += count
+        return SimulatedTrials(
+            tension_n=np.tile(times_s, (count, 1)),
+            sample_times_s=times_s,
+            truth={'slip_m': np.tile(self.slip_m(label, times_s), (count, 1))},
+            failed_at_s=np.array(failed_at_s),
+        )
+
+
 @pytest.fixture
 def simulator(monkeypatch):
-    """Stand in for the physics: a rising tension, and what a test wants to go wrong."""
-
-    class Simulator:
-        def __init__(self):
-            self.failures = {}  # (label, number) to when the solver gives up
-            self.slip_m = lambda label, times_s: np.zeros_like(times_s)
-            self.finished = 0
-
-        def simulate(
-            self,
-            protocol,
-            label,
-            contact,
-            timeline,
-            count,
-            seed,
-            *,
-            session,
-            first,
-            trials_per_mounting,
-            catalogue,
-        ):
-            times_s = np.arange(round(timeline.duration_s * RATE_HZ) + 1) / RATE_HZ
-            failed_at_s = [
-                self.failures.get((label, n), np.nan) for n in range(first, first + count)
-            ]
-            self.finished += count
-            return SimulatedTrials(
-                tension_n=np.tile(times_s, (count, 1)),
-                sample_times_s=times_s,
-                truth={'slip_m': np.tile(self.slip_m(label, times_s), (count, 1))},
-                failed_at_s=np.array(failed_at_s),
-            )
-
-    simulator = Simulator()
+    simulator = FakeSimulator()
     monkeypatch.setattr(simulated_trials, 'simulate_trials', simulator.simulate)
     return simulator
 
 
-def test_samples_follow_each_other_without_gap_through_all_trials(stiffness_bag):
+def make_request(folder, protocol='stiffness', **fields):
+    given = {'contact': ['flexion'], 'trials_per_label': 2, 'seed': 7, 'jobs': 1, **fields}
+    return SimulateRequest(protocol=protocol, folder=folder, **given)
+
+
+def test_samples_follow_without_gap_and_events_are_in_order_and_marked(stiffness_bag):
     blocks = read_blocks(stiffness_bag)
     expected = 0
     for block in blocks:
         assert block.sequence == expected
         expected += len(block.tension_n)
         assert abs(block.stamp_ns - blocks[0].stamp_ns - block.sequence * 1e9 / RATE_HZ) < 2
-
-
-def test_every_event_is_marked_as_simulated_and_phases_are_in_order(stiffness_bag):
     with TactileBag(stiffness_bag) as bag:
         assert bag.metadata['simulated'] is True
     trials = read_events(stiffness_bag)
@@ -124,20 +111,13 @@ def test_every_event_is_marked_as_simulated_and_phases_are_in_order(stiffness_ba
         assert release.stamp_ns - hold.stamp_ns == 4_000_000_000
 
 
-def test_same_seed_same_bytes_other_seed_other_bytes(stiffness_bag, tmp_path):
-    again, other = (
-        write(tmp_path / str(seed), SimulationPlan('stiffness', 'flexion', 3, seed)).path
-        for seed in (7, 8)
-    )
-    assert digest(again) == digest(stiffness_bag)
-    assert digest(other) != digest(stiffness_bag)
-
-
-def test_the_number_of_processes_does_not_change_a_byte(stiffness_bag, tmp_path):
+def test_bytes_depend_on_the_seed_and_not_on_processes(stiffness_bag, tmp_path):
     plan = SimulationPlan('stiffness', 'flexion', 3, 7)
-    bag = write(tmp_path, plan, jobs=2).path
-    assert digest(bag) == digest(stiffness_bag)
-    assert (bag / 'metadata.yaml').read_bytes() == (stiffness_bag / 'metadata.yaml').read_bytes()
+    again, parallel = (write(tmp_path / str(jobs), plan, jobs=jobs).path for jobs in (1, 2))
+    other = write(tmp_path, dataclasses.replace(plan, seed=8)).path
+    assert digest(stiffness_bag) == digest(again) == digest(parallel) != digest(other)
+    metadata = (stiffness_bag / 'metadata.yaml').read_bytes()
+    assert (parallel / 'metadata.yaml').read_bytes() == metadata
 
 
 def test_another_back_end_takes_over_by_configuration(stiffness_bag, tmp_path, monkeypatch):
@@ -214,33 +194,22 @@ def test_trial_without_equilibrium_is_aborted_and_its_rest_left_out(simulator, t
     assert sum(block.lost_before > 0 for block in blocks) == 2
 
 
-@pytest.mark.parametrize('failed_at_s', [2.0, 5.2])
-def test_aborted_trial_gives_no_features(simulator, tmp_path, failed_at_s):
-    """Neither one that ended in the hold, nor one that ended after it."""
-    simulator.failures = {('sponge', 1): failed_at_s}
+def test_trial_aborted_in_or_after_its_hold_gives_no_features(simulator, tmp_path):
+    simulator.failures = {('sponge', 1): 2.0, ('pla', 0): 5.2}
     bag = write(tmp_path, SimulationPlan('stiffness', 'flexion', 2, 7))
-    last = read_events(bag.path)['stiffness_flexion-7-0-sponge-0001'][-2]
-    assert last.phase == ('hold' if failed_at_s == 2.0 else 'release')
+    events = read_events(bag.path)
+    assert events['stiffness_flexion-7-0-sponge-0001'][-2].phase == 'hold'
+    assert events['stiffness_flexion-7-0-pla-0000'][-2].phase == 'release'
     found = read_tables([bag.path])
-    table = found.tables['stiffness', 'flexion']
-    assert len(table.values) == 9
-    (sentence,) = found.left_out
-    assert 'sponge-0001: the trial was aborted' in sentence
-    assert 'no equilibrium at' in sentence
+    assert len(found.tables['stiffness', 'flexion']) == 8
+    for sentence, name in zip(found.left_out, ('pla-0000', 'sponge-0001'), strict=True):
+        assert f'{name}: the trial was aborted' in sentence
+        assert 'no equilibrium at' in sentence
 
 
 def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_path, capsys):
     simulator.failures = {('sponge', 1): 2.0}
-    request = SimulateRequest(
-        protocol='stiffness',
-        trials_per_label=2,
-        sessions=1,
-        seed=7,
-        folder=tmp_path,
-        description=None,
-        jobs=1,
-        plot=None,
-    )
+    request = make_request(tmp_path, contact=['flexion', 'abduction'])
     assert run_simulate(request, as_json=True) is False
     told = capsys.readouterr()
     assert '1 of 10 trials ABORTED' in told.err
@@ -252,18 +221,9 @@ def test_the_command_names_aborted_trials_and_tells_its_caller(simulator, tmp_pa
 def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
     simulator, tmp_path, capsys
 ):
-    def simulate_design(design, sessions=1):
+    def simulate_design(design, **fields):
         folder = tmp_path / design
-        request = SimulateRequest(
-            protocol='stiffness',
-            contact=['flexion'],
-            trials_per_label=3,
-            sessions=sessions,
-            seed=7,
-            folder=folder,
-            jobs=1,
-            design=design,
-        )
+        request = make_request(folder, trials_per_label=3, design=design, **fields)
         run_simulate(request, as_json=True)
         (table,) = read_tables([folder / 'stiffness_flexion']).tables.values()
         return table
@@ -282,8 +242,7 @@ def test_as_published_mounts_each_object_once_and_crossed_for_each_trial(
 @pytest.mark.parametrize(('complete', 'code'), [(True, 0), (False, 3)])
 def test_exit_code_tells_scripts_about_aborted_trials(monkeypatch, tmp_path, complete, code):
     monkeypatch.setattr(simulate, 'run_simulate', lambda request, as_json: complete)
-    done = CliRunner().invoke(app, ['simulate', 'slip', '-o', str(tmp_path)])
-    assert done.exit_code == code
+    assert tactile('simulate', 'slip', '-o', tmp_path).returncode == code
 
 
 @pytest.mark.parametrize(
@@ -296,10 +255,8 @@ def test_exit_code_tells_scripts_about_aborted_trials(monkeypatch, tmp_path, com
 )
 def test_the_command_refuses_with_a_sentence(simulator, tmp_path, changes, sentence):
     (tmp_path / 'taken' / 'slip_flexion').mkdir(parents=True)
-    folder = tmp_path / changes.pop('folder', 'free')
-    request = SimulateRequest(
-        protocol='slip', contact=['flexion'], trials_per_label=1, seed=7, folder=folder, jobs=1
-    )
+    request = make_request(tmp_path / changes.get('folder', 'free'), 'slip')
+    changes = {name: value for name, value in changes.items() if name != 'folder'}
     with pytest.raises(TactileError, match=sentence):
         run_simulate(dataclasses.replace(request, **changes), as_json=False)
     assert simulator.finished == 0
@@ -336,6 +293,10 @@ def test_slip_bag_tells_the_true_onset(simulator, tmp_path):
     for events in read_events(bag.path).values():
         assert [e.phase for e in events] == ['approach', 'contact', 'pull', 'release', 'done']
         assert {e.protocol for e in events} == {'slip'}
+    with pytest.raises(BagError, match='no slip features yet'):
+        read_tables([bag.path])
+    with pytest.raises(TactileError, match='no slip features yet'):
+        run_replay(bag.path, None, through_nodes=False, times=1, as_json=True)
 
 
 @pytest.mark.parametrize('before_m', [0.0, -3e-4])
@@ -349,28 +310,12 @@ def test_onset_counts_from_the_pull_in_either_direction(before_m):
     assert find_onset_s(planned, times_s[:5], slip_m[:5]) is None
 
 
-def test_slip_bag_is_refused_where_features_are_needed(simulator, tmp_path):
-    bag = write(tmp_path, SimulationPlan('slip', 'flexion', 1, 7))
-    with pytest.raises(BagError, match='no slip features yet'):
-        read_tables([bag.path])
-    with pytest.raises(TactileError, match='no slip features yet'):
-        run_replay(bag.path, None, through_nodes=False, times=1, as_json=True)
-
-
 def test_plan_keeps_the_glide_speed():
     planned = plan_trial(CONFIG, TrialRequest('texture', 'flexion'))
     phases = dict(planned.phases)
     glide_s = phases['release'] - phases['glide']
     ramps_s = CONFIG.glide_speed_m_s / 0.5
     assert glide_s == pytest.approx(CONFIG.glide_length_m / CONFIG.glide_speed_m_s + ramps_s)
-
-
-def test_paper_plans_are_the_four_sets():
-    plans = paper_plans(10, 6, 1)
-    assert {(p.protocol, p.contact) for p in plans} == {
-        (p, c) for p in ('texture', 'stiffness') for c in ('flexion', 'abduction')
-    }
-    assert len(plans) == 4
 
 
 def test_one_seed_makes_other_trials_for_each_contact_session_and_label(tmp_path):

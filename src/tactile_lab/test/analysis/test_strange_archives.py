@@ -7,16 +7,15 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
-from tactile_lab.cli.main import app
+from tactile_command import ask_tactile, hear_tactile, tactile
 from tactile_lab.datasets.selection import select_trials
 from tactile_ros.errors import TactileError
 
 RATE_HZ = 100.0
-CHEAP = ('--repetitions', '1', '--folds', '3')
+CHEAP = ('--task', 'stiffness', '--repetitions', '1', '--folds', '3')
 
 
 @pytest.fixture
@@ -38,37 +37,12 @@ def save(tmp_path):
     return save
 
 
-def evaluate(path, *arguments):
-    done = CliRunner().invoke(
-        app,
-        [
-            'evaluate',
-            str(path),
-            '--task',
-            'stiffness',
-            '--repetitions',
-            '1',
-            '--folds',
-            '3',
-            *arguments,
-        ],
-        catch_exceptions=False,
-    )
-    return done.exit_code, done.output
-
-
-def evaluate_json(path, *arguments):
-    code, output = evaluate(path, '--json', *arguments)
-    assert code == 0, output
-    (found,) = json.loads(output[output.index('{') :])['sets']
-    return found
-
-
-def test_training_on_one_day_and_testing_on_the_other(save):
+def test_training_on_one_day_and_testing_on_the_other_equals_a_fit_by_hand(save):
     path, _ = save()
-    found = evaluate_json(path, '--train-where', 'day=1', '--test-where', 'day=2')
+    stated = ('--train-where', 'day=2', '--test-where', 'day=1')
+    (found,) = ask_tactile('evaluate', path, *CHEAP, *stated)['sets']
     plain, stated = found['evaluations']
-    assert stated['split'] == 'trained on day=1 (24 trials), tested on day=2'
+    assert stated['split'] == 'trained on day=2 (24 trials), tested on day=1'
     assert (plain['trials'], stated['trials']) == (48, 24)
     assert len(stated['scores']) == 8
     for score in stated['scores']:
@@ -78,14 +52,7 @@ def test_training_on_one_day_and_testing_on_the_other(save):
         assert score['mean'] == pytest.approx(np.trace(confusion) / 24)
         assert score['interval']['low'] <= score['mean'] <= score['interval']['high']
         assert score['interval']['method'].endswith('over 24 trials')
-
-
-def test_the_stated_split_equals_a_fit_by_hand(save):
-    path, _ = save()
-    found = evaluate_json(path, '--train-where', 'day=2', '--test-where', 'day=1')
-    scores = {
-        (s['classifier'], s['scaling']): s['mean'] for s in found['evaluations'][1]['scores']
-    }
+    scores = {(s['classifier'], s['scaling']): s['mean'] for s in stated['scores']}
     table = table_from_trials('stiffness', load_archive(path))
     train = table.column('day') == 2
     values = (table.values - table.values[train].mean(axis=0)) / table.values[train].std(axis=0)
@@ -103,32 +70,31 @@ def test_bad_trials_are_skipped_and_listed_everywhere(save, tmp_path):
     x[3] = 5.0
     x[40, 0, 17] = np.nan
     path, _ = save(x=x)
-    code, output = evaluate(path)
-    assert code == 2
-    assert '1 of 48 trials' in output
-    assert 'row 40' in output
+    said = hear_tactile('evaluate', path, *CHEAP, code=2)
+    assert '1 of 48 trials' in said
+    assert 'row 40' in said
     report = tmp_path / 'report.html'
-    code, output = evaluate(path, '--skip-bad', '--where', 'day=1,2', '--report', str(report))
-    assert code == 0, output
-    text = report.read_text()
-    for shown in (output, text):
+    options = ('--skip-bad', '--where', 'day=1,2', '--report', report, '--json')
+    done = tactile('evaluate', path, *CHEAP, *options)
+    (found,) = json.loads(done.stdout)['sets']
+    for shown in (done.stderr, report.read_text()):
         assert 'skipped 2 trials' in shown
         assert 'row 3: the tension is constant' in shown
         assert 'row 40: x in strange.npz is not finite at 1 of 200 samples' in shown
-    found = evaluate_json(path, '--skip-bad')
     assert [each['row'] for each in found['skipped']] == [40, 3]
     assert found['trials'] == 46
 
 
 def test_resampling_and_crop_are_stated(save):
     path, _ = save(length=np.where(np.arange(48) < 2, 190, 200))
-    found = evaluate_json(path, '--resample-hz', '60', '--crop', '0.5:1.5')
-    assert found['title'].endswith('channel 0, at 60 Hz, 0.5 to 1.5 s')
-    assert 'resampled from 100 to 60 Hz: polyphase filter 3/5' in found['prepared'][0]
-    whole = evaluate_json(path, '--static-phase', '0.5:1.5')  # the option's first name
-    assert whole['title'].endswith('channel 0, 0.5 to 1.5 s')
-    shortest = evaluate_json(path)
-    assert 'cut to the first 1.9 s' in shortest['prepared'][0]
+    said = hear_tactile('evaluate', path, *CHEAP, '--resample-hz', '60', '--crop', '0.5:1.5')
+    assert 'channel 0, at 60 Hz, 0.5 to 1.5 s' in said
+    assert 'resampled from 100 to 60 Hz: polyphase filter 3/5' in said
+    said = hear_tactile(
+        'evaluate', path, *CHEAP, '--static-phase', '0.5:1.5'
+    )  # the option's first name
+    assert 'channel 0, 0.5 to 1.5 s' in said
+    assert 'cut to the first 1.9 s' in hear_tactile('evaluate', path, *CHEAP)
 
 
 def test_columns_select_by_value_by_values_or_by_truth():
@@ -159,6 +125,5 @@ def test_columns_select_by_value_by_values_or_by_truth():
 
 def test_one_of_the_two_alone_is_refused(save):
     path, _ = save()
-    code, output = evaluate(path, '--train-where', 'day=1')
-    assert code == 2
-    assert 'give both' in output
+    said = hear_tactile('evaluate', path, *CHEAP, '--train-where', 'day=1', code=2)
+    assert 'give both' in said

@@ -25,7 +25,7 @@ NAMES = st.lists(
 FORMS = [(',', '.'), (';', '.'), (';', ','), ('\t', '.'), ('\t', ','), (' ', '.')]
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(data=st.data())
 def test_every_form_is_read_back(tmp_path_factory, data):
     separator, decimal = data.draw(st.sampled_from(FORMS))

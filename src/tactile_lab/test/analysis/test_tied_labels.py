@@ -4,24 +4,17 @@
 """Warnings of tied labels wherever a user looks, and an experiment's folder as recordings."""
 
 import json
-import shutil
 
 import pytest
-from typer.testing import CliRunner
 
 from tactile_bags import EVENT
-from tactile_lab.cli.main import app
+from tactile_command import ask_tactile, tactile
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 
-OPTIONS = ('--folds', '3', '--repetitions', '1')
-
-
-def run(*arguments):
-    done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
-    return done
+OPTIONS = ('--folds', '2', '--repetitions', '1')
+SENTENCE = 'session and label coincide for 5 of 5 labels'
 
 
 @pytest.fixture(scope='module')
@@ -37,49 +30,27 @@ def tied_bag(stiffness_bag, rewrite, tmp_path_factory):
 
 
 def test_tied_labels_are_told_in_terminal_json_and_report(tied_bag, tmp_path):
-    sentence = 'session and label coincide for 5 of 5 labels'
     report = tmp_path / 'report.html'
-    done = run('evaluate', tied_bag, *OPTIONS, '--report', report)
-    assert sentence in done.output
-    assert sentence in report.read_text()
-    (found,) = json.loads(run('evaluate', tied_bag, *OPTIONS, '--json').stdout)['sets']
+    done = tactile('evaluate', tied_bag, *OPTIONS, '--report', report, '--json')
+    assert SENTENCE in done.stderr
+    assert SENTENCE in report.read_text()
+    (found,) = json.loads(done.stdout)['sets']
     for evaluation in found['evaluations']:
-        assert any(sentence in warning for warning in evaluation['warnings'])
+        assert any(SENTENCE in warning for warning in evaluation['warnings'])
 
 
 def test_tied_labels_are_told_at_training(tied_bag, tmp_path):
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    sentence = 'session and label coincide for 5 of 5 labels'
-    assert sentence in run('train', tied_bag, '-o', tmp_path / 'one', *OPTIONS).output
-    done = run('train', tied_bag, '-o', tmp_path / 'two', *OPTIONS, '--json')
+    done = tactile('train', tied_bag, '-o', tmp_path, *OPTIONS, '--json')
+    assert SENTENCE in done.stderr
     (model,) = json.loads(done.stdout)['models']
-    assert any(sentence in warning for warning in model['evaluation']['warnings'])
+    assert any(SENTENCE in warning for warning in model['evaluation']['warnings'])
 
 
-def test_an_experiment_is_read_without_the_trials_that_do_not_count(stiffness_bag, tmp_path):
-    (table,) = read_tables([stiffness_bag]).tables.values()
-    first, *others = table.column('trial_id').tolist()
-    folder = ExperimentFolder(tmp_path / 'soft')
-    folder.set_up(ExperimentPlan('soft', 'stiffness', ('pla',)))
-    shutil.copytree(stiffness_bag, folder.bags / 'soft-s01-01')
-    with folder.open_journal() as journal:
-        for name in (first, *others):
-            journal.append('began', key=name, trial_id=name, mounting_id='m')
-            verdict = 'failed' if name == first else 'good'
-            values = {'verdict': verdict, 'sentence': '', 'statistics': {}, 'seconds': 1.0}
-            journal.append('ended', trial_id=name, **values)
-    found = read_tables(folder.list_bags())
-    (table,) = found.tables.values()
-    assert table.column('trial_id').tolist() == others
-    assert f'{first}: another attempt counts (failed)' in found.left_out
-    done = run('evaluate', folder.path, '--folds', '2', '--repetitions', '1', '--json')
-    (evaluated,) = json.loads(done.stdout)['sets']
-    assert evaluated['trials'] == len(others)
-
-
-def test_an_experiment_is_evaluated_with_a_session_and_a_mounting_held_out(
+def test_an_experiment_is_read_without_the_trials_that_do_not_count(
     stiffness_bag, rewrite, tmp_path
 ):
+    """And a session and a mounting are held out by themselves."""
     folder = ExperimentFolder(tmp_path / 'soft')
     folder.set_up(ExperimentPlan('soft', 'stiffness', ('pla',)))
     numbers = {}
@@ -94,13 +65,23 @@ def test_an_experiment_is_evaluated_with_a_session_and_a_mounting_held_out(
         return message
 
     rewrite(stiffness_bag, folder.bags / 'soft-s01-01', change)
-    done = run('evaluate', folder.path, *OPTIONS, '--json')
-    (found,) = json.loads(done.stdout)['sets']
-    assert [evaluation['split'] for evaluation in found['evaluations']][1:] == [
+    names = [name for known in zip(*numbers.values(), strict=True) for name in known]
+    failed = names[-1]
+    with folder.open_journal() as journal:
+        for name in names:
+            journal.append('began', key=name, trial_id=name, mounting_id='m')
+            verdict = 'failed' if name == failed else 'good'
+            values = {'verdict': verdict, 'sentence': '', 'statistics': {}, 'seconds': 1.0}
+            journal.append('ended', trial_id=name, **values)
+    found = read_tables(folder.list_bags())
+    (table,) = found.tables.values()
+    assert table.column('trial_id').tolist() == names[:-1]
+    assert f'{failed}: another attempt counts (failed)' in found.left_out
+    (evaluated,) = ask_tactile('evaluate', folder.path, *OPTIONS)['sets']
+    assert [evaluation['split'] for evaluation in evaluated['evaluations']][1:] == [
         'one session held out',
         'one mounting held out',
     ]
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    done = run('train', folder.path, '-o', tmp_path / 'models', *OPTIONS, '--json')
-    (model,) = json.loads(done.stdout)['models']
-    assert model['evaluation']['trials'] == found['trials']
+    (model,) = ask_tactile('train', folder.path, '-o', tmp_path / 'models', *OPTIONS)['models']
+    assert model['evaluation']['trials'] == evaluated['trials'] == 14

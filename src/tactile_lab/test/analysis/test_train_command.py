@@ -26,7 +26,7 @@ from tactile_lab.commands.analysis.train import (
 )
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
-from tactile_lab.datasets.partial_tables import read_partial_tables
+from tactile_lab.datasets.reread import read_partial_tables
 from tactile_ros.errors import TactileError
 
 
@@ -39,21 +39,6 @@ def bag(simulate_bag):
 def table(bag):
     (table,) = read_tables([bag]).tables.values()
     return table
-
-
-def test_running_tables_are_what_the_live_extractor_gives(bag, table):
-    tables = read_partial_tables(table, [0.5, 1.5])
-    assert list(tables) == [30, 90]
-    with TactileBag(bag) as opened:
-        config = recorded_config(opened)
-        config = type(config)(**{**vars(config), 'running_samples': (30, 90)})
-        windows = [w for w in replay_windows(opened, config) if w.running]
-    assert len(windows) == 2 * len(table)
-    for window in windows:
-        found = tables[window.sample_count]
-        (row,) = (table.column('trial_id') == window.trial_id).nonzero()[0]
-        assert found.values[row].tobytes() == window.values.tobytes()
-        assert found.labels[row] == table.labels[row]
 
 
 @pytest.mark.parametrize('seconds', [[0.1], [1.0, 0.5], [3.0]])
@@ -95,7 +80,7 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
     with TactileBag(bag) as opened:
         config = dataclasses.replace(
-            recorded_config(opened), spectrum_detrend=detrend, running_samples=(60,)
+            recorded_config(opened), spectrum_detrend=detrend, running_samples=(30, 60)
         )
         windows = replay_windows(opened, config)
     assert model.spec == spec_for('texture', config)
@@ -104,13 +89,15 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
     for other in others:
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
             model.expect(spec_for('texture', dataclasses.replace(config, spectrum_detrend=other)))
+    # Tables of whole and partial windows are what the live extractor gives.
     (table,) = read_tables([bag], {'spectrum_detrend': detrend}).tables.values()
-    parts = read_partial_tables(table, [1.0])[60]
+    tables = {**read_partial_tables(table, [0.5, 1.0]), table.spec.sample_count: table}
+    assert list(tables) == [30, 60, 180]
+    assert len(windows) == 3 * len(table)
     for window in windows:
         (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
-        assert not model.describe_mismatch(window)
-        values = parts.values if window.running else table.values
-        assert values[row].tobytes() == window.values.tobytes()
+        assert window.sample_count == 30 or not model.describe_mismatch(window)
+        assert tables[window.sample_count].values[row].tobytes() == window.values.tobytes()
 
 
 def test_detrending_is_for_the_spectrum_over_time(tmp_path):
@@ -127,13 +114,7 @@ def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
     bag, simulate_bag, tmp_path
 ):
     path = simulate_bag('texture', 'flexion', 3, seed=6, sessions=2)
-    request = TrainRequest(
-        folder=tmp_path / 'models',
-        folds=3,
-        repetitions=1,
-        false_alarm_rate=0.1,
-        running='1',
-    )
+    request = TrainRequest(folder=tmp_path / 'models', folds=3, repetitions=1, running='1')
     (trained,) = train_models(read_tables([path]), request, Output(as_json=True))
     today = tmp_path / 'today'
     run_recalibrate(trained.path, [bag], today, force=False, as_json=True)

@@ -17,29 +17,46 @@ from tactile_lab.datasets.bag_tables import number_blocks, read_tables
 from tactile_lab.simulation.simulated_trials import SAMPLES_PER_BLOCK
 
 
-def test_table_has_one_row_a_trial_with_its_label(stiffness_bag):
-    found = read_tables([stiffness_bag])
-    assert found.left_out == ()
-    (table,) = found.tables.values()
-    assert list(found.tables) == [('stiffness', 'flexion')]
+@pytest.fixture
+def rewritten(rewrite, stiffness_bag, tmp_path):
+    """Return what reads the tables of the bag after a change of its events."""
+
+    def read(change):
+        def change_event(type_name, message):
+            if type_name == EVENT:
+                change(message)
+            return message
+
+        return read_tables([rewrite(stiffness_bag, tmp_path / 'changed', change_event)])
+
+    return read
+
+
+@pytest.fixture(scope='module')
+def usual(stiffness_bag):
+    return read_tables([stiffness_bag])
+
+
+def test_table_has_one_row_a_trial_with_its_label_and_place(usual, stiffness_bag):
+    assert usual.left_out == ()
+    (table,) = usual.tables.values()
+    assert list(usual.tables) == [('stiffness', 'flexion')]
     assert table.values.shape == (15, 3)
     labels, counts = np.unique(table.labels, return_counts=True)
     assert labels.tolist() == ['none', 'pla', 'rubber_shell', 'solid_rubber', 'sponge']
     assert set(counts) == {3}
     assert table.column('simulated').all()
     assert len(set(table.column('trial_id'))) == 15
+    assert set(table.column('bag')) == {str(stiffness_bag)}
+    assert (table.column('window_end_ns') - table.column('window_start_ns') > 3e9).all()
+    assert (np.diff(np.sort(table.column('window_start_ns'))) > 4e9).all()
 
 
 def test_lost_samples_leave_their_trial_out_and_say_so(rewrite, stiffness_bag, tmp_path):
-    seen = []
-
     def lose_one_block(type_name, message):
-        if type_name == STRAIN:
-            seen.append(message.sequence)
-            # Inside the hold of the first trial: it lasts from about 1 s to 5 s.
-            if message.sequence == 2 * SAMPLES_PER_BLOCK:
-                return None
-        return message
+        # Inside the hold of the first trial: it lasts from about 1 s to 5 s.
+        lost = type_name == STRAIN and message.sequence == 2 * SAMPLES_PER_BLOCK
+        return None if lost else message
 
     found = read_tables([rewrite(stiffness_bag, tmp_path / 'lossy', lose_one_block)])
     (table,) = found.tables.values()
@@ -48,46 +65,33 @@ def test_lost_samples_leave_their_trial_out_and_say_so(rewrite, stiffness_bag, t
     assert f'{SAMPLES_PER_BLOCK} samples are missing' in found.left_out[0]
 
 
-def test_trials_without_a_label_are_left_out(rewrite, stiffness_bag, tmp_path):
-    def forget(type_name, message):
-        if type_name == EVENT and message.object_label == 'pla':
-            message.object_label = ''
-        return message
+def test_trials_without_a_label_are_left_out(rewritten):
+    def forget(event):
+        if event.object_label == 'pla':
+            event.object_label = ''
 
-    found = read_tables([rewrite(stiffness_bag, tmp_path / 'unlabelled', forget)])
+    found = rewritten(forget)
     (table,) = found.tables.values()
     assert len(table) == 12
     assert all('no label' in sentence for sentence in found.left_out)
 
 
-def test_windows_go_by_their_features_and_not_by_the_name_of_the_protocol(
-    rewrite, stiffness_bag, tmp_path
+def rename_protocols(event):
+    event.protocol = {'pla': 'texture', 'sponge': ''}.get(event.object_label, event.protocol)
+
+
+def forget_names(event):
+    event.trial_id = 'trial'
+
+
+@pytest.mark.parametrize('change', [rename_protocols, forget_names])
+def test_windows_go_by_their_features_and_their_moment_whatever_they_are_called(
+    rewritten, usual, change
 ):
-    def rename(type_name, message):
-        if type_name == EVENT and message.object_label == 'pla':
-            message.protocol = 'texture'
-        if type_name == EVENT and message.object_label == 'sponge':
-            message.protocol = ''
-        return message
-
-    found = read_tables([rewrite(stiffness_bag, tmp_path / 'renamed', rename)])
-    (table,) = found.tables.values()
-    assert list(found.tables) == [('stiffness', 'flexion')]
-    usual = read_tables([stiffness_bag]).tables['stiffness', 'flexion']
-    assert table.compute_sha256() == usual.compute_sha256()
-
-
-def test_label_is_that_of_the_moment_when_the_name_of_a_trial_comes_again(
-    rewrite, stiffness_bag, tmp_path
-):
-    def forget_names(type_name, message):
-        if type_name == EVENT:
-            message.trial_id = 'trial'
-        return message
-
-    found = read_tables([rewrite(stiffness_bag, tmp_path / 'nameless', forget_names)])
-    usual = read_tables([stiffness_bag]).tables['stiffness', 'flexion']
-    assert found.tables['stiffness', 'flexion'].compute_sha256() == usual.compute_sha256()
+    found = rewritten(change).tables
+    assert list(found) == [('stiffness', 'flexion')]
+    expected = usual.tables['stiffness', 'flexion']
+    assert found['stiffness', 'flexion'].compute_sha256() == expected.compute_sha256()
 
 
 def test_bag_without_trials_is_refused_with_the_reason(rewrite, stiffness_bag, tmp_path):
@@ -116,13 +120,6 @@ def test_blocks_are_runs_of_each_labels_trials_in_time():
     of_a = blocks[(labels == 'a') & (sessions == 's')]
     assert of_a.tolist() == [5, 4, 3, 2, 1, 0]
     assert number_blocks(starts_ns[:8], sessions[:8], labels[:8]).max() == 4
-
-
-def test_table_says_where_each_window_stands(stiffness_bag):
-    (table,) = read_tables([stiffness_bag]).tables.values()
-    assert set(table.column('bag')) == {str(stiffness_bag)}
-    assert (table.column('window_end_ns') - table.column('window_start_ns') > 3e9).all()
-    assert (np.diff(np.sort(table.column('window_start_ns'))) > 4e9).all()
 
 
 def test_detected_trials_are_those_of_the_replay_whatever_was_recorded(stiffness_bag, tmp_path):

@@ -38,13 +38,14 @@ PERIOD_NS = 16_000_000
 
 def install(monkeypatch, folder, value='roughness:Roughness', name='roughness'):
     """Install a distribution as pip does: its module, its metadata, its entry point."""
+    if not PAGE.is_file():
+        pytest.skip('the packages are not in their own repository: no docs beside them')
     metadata = folder / f'{name}-1.0.dist-info'
     metadata.mkdir(parents=True)
     (metadata / 'METADATA').write_text(f'Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n')
     (metadata / 'entry_points.txt').write_text(f'[{GROUP}]\n{name} = {value}\n')
-    if PAGE.is_file():
-        (example,) = re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.S)
-        (folder / 'roughness.py').write_text(example)
+    (example,) = re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.S)
+    (folder / 'roughness.py').write_text(example)
     monkeypatch.syspath_prepend(str(folder))
     importlib.invalidate_caches()
     find_feature_set.cache_clear()
@@ -58,8 +59,6 @@ def forget():
 
 @pytest.fixture
 def roughness(monkeypatch, tmp_path):
-    if not PAGE.is_file():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
     install(monkeypatch, tmp_path / 'site')
     return FeatureConfig(rate_hz=RATE_HZ, texture_samples=120, texture_features='roughness')
 
@@ -70,13 +69,6 @@ def stream(config, tension_n):
     for stamp_ns, phase in ((0, 'glide'), (end_ns - 1, 'done')):
         extractor.add_event(TrialEvent(stamp_ns, 't', '', 'texture', 'flexion', '', phase))
     return extractor.add_block(StrainBlock(0, 0, PERIOD_NS, tension_n)) + extractor.finish()
-
-
-def smooth_and_rough():
-    rng = np.random.default_rng(0)
-    x = rng.normal(size=(40, 1, 120)) * np.repeat([1.0, 3.0], 20)[:, None, None]
-    label = np.repeat(['smooth', 'rough'], 20)
-    return LabelledTrials(x, label, RATE_HZ, {})
 
 
 def test_stream_and_arrays_give_the_same_bits(roughness):
@@ -105,7 +97,10 @@ def test_the_live_node_and_the_classifier_share_its_parameters(roughness):
 def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
     roughness, tmp_path, monkeypatch
 ):
-    table = table_from_trials('texture', smooth_and_rough(), config=roughness)
+    x = np.random.default_rng(0).normal(size=(40, 1, 120))
+    x *= np.repeat([1.0, 3.0], 20)[:, None, None]
+    trials = LabelledTrials(x, np.repeat(['smooth', 'rough'], 20), RATE_HZ, {})
+    table = table_from_trials('texture', trials, config=roughness)
     assert (table.task, table.spec.names) == ('texture', ('tension__rms', 'tension__range'))
     path = tmp_path / 'model.onnx'
     model = write_model(path, train(table, 'knn'))
@@ -134,8 +129,6 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
 def test_an_entry_point_that_is_no_feature_set_is_refused(
     monkeypatch, tmp_path, name, value, sentence
 ):
-    if not PAGE.is_file():
-        pytest.skip('the packages are not in their own repository: no docs beside them')
     install(monkeypatch, tmp_path / 'site', value, name)
     with pytest.raises(FeatureError, match=re.escape(sentence)):
         FeatureConfig(texture_features=name)

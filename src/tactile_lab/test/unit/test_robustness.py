@@ -30,10 +30,14 @@ def catalogue():
     return Catalogue(None)
 
 
+def make_trials(catalogue, label):
+    config = TrialConfig(simulated=True)
+    return CleanTrials('stiffness', label, Study(seed=7), config, catalogue, 0, 3)
+
+
 @pytest.fixture(scope='module')
 def trials(catalogue):
-    config = TrialConfig(simulated=True)
-    return CleanTrials('stiffness', 'pla', Study(seed=7), config, catalogue, 0, 3)
+    return make_trials(catalogue, 'pla')
 
 
 def test_usual_conditions_are_the_simulators_bit_for_bit(trials, catalogue):
@@ -64,8 +68,7 @@ def test_each_condition_changes_what_it_says(trials):
 
 
 def test_losses_and_jitter_differ_from_label_to_label(catalogue, trials):
-    config = TrialConfig(simulated=True)
-    other = CleanTrials('stiffness', 'sponge', Study(seed=7), config, catalogue, 0, 3)
+    other = make_trials(catalogue, 'sponge')
     for what in ('loss', 'jitter'):
         drawn = [t._generator(what, i).random() for t in (trials, other) for i in range(3)]
         assert len(set(drawn)) == 6
@@ -81,24 +84,19 @@ def test_lost_samples_cost_windows_unless_gaps_are_bridged(trials):
     assert not np.array_equal(np.array(bridged), np.array(whole))
 
 
-def test_training_and_tests_are_in_different_sessions(catalogue):
-    ((train, test),) = make_features(SMALL, catalogue, 'stiffness', [Setting('a', 1.0)])
-    assert (len(train.labels), len(test.labels)) == (10, 5)
-    assert not set(map(tuple, train.values)) & set(map(tuple, test.values))
-    assert 0.0 <= score('stiffness', train, test) <= 1.0
-    assert score('stiffness', train, train) == 1.0 or len(set(train.labels)) == 5
-
-
-def test_other_speed_depth_and_rate_are_simulated_anew(catalogue):
-    config = list_axes(catalogue.rig().load_cell, TrialConfig())
-    rate = next(axis for axis in config if axis.name == 'sample rate')
-    assert not rate.trains_elsewhere
+def test_sessions_differ_and_other_depth_and_rate_are_simulated_anew(catalogue):
+    ((usual, test),) = make_features(SMALL, catalogue, 'stiffness', [Setting('a', 1.0)])
+    assert (len(usual.labels), len(test.labels), test.trials) == (10, 5, 5)
+    assert not set(map(tuple, usual.values)) & set(map(tuple, test.values))
+    assert 0.0 <= score('stiffness', usual, test) <= 1.0
+    axes = {axis.name: axis for axis in list_axes(catalogue.rig().load_cell, TrialConfig())}
+    assert not axes['sample rate'].trains_elsewhere
+    assert {s.max_gap_samples for s in axes['lost samples, gaps bridged'].settings} == {3}
     settings = [Setting('sample rate', 30.0, rate_hz=30.0)]
     ((train, _),) = make_features(SMALL, catalogue, 'texture', settings)
     assert train.values.shape == (16, 46)  # 90 samples
     deep = [Setting('contact depth', 1.2, depth=1.2)]
     ((deeper, _),) = make_features(SMALL, catalogue, 'stiffness', deep)
-    ((usual, _),) = make_features(SMALL, catalogue, 'stiffness', [Setting('a', 1.0)])
     assert (deeper.values[:, 1] > usual.values[:, 1]).all()
 
 

@@ -23,7 +23,7 @@ def picture_of(protocol, contact='flexion'):
 
 
 @pytest.mark.parametrize('contact', ['flexion', 'abduction'])
-def test_the_finger_hangs_free_at_rest_and_touches_the_plate_all_along(contact):
+def test_the_finger_hangs_free_at_rest_and_is_carried_along_the_plate(contact):
     picture = picture_of('texture', contact)
     finger = picture.catalogue.finger(contact)
     top_m = surface_drop_m(finger)
@@ -32,10 +32,7 @@ def test_the_finger_hangs_free_at_rest_and_touches_the_plate_all_along(contact):
     assert gaps_m[0] > 5e-3
     # Pressed in by less than a millimetre, and at most a groove's depth down.
     assert all(-2e-3 < gap < 0.0 for gap in gaps_m[1:])
-
-
-def test_the_guide_carries_the_finger_over_the_plate():
-    bases_m = [shape.curve_m[0] for shape in picture_of('texture').shapes]
+    bases_m = [shape.curve_m[0] for shape in picture.shapes]
     start_m, length_m = CONFIG.guide_start_m, CONFIG.glide_length_m
     ways_m = np.array([0.0, 0.0, 0.5, 1.0]) * length_m
     assert np.array(bases_m) == pytest.approx(np.column_stack([start_m + ways_m, 0 * ways_m]))

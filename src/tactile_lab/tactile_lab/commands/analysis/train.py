@@ -34,8 +34,8 @@ from tactile_lab.commands.analysis.requests import TrainRequest
 from tactile_lab.commands.output import make_output_folder, Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, list_sets
-from tactile_lab.datasets.partial_tables import read_partial_tables
 from tactile_lab.datasets.prepared import prepare_trials
+from tactile_lab.datasets.reread import read_partial_tables
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.sources.load import split_sources
 from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_warnings

@@ -23,14 +23,8 @@ from tactile_lab.datasets.sources.table_files import decode_text
 _LABEL_SUFFIXES = ('.npy', '.txt', '.csv')
 
 
-def load_array(path: Path) -> NDArray[Any]:
-    """Return the array of a ``.npy`` file.
-
-    Raises
-    ------
-    SourceError
-        When it cannot be read, holds Python objects, or is too large.
-    """
+def _load_array(path: Path) -> NDArray[Any]:
+    """Return the array of a ``.npy`` file."""
     try:
         # Mapped, so that nothing is read before the header is known.
         array = np.load(path, mmap_mode='r', allow_pickle=False)
@@ -57,8 +51,8 @@ def read_labelled_array(leaf: Leaf, options: SourceOptions) -> dict[str, NDArray
     path = options.labels or _find_labels(leaf.path)
     if path is None:
         return None
-    x = load_array(leaf.path)
-    labels = load_array(path) if path.suffix == '.npy' else _read_lines(path)
+    x = _load_array(leaf.path)
+    labels = _load_array(path) if path.suffix == '.npy' else _read_lines(path)
     if path.suffix == '.csv' and len(labels) == len(x) + 1:
         labels = labels[1:]  # its first line is the name of the column
     if labels.shape != x.shape[:1]:
@@ -101,7 +95,7 @@ def read_array_trials(
     trials = []
     named = name_labels(leaves, options, questions)
     for leaf, columns in zip(leaves, named, strict=True):
-        values = load_array(leaf.path)
+        values = _load_array(leaf.path)
         if values.ndim not in (1, 2) or values.dtype.kind not in 'fiub' or not values.size:
             raise SourceError(
                 f'{leaf.path} is {values.dtype} of shape {values.shape}; a trial must be numbers '

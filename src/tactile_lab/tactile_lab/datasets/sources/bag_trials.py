@@ -68,8 +68,9 @@ def read_bag_trials(
                 raise SourceError(
                     f'{leaf.path} has no topic {topic} of a known type; it has: {_describe(bag)}'
                 )
-            messages = [m.decode() for m in bag.messages(found[0]) if m.topic == topic]
-            received = [m.received_at_ns for m in bag.messages(found[0]) if m.topic == topic]
+            of_topic = [m for m in bag.messages(found[0]) if m.topic == topic]
+            messages = [m.decode() for m in of_topic]
+            received = [m.received_at_ns for m in of_topic]
         if not messages:
             raise SourceError(f'{leaf.path}: there are no messages on {topic}')
         fields = fields or _choose_fields(found[0], messages[0], questions)
@@ -95,7 +96,7 @@ def _choose_topic(bag: TactileBag, questions: Questions) -> str:
     if len(found) == 1:
         return str(found[0])
     return questions.choose(
-        f'{bag.path} has several topics with a force', found, '--topic NAME', '', ''
+        f'{bag.path} has several topics with a force', found, '--topic NAME', with_layout=False
     )
 
 
@@ -113,8 +114,7 @@ def _choose_fields(type_name: str, message: Any, questions: Questions) -> list[s
         f'which field of {type_name} is the signal is not known',
         choices,
         '--field NAME[,NAME...]',
-        '',
-        '',
+        with_layout=False,
     )
     return [name.strip() for name in answer.split(',')]
 

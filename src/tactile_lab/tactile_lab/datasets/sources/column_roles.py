@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 import re
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactile_lab.datasets.sources.questions import LAYOUT, Questions, SourceError
 from tactile_lab.datasets.sources.table_files import Table
@@ -125,7 +124,10 @@ def assign_roles(
 
 
 def _find_time(
-    table: Table, stated: Mapping[str, tuple[str, ...]], named: Any, questions: Questions
+    table: Table,
+    stated: Mapping[str, tuple[str, ...]],
+    named: Callable[[str], str],
+    questions: Questions,
 ) -> tuple[str, float]:
     """Return the column of times and its unit [s]."""
     unit = ''
@@ -134,43 +136,42 @@ def _find_time(
         if name not in table.columns:
             name, _, unit = name.rpartition(':')
             if unit not in UNITS_S:
-                raise SourceError(f'--column time={name}:{unit}: the unit is none of {_units()}')
+                raise SourceError(
+                    f'--column time={name}:{unit}: the unit is none of {", ".join(UNITS_S)}'
+                )
     elif table.times:
-        name = sorted(table.times)[0]
-    elif table.is_named:
-        name = named('time')
+        name = min(table.times)
     else:
-        name = _first_even_column(table)
+        name = named('time') if table.is_named else _first_even_column(table)
     if not name:
         return '', 1.0
     if name in table.times:
         return name, 1e-9
     _check_numeric(table, name)
     unit = unit or split_unit(name)[1]
-    if unit in UNITS_S:
-        return name, UNITS_S[unit]
-    steps = np.diff(table.columns[name].astype(np.float64))
-    steps = steps[np.isfinite(steps) & (steps > 0.0)]
-    step = float(np.median(steps)) if len(steps) else 0.0
-    unit = (
-        questions.choose(
-            f'the unit of the times in {table.path.name}, column "{name}", is not known '
-            f'(usual step {step:g})',
-            tuple(UNITS_S),
-            f'--column time={name}:UNIT',
-            's' if 0.0 < step < 1.0 else '',
-            '',
-        )
-        if not 0.0 < step <= 0.2
-        else 's'
-    )
     if unit not in UNITS_S:
-        raise SourceError(f'"{unit}" is none of {_units()}')
+        unit = _guess_unit(table, name, questions)
     return name, UNITS_S[unit]
 
 
-def _units() -> str:
-    return ', '.join(UNITS_S)
+def _guess_unit(table: Table, name: str, questions: Questions) -> str:
+    """Return seconds where the usual step between samples suggests them; otherwise ask."""
+    steps = np.diff(table.columns[name].astype(np.float64))
+    steps = steps[np.isfinite(steps) & (steps > 0.0)]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if 0.0 < step <= 0.2:
+        return 's'
+    unit = questions.choose(
+        f'the unit of the times in {table.path.name}, column "{name}", is not known '
+        f'(usual step {step:g})',
+        tuple(UNITS_S),
+        f'--column time={name}:UNIT',
+        's' if 0.0 < step < 1.0 else '',
+        with_layout=False,
+    )
+    if unit not in UNITS_S:
+        raise SourceError(f'"{unit}" is none of {", ".join(UNITS_S)}')
+    return unit
 
 
 def _first_even_column(table: Table) -> str:
@@ -200,7 +201,7 @@ def _find_values(
     first = np.ones(len(table), dtype=bool)  # the rows of the first trial
     for name in filter(None, keys):
         first &= table.columns[name] == table.columns[name][0]
-    changing = [name for name in free if not _is_constant(table.columns[name][first])] or free
+    changing = [n for n in free if len(np.unique(table.columns[n][first])) > 1] or free
     if len(changing) == 1:
         return (changing[0],)
     if not changing:
@@ -224,10 +225,6 @@ def _find_values(
         if name not in table.columns:
             raise SourceError(f'{table.path.name} has no column "{name}"')
     return names
-
-
-def _is_constant(column: NDArray[Any]) -> bool:
-    return bool((column == column[0]).all())
 
 
 def _check_numeric(table: Table, name: str) -> None:

@@ -44,10 +44,8 @@ class Leaf:
 
     Attributes
     ----------
-    path : Path
     root : Path
         The path that was named, in which it lies.
-    kind : Kind
     """
 
     path: Path

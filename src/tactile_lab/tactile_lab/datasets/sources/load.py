@@ -64,8 +64,6 @@ def load_trials(
     ----------
     leaves : sequence of Leaf
         All of one kind.
-    options : SourceOptions
-    questions : Questions
     folds : int
         Fewer trials than this are refused; 0: any number.
     skip_bad : bool

@@ -3,7 +3,7 @@
 
 """What the command line states about recordings that do not say it themselves."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from pathlib import Path
 import re
 from typing import Annotated, Optional
@@ -11,7 +11,6 @@ from typing import Annotated, Optional
 import typer
 
 from tactile_lab.datasets.sources.questions import SourceError
-from tactile_ros.errors import TactileError
 
 ROLES = ('time', 'trial', 'label', 'value')
 """What a column of a table can be."""
@@ -90,11 +89,6 @@ class SourceOptions:
     ] = ''
 
     @property
-    def is_empty(self) -> bool:
-        """Whether nothing is stated."""
-        return not any(vars(self).values())
-
-    @property
     def roles(self) -> dict[str, tuple[str, ...]]:
         """Names of columns by role.
 
@@ -136,64 +130,3 @@ class SourceOptions:
                 r'expression with the label in brackets, as in "(\w+)_\d+"'
             )
         return pattern
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArchiveOptions:
-    """How trials are read that are not bags with trial events."""
-
-    channel: Annotated[
-        Optional[str],
-        typer.Option(help='Channel of the recordings, "mean" of all, or "all"; default: 0.'),
-    ] = None
-    where: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Only trials of which a column of the archive is true, as in --where balanced, '
-            'or has a value, as in --where direction=1.'
-        ),
-    ] = None
-    crop: Annotated[
-        Optional[str],
-        typer.Option(
-            '--crop',
-            '--static-phase',
-            help='Part of each trial of an archive that counts, in seconds, as in --crop 1:5. '
-            'Default: all of it.',
-        ),
-    ] = None
-    resample_hz: Annotated[
-        Optional[float],
-        typer.Option(
-            help='Resample the archive to this rate first, with a low-pass against aliasing.'
-        ),
-    ] = None
-    skip_bad: SkipBadOption = False
-    speed_column: Annotated[
-        Optional[str],
-        typer.Option(
-            help='Column of the archive with the sliding speeds, for --over; its name ends in '
-            'the unit, _mm_s or _m_s. A bag states them itself.'
-        ),
-    ] = None
-    sources: SourceOptions = field(default_factory=SourceOptions)
-
-    def check_for_bags(self) -> None:
-        """Refuse what says how to cut or read trials, which bags with trial events say.
-
-        Raises
-        ------
-        TactileError
-            When such an option is given.
-        """
-        for item in fields(ArchiveOptions):
-            if item.name != 'sources' and getattr(self, item.name) != item.default:
-                option = item.name.replace('_', '-')
-                raise TactileError(
-                    f'--{option} is for archives; a bag says itself what a trial is'
-                )
-        if not self.sources.is_empty:
-            raise TactileError(
-                'these are bags with trial events, which say themselves what a trial is: leave '
-                '--column, --rate-hz, --label, --label-from, --labels and --field out'
-            )

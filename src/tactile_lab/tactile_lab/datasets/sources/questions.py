@@ -51,7 +51,8 @@ class Questions:
         choices: Sequence[str],
         option: str,
         guess: str = '',
-        layout: str = f'\n{LAYOUT}',
+        *,
+        with_layout: bool = True,
     ) -> str:
         """Return the answer to a question.
 
@@ -65,8 +66,8 @@ class Questions:
             How the command line says it, with its value.
         guess : str
             The likely answer; empty: there is none.
-        layout : str
-            Follows a refusal.
+        with_layout : bool
+            Whether `LAYOUT` follows a refusal.
 
         Raises
         ------
@@ -79,4 +80,5 @@ class Questions:
             return self.ask(question, choices, guess)
         offered = f': {", ".join(choices[:12])}' if choices else ''
         likely = f'; --yes takes {guess}' if guess else ''
+        layout = f'\n{LAYOUT}' if with_layout else ''
         raise SourceError(f'{question}{offered}. State it with {option}{likely}{layout}')

@@ -59,7 +59,6 @@ def arrays_from_trials(
 
     Parameters
     ----------
-    trials : sequence of RawTrial
     rate_hz : float or None
         The stated rate [Hz]; None: that of the stamps.
     questions : Questions

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,6 @@ class Table:
 
     Attributes
     ----------
-    path : Path
     columns : dict of str to ndarray of shape (rows,)
         Numbers, booleans or strings; a missing number is not a number, a missing string empty.
     times : frozenset of str
@@ -84,17 +83,13 @@ def read_table(path: Path) -> Table:
         sentence = str(error).partition('\n')[0]
         raise SourceError(f'{path} cannot be read as a table: {sentence}') from error
     if len(set(found.column_names)) < len(found.column_names):
-        raise SourceError(f'{path} has several columns of one name: {_twice(found.column_names)}')
+        ((name, _),) = Counter(found.column_names).most_common(1)
+        raise SourceError(f'{path} has several columns of one name: {name}')
     if not found.num_rows:
         raise SourceError(f'{path} has no rows')
     times = {f.name for f in found.schema if pyarrow.types.is_timestamp(f.type)}
     columns = {name: _to_numpy(found[name], pyarrow) for name in found.column_names}
     return Table(path, columns, frozenset(times), is_named)
-
-
-def _twice(names: Iterable[str]) -> str:
-    names = list(names)
-    return next(name for name in names if names.count(name) > 1)
 
 
 def _read_parquet(path: Path, pyarrow: Any) -> Any:

@@ -32,7 +32,6 @@ class Dialect:
 
     Attributes
     ----------
-    separator, decimal : str
     names : tuple of str
         Of the columns; ``column 1`` and so on where the text has none.
     first_line : int
@@ -72,17 +71,13 @@ def find_dialect(lines: Sequence[str]) -> Dialect | None:
 
 def _count_numbers(line: str, separator: str, decimal: str) -> tuple[int, int]:
     """Return how many cells of a line are numbers, and how many it has."""
-    cells = split_line(line, separator)
-    return sum(_is_number(cell, decimal) for cell in cells), len(cells)
+    cells = _split_line(line, separator)
+    return sum(_NUMBER[decimal].fullmatch(cell) is not None for cell in cells), len(cells)
 
 
-def split_line(line: str, separator: str) -> list[str]:
+def _split_line(line: str, separator: str) -> list[str]:
     """Return the cells of a line, without quotes and blanks around them."""
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
-
-
-def _is_number(cell: str, decimal: str) -> bool:
-    return _NUMBER[decimal].fullmatch(cell) is not None
 
 
 def _find_begin(lines: Sequence[str], separator: str, decimal: str, width: int) -> Dialect:
@@ -93,11 +88,12 @@ def _find_begin(lines: Sequence[str], separator: str, decimal: str, width: int) 
             break
         first -= 1
     above = [line for line in lines[:first] if line.strip()]
-    rows = [split_line(line.lstrip('#% '), separator) for line in above[-2:]]
+    rows = [_split_line(line.lstrip('#% '), separator) for line in above[-2:]]
     rows = [row for row in rows if len(row) == width and all(row)]
-    if len(rows) == 2 and all(_is_unit(cell) for cell in rows[1]) and not _same(rows[0]):
+    units = [cell.strip('[]()') for cell in rows[-1]] if rows else []
+    if len(rows) == 2 and _UNITS.issuperset(units) and len(set(rows[0])) == width:
         names = [f'{name} [{unit}]' for name, unit in zip(*rows, strict=True)]
-    elif rows and rows[-1] == split_line(above[-1].lstrip('#% '), separator):
+    elif rows and rows[-1] == _split_line(above[-1].lstrip('#% '), separator):
         names = rows[-1]
     else:
         names = []
@@ -105,11 +101,3 @@ def _find_begin(lines: Sequence[str], separator: str, decimal: str, width: int) 
         numbered = tuple(f'column {i + 1}' for i in range(width))
         return Dialect(separator, decimal, numbered, first, is_named=False)
     return Dialect(separator, decimal, tuple(names), first, is_named=True)
-
-
-def _is_unit(cell: str) -> bool:
-    return cell.strip('[]()') in _UNITS
-
-
-def _same(cells: Sequence[str]) -> bool:
-    return len(set(cells)) < len(cells)

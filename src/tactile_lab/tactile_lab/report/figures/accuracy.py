@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,8 +15,15 @@ from numpy.typing import NDArray
 from tactile_classifier.estimators.classifiers import CLASSIFIERS, SCALINGS
 from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
+from tactile_lab.report.figures.drawing import (
+    CLASSIFIER_COLOURS,
+    Drawing,
+    INK,
+    legend_below,
+    render,
+)
 from tactile_lab.report.published import lowest_published
+from tactile_lab.report.summary import confusion_shares, tell_confusion
 
 FloatArray = NDArray[np.float64]
 
@@ -30,9 +37,7 @@ def draw_accuracies(results: Sequence[SetResult]) -> Drawing:
         panels = figure.subplots(len(SCALINGS), 1, sharex=True)
         for axes, scaling in zip(panels, reversed(SCALINGS), strict=True):
             _draw_bars(axes, results, scaling)
-        figure.legend(
-            *panels[0].get_legend_handles_labels(), loc='outside lower center', ncols=3, fontsize=8
-        )
+        legend_below(figure, panels[0], 3)
 
     marks = '; '.join(
         f'{mark}: {name}' for mark, name in zip('◆●▼■', _split_names(results), strict=False)
@@ -126,12 +131,7 @@ def draw_learning_curves(result: SetResult) -> Drawing:
             axes.set_xlabel('trials of each class to train on')
         for row in grid:
             row[0].set_ylabel('accuracy [%]')
-        figure.legend(
-            *grid[0, 0].get_legend_handles_labels(),
-            loc='outside lower center',
-            ncols=2,
-            fontsize=8,
-        )
+        legend_below(figure, grid[0, 0], 2)
 
     last = [
         100 * (c.accuracies[-1].mean() - c.accuracies[-2].mean())
@@ -151,6 +151,7 @@ def draw_learning_curves(result: SetResult) -> Drawing:
 def draw_confusion(result: SetResult) -> Drawing:
     """Draw the confusion matrices of plain folds: classifiers by scalings."""
     labels = result.plain.labels
+    best = max(result.plain.scores, key=lambda score: score.mean)
     size_in = max(1.3, 0.2 * len(labels))
 
     def draw(figure: Figure) -> None:
@@ -158,13 +159,10 @@ def draw_confusion(result: SetResult) -> Drawing:
         for row, scaling in zip(grid, SCALINGS, strict=True):
             for axes, classifier in zip(row, CLASSIFIERS, strict=True):
                 score = result.plain.score(classifier, scaling)
-                shares = score.confusion / score.confusion.sum(axis=1, keepdims=True)
-                draw_matrix(axes, shares, lambda share: f'{100 * share:.0f}' if share else '')
+                draw_matrix(axes, confusion_shares(score), labels)
                 axes.set_title(
                     f'{CLASSIFIER_TITLES[classifier]},\n{short_scaling(scaling)}', fontsize=7.5
                 )
-                axes.set_xticks(range(len(labels)), labels, rotation=90)
-                axes.set_yticks(range(len(labels)), labels)
         figure.supxlabel('answer', fontsize=8.5)
         figure.supylabel('true', fontsize=8.5)
 
@@ -172,37 +170,32 @@ def draw_confusion(result: SetResult) -> Drawing:
         draw,
         (1.2 + len(CLASSIFIERS) * size_in, 1.6 + len(SCALINGS) * (size_in + 0.4)),
         f'{result.recordings.title}: confusion in % of each true class, {result.plain.split}. '
-        + _worst_confusion(result),
+        f'Most frequent of the best ({CLASSIFIER_TITLES[best.classifier]}, '
+        f'{short_scaling(best.scaling)}): {tell_confusion(best)}.',
         simulated=result.recordings.simulated,
     )
 
 
-def draw_matrix(axes: Axes, shares: FloatArray, text: Callable[[float], str]) -> None:
-    """Draw a matrix of numbers from 0 to 1 with a text in each cell."""
+def draw_matrix(
+    axes: Axes,
+    shares: FloatArray,
+    labels: Sequence[str],
+    texts: Sequence[Sequence[str]] | None = None,
+) -> None:
+    """Draw a matrix of numbers from 0 to 1 with a text in each cell: by default in percent."""
     edges = np.arange(len(shares) + 1) - 0.5
     axes.pcolormesh(edges, edges, shares, cmap='Blues', vmin=0.0, vmax=1.0)
     axes.set_aspect('equal')
     axes.set_ylim(len(shares) - 0.5, -0.5)
-    for i, j in np.ndindex(shares.shape):
-        colour = 'white' if shares[i, j] > 0.5 else '#222222'
-        cell = text(float(shares[i, j]))
-        axes.text(j, i, cell, ha='center', va='center', fontsize=6, color=colour)
+    for (i, j), share in np.ndenumerate(shares):
+        colour = 'white' if share > 0.5 else '#222222'
+        percent = f'{100 * share:.0f}' if share else ''
+        text = percent if texts is None else texts[i][j]
+        axes.text(j, i, text, ha='center', va='center', fontsize=6, color=colour)
     axes.tick_params(length=0, labelsize=7)
     axes.spines[:].set_visible(False)
-
-
-def _worst_confusion(result: SetResult) -> str:
-    best = max(result.plain.scores, key=lambda score: score.mean)
-    wrong = best.confusion * (1 - np.eye(len(best.labels), dtype=np.int64))
-    if not wrong.any():
-        return f'The best ({CLASSIFIER_TITLES[best.classifier]}) confuses nothing.'
-    true, said = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
-    share = wrong[true, said] / best.confusion[true].sum()
-    return (
-        f'Where the best ({CLASSIFIER_TITLES[best.classifier]}, {short_scaling(best.scaling)}) '
-        f'is wrong, it most often takes {best.labels[true]} for {best.labels[said]} '
-        f'({100 * share:.0f} % of its trials).'
-    )
+    axes.set_xticks(range(len(labels)), labels, rotation=90)
+    axes.set_yticks(range(len(labels)), labels)
 
 
 def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
@@ -212,7 +205,9 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
         names = [name.rpartition('__')[2] for name in results[0].recordings.table.spec.names]
         for i, result in enumerate(results):
-            shares = distance_shares(result)
+            # How much of the mean squared distance between trials each feature makes up.
+            variances = result.recordings.table.values.var(axis=0)
+            shares = variances / variances.sum()
             at = np.arange(len(shares)) + 0.8 * ((i + 0.5) / len(results) - 0.5)
             left.bar(
                 at,
@@ -221,23 +216,14 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
                 color=f'C{i}',
                 label=result.recordings.contact or 'not scaled',
             )
-            units = [point.unit for point in result.units]
-            right.plot(
-                units,
-                [100 * point.accuracy for point in result.units],
-                'o-',
-                ms=3,
-                lw=1.2,
-                color=f'C{i}',
-            )
+            accuracies = [100 * accuracy for accuracy in result.units.values()]
+            right.plot(list(result.units), accuracies, 'o-', ms=3, lw=1.2, color=f'C{i}')
             scaled = 100 * result.plain.score('svm_rbf', 'standard').mean
             right.axhline(scaled, ls='--', lw=1, color=f'C{i}')
         left.axhline(100 / len(names), ls='--', lw=1, color=INK, label='each, scaled')
         left.set_xticks(range(len(names)), names)
         left.set(ylim=(0, 104), ylabel='share of squared distance [%]', title='unscaled')
-        figure.legend(
-            *left.get_legend_handles_labels(), loc='outside lower center', ncols=3, fontsize=8
-        )
+        legend_below(figure, left, 3)
         right.set(
             ylim=(0, 104),
             ylabel='accuracy [%]',
@@ -255,9 +241,3 @@ def draw_scaling_cause(results: Sequence[SetResult]) -> Drawing:
         'touch, and scaling (dashes) takes it out.',
         simulated=any(result.recordings.simulated for result in results),
     )
-
-
-def distance_shares(result: SetResult) -> FloatArray:
-    """Return the share of each feature in the mean squared distance between trials [1]."""
-    variances = result.recordings.table.values.var(axis=0)
-    return np.asarray(variances / variances.sum())

@@ -11,6 +11,7 @@ import io
 import re
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 INK = '#1b1b1c'
@@ -75,7 +76,6 @@ def render(
         Draws on the empty figure that it is given.
     size_in : tuple of float
         Width and height [inch].
-    caption : str
     simulated : bool
         Whether what it shows comes from a simulation: then it says so all across.
     """
@@ -99,6 +99,12 @@ def render(
         figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
     prefix = 'SIMULATED. ' if simulated else ''
     return Drawing(_clean(stream.getvalue()), prefix + caption)
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put the legend of some axes below the whole figure."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside lower center', ncols=columns, fontsize=8)
 
 
 def _clean(svg: str) -> str:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
-from tactile_lab.report.figures.drawing import Drawing, INK, render
+from tactile_lab.report.figures.drawing import Drawing, INK, legend_below, render
 from tactile_lab.report.page import Page
 from tactile_lab.report.provenance import find_versions
 from tactile_lab.simulation.robustness import Point
@@ -23,7 +23,7 @@ _COLOURS = {'texture': '#2a78b8', 'stiffness': '#d98c00'}
 _LOGARITHMIC = ('noise', 'drift', 'sample rate')
 
 
-def draw_robustness(axes_of: Sequence[Axis], points: Sequence[Point]) -> Drawing:
+def _draw_robustness(axes_of: Sequence[Axis], points: Sequence[Point]) -> Drawing:
     """Draw one panel a condition, a colour for each task."""
 
     def draw(figure: Figure) -> None:
@@ -36,8 +36,7 @@ def draw_robustness(axes_of: Sequence[Axis], points: Sequence[Point]) -> Drawing
             panel.set_visible(False)
         for panel in grid[::columns]:
             panel.set_ylabel('named correctly [%]')
-        handles, labels = grid[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc='outside lower center', ncols=2, fontsize=8)
+        legend_below(figure, grid[0], 2)
 
     return render(
         draw,
@@ -97,7 +96,7 @@ def build_robustness_page(
     """Return the study as an HTML file that needs no other."""
     page = Page('Touch through the tendon: how good must sensor and rig be?', simulated=True)
     page.heading('At a glance')
-    page.drawing(draw_robustness(axes_of, points))
+    page.drawing(_draw_robustness(axes_of, points))
     page.heading('Numbers')
     for axis in axes_of:
         rows = [

@@ -37,7 +37,7 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
         draw,
         (6.2, 2.6),
         f'{result.recordings.title}: rank-sum test of every two classes, mean p-value of each '
-        f'Fourier component, {tell_comparison(result)}. '
+        f'Fourier component, {_tell_comparison(result)}. '
         f'{int(above.sum())} of the {len(mean_p)} components above zero lie over 0.05 '
         '(dashes; red). Low means that between most pairs of classes the amplitude is shifted by '
         'more than chance, which many trials show even where single trials overlap.',
@@ -45,7 +45,7 @@ def draw_mean_p(result: SetResult, components: Components) -> Drawing:
     )
 
 
-def tell_comparison(result: SetResult) -> str:
+def _tell_comparison(result: SetResult) -> str:
     """Return which trials the tests compare, in words."""
     trials, strata = len(result.recordings.table), result.significance.strata
     if strata == 1:
@@ -83,30 +83,25 @@ def draw_p_matrices(result: SetResult) -> Drawing:
     def draw(figure: Figure) -> None:
         panels = np.ravel(figure.subplots(1, len(names), sharey=True, squeeze=False))
         for axes, name, p in zip(panels, names, significance.p, strict=True):
+            texts = [
+                ['' if i == j else _short(p[i, j]) for j in range(len(p))] for i in range(len(p))
+            ]
             # Inverse, as in the paper: dark where classes differ.
-            draw_matrix(axes, 1.0 - p, lambda share: '')
-            for i, j in np.ndindex(p.shape):
-                if i != j:
-                    colour = 'white' if p[i, j] < 0.5 else '#222222'
-                    axes.text(
-                        j, i, _short(p[i, j]), ha='center', va='center', fontsize=6, color=colour
-                    )
-            axes.set_xticks(range(len(labels)), labels, rotation=90)
-            axes.set_yticks(range(len(labels)), labels)
+            draw_matrix(axes, 1.0 - p, labels, texts)
             axes.set_title(name)
 
-    pairs = list_similar(result)
+    pairs = _list_similar(result)
     return render(
         draw,
         (1.6 + 1.9 * len(names), 3.4),
         f'{result.recordings.title}: p-values of the rank-sum test between every two objects, '
-        f'{tell_comparison(result)}; dark where they differ. '
+        f'{_tell_comparison(result)}; dark where they differ. '
         + (f'Over 0.05: {"; ".join(pairs)}.' if pairs else 'Every pair differs in each feature.'),
         simulated=result.recordings.simulated,
     )
 
 
-def list_similar(result: SetResult) -> list[str]:
+def _list_similar(result: SetResult) -> list[str]:
     """Return the pairs of classes that a feature does not tell apart, in words."""
     significance = result.significance
     found = []

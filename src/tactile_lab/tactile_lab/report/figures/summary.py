@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from matplotlib.figure import Figure
-import numpy as np
 
 from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
+from tactile_lab.report.answers import CLASSIFIER
 from tactile_lab.report.figures.accuracy import draw_matrix
 from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
-from tactile_lab.report.summary import CLASSIFIER, default_score, hardest_score
+from tactile_lab.report.summary import confusion_shares, default_score, hardest_score
 
 
 def draw_summary(result: SetResult) -> Drawing:
@@ -33,10 +33,7 @@ def draw_summary(result: SetResult) -> Drawing:
         left.axvline(100 * result.plain.chance, ls=':', color=INK, lw=1)
         left.set_yticks(range(len(scores)), [s.split.replace(' ', '\n', 1) for s in scores])
         left.set(xlim=(0, 104), ylim=(-0.5, len(scores) - 0.3), xlabel='accuracy [%]')
-        shares = score.confusion / np.maximum(score.confusion.sum(axis=1, keepdims=True), 1)
-        draw_matrix(right, shares, lambda share: f'{100 * share:.0f}' if share else '')
-        right.set_xticks(range(len(score.labels)), score.labels, rotation=90)
-        right.set_yticks(range(len(score.labels)), score.labels)
+        draw_matrix(right, confusion_shares(score), score.labels)
         right.set(xlabel='answer', ylabel='true')
 
     return render(
