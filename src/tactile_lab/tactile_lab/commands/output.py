@@ -9,6 +9,7 @@ progress always goes to standard error.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import json
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,20 @@ class Output:
             console=self._err,
             transient=True,
         )
+
+
+def refuse_to_replace(paths: Iterable[Path], *, force: bool) -> None:
+    """Refuse to write over files that exist, unless it is wanted.
+
+    Raises
+    ------
+    TactileError
+        When one of them exists.
+    """
+    if force:
+        return
+    if there := [str(path) for path in paths if path.exists()]:
+        raise TactileError(f'{", ".join(there)} would be replaced: give another name, or --force')
 
 
 def make_output_folder(folder: Path) -> None:

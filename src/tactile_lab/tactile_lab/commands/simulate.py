@@ -13,8 +13,8 @@ from tactile_bags.errors import BagError
 from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.records import PROTOCOL_TEXTURE
+from tactile_lab.commands.analysis.requests import SimulateRequest
 from tactile_lab.commands.output import make_output_folder, Output
-from tactile_lab.commands.simulate_request import SimulateRequest
 from tactile_lab.simulation.simulated_bags import (
     count_trials,
     SimulatedBag,

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,10 +80,6 @@ class LoadCellFit:
     largest_residual_n: float
     hysteresis_n: float | None
     readings: tuple[Reading, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
-        return asdict(self)
 
 
 def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:

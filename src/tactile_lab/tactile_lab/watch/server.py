@@ -10,7 +10,6 @@ from collections.abc import Awaitable
 import errno
 import json
 from pathlib import Path
-import secrets
 import socket
 import threading
 from typing import Any, Protocol
@@ -25,6 +24,7 @@ from tactile_lab.watch.access import (
     LONGEST_COMMAND,
     read_command,
 )
+from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.state import Frames, WatchState
 from tactile_ros.errors import TactileError
 
@@ -76,12 +76,7 @@ class WatchServer:
     ----------
     state : WatchState
     controls : Controls
-    host : str
-        Address to listen on.
-    port : int
-        0 takes `PORT`, or any free one.
-    token : str
-        Needed for what moves; empty: one is made.
+    options : WatchOptions, optional
 
     Attributes
     ----------
@@ -97,19 +92,15 @@ class WatchServer:
     """
 
     def __init__(
-        self,
-        state: WatchState,
-        controls: Controls,
-        *,
-        host: str = '127.0.0.1',
-        port: int = 0,
-        token: str = '',
+        self, state: WatchState, controls: Controls, options: WatchOptions | None = None
     ) -> None:
+        options = options or WatchOptions()
+        host = options.host
         self._state = state
         self._controls = controls
-        self._sockets = _listen(host, port)
+        self._sockets = _listen(host, options.port)
         self.port = int(self._sockets.getsockname()[1])
-        self._access = Access(self.port, socket.gethostname(), token or secrets.token_urlsafe(16))
+        self._access = Access(self.port, socket.gethostname(), options.token)
         is_everywhere = host in ('0.0.0.0', '::', '')  # noqa: S104 - asked for by the user
         shown = socket.gethostname() if is_everywhere else f'[{host}]' if ':' in host else host
         self.address = f'http://{shown}:{self.port}/#{self._access.token}'

@@ -9,8 +9,9 @@ import json
 import pytest
 import yaml
 
-from tactile_lab.commands.calibrate import CalibrateRequest, measure, run_calibrate
+from tactile_lab.commands.calibrate import measure, run_calibrate
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig_requests import CalibrateRequest
 from tactile_lab.devices.load_cell_fit import fit_load_cell
 from tactile_ros.errors import TactileError
 from tactile_sim.devices.weight_stand import WeightStand
@@ -20,15 +21,7 @@ GRAVITY = 9.81
 
 
 def request(**changes):
-    values = {
-        'weights_kg': (0.0, 0.5, 1.0),
-        'sensor': '',
-        'params': None,
-        'gravity_m_s2': GRAVITY,
-        'goes_down': False,
-        'simulated': True,
-        'seed': 1,
-    }
+    values = {'weights': '0,0.5,1', 'gravity_m_s2': GRAVITY, 'down': False, 'simulated': True}
     return CalibrateRequest(**{**values, **changes})
 
 

@@ -3,17 +3,12 @@
 
 """The tactile command as a user meets it: a process with arguments, output and an exit code."""
 
-import ast
-import inspect
 import json
-from pathlib import Path
 import re
 import shutil
 import signal
 import subprocess
 import sys
-from types import UnionType
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -21,13 +16,6 @@ import pytest
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_command import QUICK, SHORT_HOLD, tactile
-from tactile_lab import options
-from tactile_lab.cli import data as cli_data
-from tactile_lab.cli import devices as cli_devices
-from tactile_lab.cli import experiment as cli_experiment
-from tactile_lab.cli import recordings as cli_recordings
-from tactile_lab.cli import rig as cli_rig
-from tactile_lab.cli import sensing as cli_sensing
 from waiting import wait_until
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
@@ -81,34 +69,6 @@ def test_help_reads_like_a_manual(command):
     done = tactile(*command.split(), '--help')
     assert done.returncode == 0
     assert len(done.stdout.splitlines()) > 10
-
-
-@pytest.mark.parametrize(
-    'module',
-    [
-        options,
-        cli_data,
-        cli_recordings,
-        cli_rig,
-        cli_sensing,
-        cli_devices,
-        cli_experiment,
-    ],
-)
-def test_options_are_declared_as_typer_0_9_reads_them(module):
-    """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
-    tree = ast.parse(Path(module.__file__).read_text())
-    operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
-    assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == []
-    functions = [
-        f for f in vars(module).values() if getattr(f, '__module__', '') == module.__name__
-    ]
-    functions = [f for f in functions if inspect.isfunction(f)]
-    assert functions
-    for function in functions:
-        for parameter in inspect.signature(function).parameters.values():
-            stated, *_ = get_args(parameter.annotation) or (parameter.annotation,)
-            assert not isinstance(stated, str | UnionType), parameter
 
 
 def test_evaluate_states_split_and_scaling_and_speaks_json(archive):

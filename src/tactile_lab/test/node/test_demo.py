@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_lab.commands.analysis.requests import TrainRequest
+from tactile_lab.commands.rig_requests import DemoRequest
 from tactile_lab.commands.running import demo
 
 
@@ -18,7 +19,8 @@ def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys, 
     # Repetitions of a cross-validation are tested where evaluations are.
     monkeypatch.setattr(demo, 'TrainRequest', partial(TrainRequest, repetitions=1))
     folder = tmp_path / 'demo'
-    assert demo.run_demo(folder, seed=5, short=True, trials=4, as_json=True)
+    request = DemoRequest(folder=folder, seed=5, short=True, trials=4, watch=False)
+    assert demo.run_demo(request, as_json=True)
     summary = json.loads(capsys.readouterr().out)
     assert summary == json.loads((folder / 'summary.json').read_text())
     assert summary['simulated'] is True

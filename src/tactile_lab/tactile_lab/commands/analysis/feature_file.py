@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_lab.commands.analysis.requests import FeaturesRequest
-from tactile_lab.commands.output import Output
+from tactile_lab.commands.output import Output, refuse_to_replace
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials
@@ -51,9 +51,8 @@ def run_features(request: FeaturesRequest, *, as_json: bool) -> None:
         path = request.file
         if several:
             path = path.with_name(f'{path.stem}_{kind}{path.suffix}')
-        if path.exists() and not request.force:
-            raise TactileError(f'{path} would be replaced: give another name, or --force')
         written.append((path, kind, table))
+    refuse_to_replace([path for path, _, _ in written], force=request.force)
     for line in notes:
         output.say(line, plain=True)
     for path, kind, table in written:

@@ -31,7 +31,7 @@ from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 from tactile_lab.commands.analysis.evaluate import evaluate_with_progress
 from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
 from tactile_lab.commands.analysis.requests import TrainRequest
-from tactile_lab.commands.output import make_output_folder, Output
+from tactile_lab.commands.output import make_output_folder, Output, refuse_to_replace
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, list_sets
 from tactile_lab.datasets.partial_tables import read_partial_tables
@@ -174,11 +174,7 @@ def train_models(
         When a model file is there already and may not be replaced.
     """
     paths = {key: model_path(request.folder, *key) for key in found.tables}
-    there = [str(path) for path in paths.values() if path.exists()]
-    if there and not request.force:
-        raise TactileError(
-            f'{", ".join(there)} would be replaced: give another folder with --output, or --force'
-        )
+    refuse_to_replace(paths.values(), force=request.force)
     make_output_folder(request.folder)
     models = []
     for (task, contact), table in found.tables.items():
@@ -227,7 +223,7 @@ def describe_calibration(manifest: Manifest) -> dict[str, Any]:
 
 
 def run_recalibrate(
-    source: Path, bags: Sequence[Path], folder: Path, *, force: bool, as_json: bool
+    source: Path, bags: Sequence[Path], request: TrainRequest, *, as_json: bool
 ) -> None:
     """Write a model for the session of the bags' trials, and print what it was.
 
@@ -250,12 +246,9 @@ def run_recalibrate(
             'was trained for'
         )
     (table,) = fitting
-    path = model_path(folder, model.task, model.contact)
-    if path.exists() and not force:
-        raise TactileError(
-            f'{path} would be replaced: give another folder with --output, or --force'
-        )
-    make_output_folder(folder)
+    path = model_path(request.folder, model.task, model.contact)
+    refuse_to_replace([path], force=request.force)
+    make_output_folder(request.folder)
     seconds = [count / model.spec.rate_hz for count in model.running_samples]
     running = read_partial_tables(table, seconds) if seconds else {}
     found = write_recalibrated(path, source, {0: table, **running})
