@@ -1,8 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `tactile` command in a test's own process: without the second that a new Python takes."""
+"""The `tactile` command: in a test's own process, which saves a second, or in one of its own."""
 
+from contextlib import contextmanager
+import subprocess
+import sys
 from types import SimpleNamespace
 
 from typer.testing import CliRunner
@@ -20,3 +23,20 @@ def tactile(*arguments):
 
     done = CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
     return SimpleNamespace(returncode=done.exit_code, stdout=done.stdout, stderr=done.stderr)
+
+
+@contextmanager
+def program(*arguments):
+    """Run the command in a process of its own, and give that; end it after the block."""
+    code = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
+    process = subprocess.Popen(
+        [sys.executable, '-c', code, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()

@@ -6,17 +6,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable
 import errno
 import json
 from pathlib import Path
 import socket
 import threading
-from typing import Any, Protocol
+from typing import Any, TYPE_CHECKING
 
 from aiohttp import web, WSMsgType
 
-from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.watch.access import (
     Access,
     Command,
@@ -27,6 +25,9 @@ from tactile_lab.watch.access import (
 from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.state import Frames, WatchState
 from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_lab.watch.controls import WatchControls
 
 PAGE = Path(__file__).parent / 'page'
 FILES = {
@@ -49,33 +50,13 @@ SEND_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 10.0
 
 
-class Controls(Protocol):
-    """What the page's buttons do. Each returns a sentence or raises `TactileError`."""
-
-    def stop(self) -> Awaitable[str]:
-        """Stop everything that moves."""
-        ...
-
-    def tare(self, finger: str) -> Awaitable[str]:
-        """Set the tension to zero."""
-        ...
-
-    def home(self, finger: str) -> Awaitable[str]:
-        """Home the guide."""
-        ...
-
-    def trial(self, finger: str, request: TrialRequest) -> Awaitable[str]:
-        """Run a trial."""
-        ...
-
-
 class WatchServer:
     """A web server on a thread of its own; a context manager.
 
     Parameters
     ----------
     state : WatchState
-    controls : Controls
+    controls : WatchControls
     options : WatchOptions, optional
 
     Attributes
@@ -92,7 +73,7 @@ class WatchServer:
     """
 
     def __init__(
-        self, state: WatchState, controls: Controls, options: WatchOptions | None = None
+        self, state: WatchState, controls: WatchControls, options: WatchOptions | None = None
     ) -> None:
         options = options or WatchOptions()
         host = options.host

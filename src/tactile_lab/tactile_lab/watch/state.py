@@ -48,6 +48,8 @@ class WatchState:
     ----------
     on_answer : callable
         Given finger, answer and the stated label for every answer on a full window.
+    was_stopped : bool
+        Somebody has pressed Stop on a page.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class WatchState:
         self._sentences: deque[tuple[float, str, str]] = deque(maxlen=MOST_SENTENCES)
         self._progress: dict[str, Any] | None = None
         self._version = 0
+        self.was_stopped = False
         self.on_answer: Callable[[str, ClassificationResult, str], None] = lambda *_: None
 
     # -- what comes ------------------------------------------------------------------

@@ -3,7 +3,7 @@
 
 """Trials on the simulated rig through every real part: serial lines, drivers, DDS."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 import threading
 import time
 
@@ -36,7 +36,7 @@ STAMP_BOUND_S = 0.1
 QUICK = {'approach_speed_m_s': 0.1}
 """Parameters of the trial runner that shorten what no test here looks at."""
 
-LATE_S = 0.6
+LATE_S = 0.4
 
 
 class Watcher(Node):
@@ -143,7 +143,10 @@ def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(rig, context):
 
 
 def test_rig_that_dies_in_a_trial_aborts_it(context):
-    with SimulatedRig(seed=3) as rig, running_rig(rig, context) as (operator, watcher, _):
+    with ExitStack() as stack:
+        rig = stack.enter_context(SimulatedRig(seed=3))  # the shared one must live on
+        home_fast(rig)
+        operator, watcher, _ = stack.enter_context(running_rig(rig, context))
         operator.home_guide()
         rig.mount('stiffness', 'pla', 'flexion')
         handle = watcher.start_trial('stiffness')
@@ -197,7 +200,7 @@ def stamp_ns(watcher, phase):
 
 def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(rig, context):
     # A driver that is busy accepting does not beat either.
-    parameters = {'heartbeat_timeout_s': 10.0}
+    parameters = {'heartbeat_timeout_s': 10.0, 'glide_speed_m_s': 0.03}
     with running_rig(rig, context, parameters=parameters) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')

@@ -19,7 +19,7 @@ from tactile_classifier.names import describe_features
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
-from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.features import AUTO, choose_automatically, keep_task, Reader
 from tactile_lab.commands.analysis.requests import EvaluateRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
@@ -159,11 +159,8 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
     found = _choose(read, chosen, request, output) if automatic else read(chosen).tables
     tables = {
         key: select_features(request.train_test.keep(table), request.features)
-        for key, table in found.items()
-        if request.task in (None, key[0])
+        for key, table in keep_task(found, request.task).items()
     }
-    if not tables:
-        raise TactileError(f'the bags hold no {request.task} trials')
     sets = bag_sets(
         tables, request.hold_out or None, also=('mounting_id',) if request.is_experiment else ()
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_lab.commands.analysis.features import keep_task
 from tactile_lab.commands.analysis.requests import FeaturesRequest
 from tactile_lab.commands.output import Output, refuse_to_replace
 from tactile_lab.datasets.bag_tables import read_tables
@@ -100,9 +101,7 @@ def _read(request: FeaturesRequest) -> tuple[dict[tuple[str, str], FeatureTable]
         request.check_for_bags()
         chosen = choose_features(request.over, request.detrend, request.features)
         found = read_tables(own, chosen)
-        tables = {k: t for k, t in found.tables.items() if request.task in (None, k[0])}
-        if not tables:
-            raise TactileError(f'the bags hold no {request.task} trials')
+        tables = keep_task(found.tables, request.task)
         notes = [f'left out: {sentence}' for sentence in found.left_out]
     return {key: select_features(table, request.features) for key, table in tables.items()}, notes
 

@@ -29,7 +29,7 @@ from tactile_classifier.training.trainer import train
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 from tactile_lab.commands.analysis.evaluate import evaluate_with_progress
-from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.features import AUTO, choose_automatically, keep_task, Reader
 from tactile_lab.commands.analysis.requests import TrainRequest
 from tactile_lab.commands.output import make_output_folder, Output, refuse_to_replace
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
@@ -102,10 +102,7 @@ def run_train(recordings: Sequence[Path], request: TrainRequest, *, as_json: boo
 
 
 def _of_task(found: BagTables, request: TrainRequest) -> BagTables:
-    tables = {key: t for key, t in found.tables.items() if request.task in (None, key[0])}
-    if not tables:
-        raise TactileError(f'the bags hold no {request.task} trials')
-    return replace(found, tables=tables)
+    return replace(found, tables=keep_task(found.tables, request.task))
 
 
 def _train_on_trials(
