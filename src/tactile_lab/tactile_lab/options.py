@@ -60,13 +60,6 @@ SensorTopicOption = Annotated[
 SimulatedOption = Annotated[
     bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
 ]
-ModelsOption = Annotated[
-    Optional[Path],
-    typer.Option(
-        help='Folder with model files, as `tactile train` writes them, or one file. Features are '
-        'computed as the models require, unless `--params` says otherwise.'
-    ),
-]
 ModelOption = Annotated[
     Optional[Path],
     typer.Option(

@@ -94,7 +94,9 @@ def train(
     from tactile_lab.commands.cluster import on_cluster
 
     if request.recalibrate is not None:
-        run_recalibrate(request.recalibrate, recordings, request, as_json=as_json)
+        run_recalibrate(
+            request.recalibrate, recordings, request.folder, force=request.force, as_json=as_json
+        )
         return
     with on_cluster(cluster):
         run_train(recordings, request, as_json=as_json)

@@ -12,7 +12,7 @@ import typer
 from tactile_lab.options import (
     ContactOption,
     GuideOption,
-    ModelsOption,
+    ModelOption,
     NamespaceOption,
     ParamsOption,
     ProtocolArgument,
@@ -54,7 +54,7 @@ class PortArguments:
 class RigRequest:
     """The arguments of `tactile rig`; see its ``--help``."""
 
-    models: ModelsOption = None
+    models: ModelOption = None
     recalibrate: RecalibrateOption = 0
     ports: PortArguments = field(default_factory=PortArguments)
     params: ParamsOption = None
@@ -92,7 +92,7 @@ class TrialsRequest:
             'Default: none.'
         ),
     ] = ''
-    models: ModelsOption = None
+    models: ModelOption = None
     ports: PortArguments = field(default_factory=PortArguments)
     params: ParamsOption = None
     watch: WatchOption = False
@@ -116,7 +116,7 @@ class ExperimentRequest:
             help='Append a block to this session: each object once more, in each contact.'
         ),
     ] = ''
-    models: ModelsOption = None
+    models: ModelOption = None
     ports: PortArguments = field(default_factory=PortArguments)
     params: ParamsOption = None
     yes: Annotated[

@@ -33,17 +33,9 @@ class CalibrationError(TactileError):
 
 @dataclass(frozen=True)
 class Reading:
-    """What the sensor read under one weight.
+    """What the sensor read under one weight: mean of a settled second, and deviation [N].
 
-    Attributes
-    ----------
-    mass_kg : float
-    reading_n : float
-        Mean over a settled second, with scale 1 and offset 0 [N].
-    noise_n : float
-        Standard deviation of a sample [N].
-    is_rising : bool
-        Whether the weight before was smaller.
+    With scale 1 and offset 0. It is rising where the weight before was smaller.
     """
 
     mass_kg: float

@@ -23,16 +23,8 @@ BEGAN, ENDED, KEPT, MOUNTED, RUN = 'began', 'ended', 'kept', 'mounted', 'run'
 class Attempt:
     """One trial that was begun.
 
-    Attributes
-    ----------
-    key : str
-        Of the planned trial.
-    verdict : str
-        Empty while it is not known, as after a power cut.
-    is_kept : bool
-        Whether it is the one that counts for its key.
-    statistics : dict of str to float
-        What the check for outliers compares.
+    Its verdict is empty while it is not known, as after a power cut. One attempt is kept for each
+    planned trial's key. The check for outliers compares the statistics.
     """
 
     key: str

@@ -220,7 +220,7 @@ def describe_calibration(manifest: Manifest) -> dict[str, Any]:
 
 
 def run_recalibrate(
-    source: Path, bags: Sequence[Path], request: TrainRequest, *, as_json: bool
+    source: Path, bags: Sequence[Path], folder: Path, *, force: bool, as_json: bool
 ) -> None:
     """Write a model for the session of the bags' trials, and print what it was.
 
@@ -243,9 +243,9 @@ def run_recalibrate(
             'was trained for'
         )
     (table,) = fitting
-    path = model_path(request.folder, model.task, model.contact)
-    refuse_to_replace([path], force=request.force)
-    make_output_folder(request.folder)
+    path = model_path(folder, model.task, model.contact)
+    refuse_to_replace([path], force=force)
+    make_output_folder(folder)
     seconds = [count / model.spec.rate_hz for count in model.running_samples]
     running = read_partial_tables(table, seconds) if seconds else {}
     found = write_recalibrated(path, source, {0: table, **running})

@@ -44,10 +44,7 @@ AUDIT_TIMEOUT_S = 2.0
 
 @dataclass(frozen=True)
 class LiveTrial:
-    """One live trial: what was asked, and what was answered where a classifier listens.
-
-    ``audit`` says whether its recording holds every sample.
-    """
+    """What was asked, what a classifier answered, and whether every sample is recorded."""
 
     request: TrialRequest
     answer: ClassificationResult | None
@@ -110,16 +107,7 @@ class LiveSetup:
 class LiveRig:
     """A rig whose nodes run in this process, homed, and recorded.
 
-    Attributes
-    ----------
-    operator : OperatorNode
-    recorder : BagRecorderNode
-    models : mapping of str to str
-        Model file by classifier name.
-    others : tuple of Node
-        The further nodes.
-    watch : Watch or None
-        The live page, if one is served.
+    ``models`` are files by classifier name, ``others`` the further nodes.
     """
 
     operator: OperatorNode
