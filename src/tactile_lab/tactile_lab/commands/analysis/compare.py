@@ -164,14 +164,13 @@ def run_compare(request: CompareRequest, *, as_json: bool) -> None:
         read = bag_reader(own)
     columns = [name.strip() for name in (request.group or '').split(',') if name.strip()]
     found = []
-    with output.progress() as progress:
-        bar = progress.add_task('comparing', total=len(pairs))
-        for pair in pairs:
+    with output.progress('comparing') as show:
+        for number, pair in enumerate(pairs, 1):
             compared = compare_pair(read, pair, columns, unseen=request.unseen)
             if not compared:
                 alone.append(f'no labelled trials of {question_of(pair)} in these recordings')
             found += compared
-            progress.advance(bar)
+            show(number, len(pairs))
     if not found:
         raise TactileError('; '.join(alone))
     for each in found:

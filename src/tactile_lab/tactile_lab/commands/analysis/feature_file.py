@@ -42,8 +42,7 @@ def run_features(request: FeaturesRequest, *, as_json: bool) -> None:
     if request.file.suffix not in ('.parquet', '.csv'):
         raise TactileError(f'--output is {request.file}; it must end in .parquet or .csv')
     load_pyarrow()  # before the work
-    with output.progress() as progress:
-        progress.add_task('computing features', total=None)
+    with output.progress('computing features'):
         tables, notes = _read(request)
     several = len(tables) > 1
     written = []

@@ -21,14 +21,8 @@ def run_robustness(request: RobustnessRequest, *, as_json: bool) -> None:
     file = report_path(request.report)
     study = Study(contact=request.contact, seed=request.seed)
     catalogue = Catalogue(request.description)
-    with output.progress() as progress:
-        bar = progress.add_task('simulating conditions', total=None)
-        points = run_study(
-            study,
-            catalogue,
-            jobs=request.jobs,
-            progress=lambda done, total: progress.update(bar, completed=done, total=total),
-        )
+    with output.progress('simulating conditions') as show:
+        points = run_study(study, catalogue, jobs=request.jobs, progress=show)
     axes = list_axes(catalogue.rig().load_cell, TrialConfig(simulated=True))
     document = describe(study, catalogue, points)
     output.say(f'SIMULATED trials, {request.contact}; {document["split"]}')
