@@ -174,20 +174,21 @@ class WatchServer:
         frames = Frames(self._state)
         try:
             while self._pages:
-                if any(page.needs_all and page.is_ready for page in self._pages):
+                begins = any(page.needs_all and page.is_ready for page in self._pages)
+                if begins:
                     frames.restart()
-                    self._send_to_all(frames.next(), begin=True)
-                elif frame := frames.next():
-                    self._send_to_all(frame)
+                frame = frames.next()
+                if begins:
+                    frame = {**(frame or {}), 'begin': True}
+                if frame:
+                    self._send_to_all(frame, begin=begins)
                 await asyncio.sleep(1.0 / FRAMES_HZ)
         finally:
             while self._pages:  # one that comes meanwhile would wait for frames
                 await self._pages.pop().socket.close(code=1011)
 
-    def _send_to_all(self, frame: dict[str, Any] | None, *, begin: bool = False) -> None:
+    def _send_to_all(self, frame: dict[str, Any], *, begin: bool) -> None:
         """Send a frame to all pages that keep up; the others begin anew when they are ready."""
-        if begin:
-            frame = {**(frame or {}), 'begin': True}
         self.frame_count += 1
         text = json.dumps(frame, separators=(',', ':'), allow_nan=False)
         for page in self._pages:
