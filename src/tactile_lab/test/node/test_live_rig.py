@@ -250,12 +250,13 @@ def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(rig, context,
 
     def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
         for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
-            if speed_mm_s == 15.0 and number == 50:
+            if speed_mm_s == 30.0 and number == 50:
                 time.sleep(0.6)  # the pause is what is tested: longer than run_on_s
             yield line
 
     monkeypatch.setattr(guide_client, 'encode_pieces', encode_and_pause)
-    with running_rig(rig, context) as (operator, watcher, nodes):
+    parameters = {'glide_speed_m_s': 0.03}
+    with running_rig(rig, context, parameters=parameters) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')
         handle = watcher.start_trial('texture')
