@@ -108,7 +108,6 @@ def run_experiment(
     bench: Bench,
     operator: Operator,
     journal: Journal,
-    now_s: Callable[[], float] = time.monotonic,
 ) -> Progress:
     """Run all trials that are left, unless the operator stops.
 
@@ -121,7 +120,7 @@ def run_experiment(
         When the rig cannot be started, or the recording fails.
     """
     progress = Progress(folder.read_order(), journal.entries)
-    run = _Run(progress, operator, journal, now_s)
+    run = _Run(progress, operator, journal)
     for session_id in progress.sessions_left():
         if not operator.begin_session(session_id, len(progress.left(session_id))):
             break
@@ -138,7 +137,6 @@ class _Run:
     progress: Progress
     operator: Operator
     journal: Journal
-    now_s: Callable[[], float]
     contact: str = ''
 
     def note(self, kind: str, **values: Any) -> None:
@@ -168,7 +166,7 @@ class _Run:
         return True
 
     def _mount(self, trial: PlannedTrial) -> str:
-        started_s = self.now_s()
+        started_s = time.monotonic()
         self.operator.mount(trial, self.contact != trial.contact)
         self.contact = trial.contact
         mounting_id = self.progress.next_mounting_id(trial)
@@ -177,7 +175,7 @@ class _Run:
             mounting_id=mounting_id,
             object_label=trial.object_label,
             contact=trial.contact,
-            seconds=self.now_s() - started_s,
+            seconds=time.monotonic() - started_s,
         )
         return mounting_id
 
@@ -186,7 +184,7 @@ class _Run:
         trial = order.planned
         names = {'key': trial.key, 'trial_id': order.trial_id, 'mounting_id': order.mounting_id}
         self.note(BEGAN, **names)
-        started_s = self.now_s()
+        started_s = time.monotonic()
 
         def end(verdict: str, sentence: str, statistics: dict[str, float]) -> None:
             self.note(
@@ -195,7 +193,7 @@ class _Run:
                 verdict=verdict,
                 sentence=sentence,
                 statistics=statistics,
-                seconds=self.now_s() - started_s,
+                seconds=time.monotonic() - started_s,
             )
 
         try:

@@ -23,6 +23,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
     strain_block_from_record,
 )
+from tactile_features.records import FeatureWindow
 from tactile_lab.watch.state import MOST_FINGERS, WatchState
 from tactile_msgs.msg import (
     Classification,
@@ -176,13 +177,19 @@ class WatchNode(Node):  # type: ignore[misc]
         state, (finger, source) = self.state, _split(topic)
 
         def take_slip(message: Slip) -> None:
-            if known := state.finger(finger):
-                onset_ns = message.onset.sec * 10**9 + message.onset.nanosec
-                known.take_slip(message.motion, onset_ns, message.statistic, message.tension_n)
+            onset_ns = message.onset.sec * 10**9 + message.onset.nanosec
+            state.update(
+                finger,
+                lambda known: known.take_slip(
+                    message.motion, onset_ns, message.statistic, message.tension_n
+                ),
+            )
 
         def take_tare(message: Tare) -> None:
-            if known := state.finger(finger):
-                known.take_tare(message.is_set, message.bias_n)
+            state.update(finger, lambda known: known.take_tare(message.is_set, message.bias_n))
+
+        def take_window(window: FeatureWindow) -> None:
+            state.update(finger, lambda known: known.take_window(window))
 
         def take_readiness(message: Readiness) -> None:
             device = f'{finger}/{source}' if finger else source
@@ -190,7 +197,7 @@ class WatchNode(Node):  # type: ignore[misc]
 
         takes: dict[type, Callable[[Any], None]] = {
             StrainBlock: lambda block: state.take_block(finger, block),
-            TactileFeatures: lambda window: state.take_window(finger, window),
+            TactileFeatures: take_window,
             Classification: lambda answer: state.take_answer(finger, source, answer),
             TrialEvent: lambda message: state.take_event(finger, event_from_msg(message)),
             Readiness: take_readiness,

@@ -29,9 +29,10 @@ def run_until_done(folder, quick, count, signal_number):
 
 
 def is_in_hold(folder, count):
-    if not folder.journal.exists() or folder.read_progress().done_count < count:
+    entries = read_journal(folder.journal) if folder.journal.exists() else []
+    if not entries or folder.read_progress().done_count < count:
         return False
-    last = read_journal(folder.journal)[-1]
+    last = entries[-1]
     return last['kind'] == 'began' and 'hold' in phases(folder, last['trial_id'])
 
 
