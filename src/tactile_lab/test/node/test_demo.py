@@ -22,7 +22,7 @@ def test_short_demo_agrees_bit_for_bit_and_leaves_its_results(tmp_path, capsys, 
     quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
     monkeypatch.setattr(demo, 'LiveSetup', partial(LiveSetup, parameters=quick))
     folder = tmp_path / 'demo'
-    request = DemoRequest(folder=folder, seed=5, short=True, trials=3, watch=False)
+    request = DemoRequest(folder=folder, seed=3, short=True, trials=3, watch=False)
     assert demo.run_demo(request, as_json=True)
     summary = json.loads(capsys.readouterr().out)
     assert summary == json.loads((folder / 'summary.json').read_text())

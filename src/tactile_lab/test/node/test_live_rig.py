@@ -36,7 +36,7 @@ STAMP_BOUND_S = 0.1
 QUICK = {'approach_speed_m_s': 0.1}
 """Parameters of the trial runner that shorten what no test here looks at."""
 
-LATE_S = 0.4
+LATE_S = 0.6
 
 
 class Watcher(Node):
@@ -200,7 +200,7 @@ def stamp_ns(watcher, phase):
 
 def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(rig, context):
     # A driver that is busy accepting does not beat either.
-    parameters = {'heartbeat_timeout_s': 10.0, 'glide_speed_m_s': 0.03}
+    parameters = {'heartbeat_timeout_s': 10.0}
     with running_rig(rig, context, parameters=parameters) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')
@@ -250,13 +250,12 @@ def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(rig, context,
 
     def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
         for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
-            if speed_mm_s == 30.0 and number == 50:
+            if speed_mm_s == 15.0 and number == 50:
                 time.sleep(0.6)  # the pause is what is tested: longer than run_on_s
             yield line
 
     monkeypatch.setattr(guide_client, 'encode_pieces', encode_and_pause)
-    parameters = {'glide_speed_m_s': 0.03}
-    with running_rig(rig, context, parameters=parameters) as (operator, watcher, nodes):
+    with running_rig(rig, context) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')
         handle = watcher.start_trial('texture')
