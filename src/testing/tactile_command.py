@@ -1,9 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `tactile` command in a test's own process: without the second that a new Python takes."""
+"""The `tactile` command: in a test's own process, which saves a second, or in one of its own."""
 
+from contextlib import contextmanager
 import json
+import subprocess
+import sys
 from types import SimpleNamespace
 
 from typer.testing import CliRunner
@@ -36,3 +39,20 @@ def hear_tactile(*arguments, code=0):
     said = ' '.join(f'{done.stdout} {done.stderr}'.split())
     assert done.returncode == code, said
     return said
+
+
+@contextmanager
+def program(*arguments):
+    """Run the command in a process of its own, and give that; end it after the block."""
+    code = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
+    process = subprocess.Popen(
+        [sys.executable, '-c', code, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()

@@ -9,22 +9,32 @@ from launch_ros.actions import Node
 
 from tactile_bringup.launch_config.launching import declare_arguments, Planned
 
-NODES = (
-    ('tactile_features', 'tactile_features_node'),  # windows to feature vectors
-    ('tactile_classifier', 'tactile_classifier_node'),  # a classifier for each model
-    ('tactile_bags', 'bag_recorder_node'),  # with record:=FOLDER
-    ('tactile_bags', 'bag_player_node'),  # plays the recording
-)
-
 
 def start(context):
-    # How often each is started, with which name, namespace and parameters, says the plan.
+    # The plan says how often each node is started, and with which name, namespace, parameters.
     plan = Planned('replay', context)
     return plan.start(
         [
-            Node(package=package, executable=executable, **options)
-            for package, executable in NODES
-            for options in plan.options(executable)
+            # windows to feature vectors
+            *[
+                Node(package='tactile_features', executable='tactile_features_node', **options)
+                for options in plan.options('tactile_features_node')
+            ],
+            # a classifier for each model
+            *[
+                Node(package='tactile_classifier', executable='tactile_classifier_node', **options)
+                for options in plan.options('tactile_classifier_node')
+            ],
+            # with record:=FOLDER
+            *[
+                Node(package='tactile_bags', executable='bag_recorder_node', **options)
+                for options in plan.options('bag_recorder_node')
+            ],
+            # plays the recording
+            *[
+                Node(package='tactile_bags', executable='bag_player_node', **options)
+                for options in plan.options('bag_player_node')
+            ],
         ]
     )
 

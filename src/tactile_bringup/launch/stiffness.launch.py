@@ -9,25 +9,47 @@ from launch_ros.actions import Node
 
 from tactile_bringup.launch_config.launching import declare_arguments, Planned
 
-NODES = (
-    ('tendon_sensor_driver', 'tendon_sensor_node'),  # tension from the load cell: strain
-    ('linear_guide_driver', 'linear_guide_node'),  # the guide: actions move, home
-    ('linear_guide_driver', 'tendon_actuator_node'),  # the tendon: actions pull, home; release
-    ('tactile_bringup', 'trial_runner_node'),  # trials by the protocol: action run_trial, events
-    ('tactile_features', 'tactile_features_node'),  # windows to feature vectors
-    ('tactile_classifier', 'tactile_classifier_node'),  # a classifier for each model
-    ('tactile_bags', 'bag_recorder_node'),  # with record:=FOLDER
-)
-
 
 def start(context):
-    # How often each is started, with which name, namespace and parameters, says the plan.
+    # The plan says how often each node is started, and with which name, namespace, parameters.
     plan = Planned('stiffness', context)
     return plan.start(
         [
-            Node(package=package, executable=executable, **options)
-            for package, executable in NODES
-            for options in plan.options(executable)
+            # tension from the load cell: strain
+            *[
+                Node(package='tendon_sensor_driver', executable='tendon_sensor_node', **options)
+                for options in plan.options('tendon_sensor_node')
+            ],
+            # the linear guide: action move, home
+            *[
+                Node(package='linear_guide_driver', executable='linear_guide_node', **options)
+                for options in plan.options('linear_guide_node')
+            ],
+            # the tendon: action pull, release
+            *[
+                Node(package='linear_guide_driver', executable='tendon_actuator_node', **options)
+                for options in plan.options('tendon_actuator_node')
+            ],
+            # trials by the protocol: action run_trial, events
+            *[
+                Node(package='tactile_bringup', executable='trial_runner_node', **options)
+                for options in plan.options('trial_runner_node')
+            ],
+            # windows to feature vectors
+            *[
+                Node(package='tactile_features', executable='tactile_features_node', **options)
+                for options in plan.options('tactile_features_node')
+            ],
+            # a classifier for each model
+            *[
+                Node(package='tactile_classifier', executable='tactile_classifier_node', **options)
+                for options in plan.options('tactile_classifier_node')
+            ],
+            # with record:=FOLDER
+            *[
+                Node(package='tactile_bags', executable='bag_recorder_node', **options)
+                for options in plan.options('bag_recorder_node')
+            ],
         ]
     )
 

@@ -1,14 +1,8 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Options that several commands share, and how a refusal is printed.
+"""Options that several commands share."""
 
-Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
-that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
-"""
-
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Optional
 
@@ -66,13 +60,6 @@ SensorTopicOption = Annotated[
 SimulatedOption = Annotated[
     bool, typer.Option('--simulated', help='Start simulated devices and use their ports.')
 ]
-ModelsOption = Annotated[
-    Optional[Path],
-    typer.Option(
-        help='Folder with model files, as `tactile train` writes them, or one file. Features are '
-        'computed as the models require, unless `--params` says otherwise.'
-    ),
-]
 ModelOption = Annotated[
     Optional[Path],
     typer.Option(
@@ -96,8 +83,22 @@ QuietOption = Annotated[
 ParamsOption = Annotated[
     Optional[Path], typer.Option(help='YAML file with ROS parameters for the nodes.')
 ]
-
-
+ProtocolArgument = Annotated[
+    str, typer.Argument(**choice('texture', 'stiffness'), help='Which kind of trial.')
+]
+ContactOption = Annotated[
+    str, typer.Option(**choice('flexion', 'abduction'), help='How the finger touches.')
+]
+DescriptionOption = Annotated[
+    Optional[Path],
+    typer.Option(
+        help='Folder with your own finger, rig, plates or objects: YAML files laid over '
+        'those of the package.'
+    ),
+]
+JobsOption = Annotated[
+    int, typer.Option(help='How many processes simulate; -1: one for each core.')
+]
 PHASES = ('stated', 'texture', 'stiffness')
 PhasesOption = Annotated[
     str,
@@ -107,8 +108,6 @@ PhasesOption = Annotated[
         'stiffness trials.',
     ),
 ]
-
-
 DetectedContactOption = Annotated[
     str,
     typer.Option(
@@ -118,8 +117,6 @@ DetectedContactOption = Annotated[
         show_default=False,
     ),
 ]
-
-
 RecalibrateOption = Annotated[
     int,
     typer.Option(
@@ -131,35 +128,12 @@ RecalibrateOption = Annotated[
         'the models: 5 or more. 0: none.',
     ),
 ]
-
 SlipOption = Annotated[
     bool,
     typer.Option(
         '--slip', help='Also run the slip detector: it reports when a held object begins to slide.'
     ),
 ]
-
-
-REFUSALS = {
-    'tactile_bringup.trial_protocols.ProtocolError',
-    'tactile_classifier.errors.ClassifierError',
-    'tactile_features.errors.FeatureError',
-    'tactile_ros.errors.TactileError',
-    'tactile_sim.errors.TactileSimError',
-}
-"""Errors that we raise on purpose. By name: importing them would import what raises them."""
-
-
-@contextmanager
-def refusals() -> Iterator[None]:
-    """Turn the errors that we raise on purpose into one sentence and exit code 2."""
-    try:
-        yield
-    except Exception as error:
-        if not {f'{c.__module__}.{c.__qualname__}' for c in type(error).__mro__} & REFUSALS:
-            raise
-        typer.echo(f'tactile: {error}', err=True)
-        raise typer.Exit(2) from error
 
 
 def check_paths(*paths: Optional[Path]) -> None:

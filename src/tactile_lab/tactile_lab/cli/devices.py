@@ -1,57 +1,17 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The commands that find devices and test them."""
-
-from typing import Annotated, Optional
+"""The commands that find devices, test and calibrate them."""
 
 import typer
 
 from tactile_lab.cli.request_options import spread
-from tactile_lab.commands.rig_requests import CheckRequest
-from tactile_lab.options import (
-    check_paths,
-    JsonOption,
-    refusals,
-)
+from tactile_lab.commands.rig_requests import CalibrateRequest, CheckRequest, DevicesRequest
+from tactile_lab.options import check_paths, JsonOption
 
 
-def devices(
-    port: Annotated[
-        Optional[list[str]],
-        typer.Option(
-            help='Ask this serial port only; may be given several times. Needed for ports that '
-            'the computer does not list, such as those of `tactile_sim_rig --links`.'
-        ),
-    ] = None,
-    net_ft: Annotated[
-        Optional[list[str]],
-        typer.Option(
-            '--net-ft',
-            metavar='HOST',
-            help='Ask an ATI Net F/T at this address; may be given several times.',
-        ),
-    ] = None,
-    listen: Annotated[
-        float,
-        typer.Option(
-            min=0.1,
-            max=60.0,
-            help='Seconds to wait for a port that speaks by itself. A board that is reset by '
-            'opening its port needs two.',
-        ),
-    ] = 2.5,
-    topics: Annotated[
-        bool,
-        typer.Option(
-            '--topics', help='List topics on which other nodes publish a force, instead of ports.'
-        ),
-    ] = False,
-    quiet: Annotated[
-        bool, typer.Option('--quiet', help='Send nothing to serial ports: listen only.')
-    ] = False,
-    json_output: JsonOption = False,
-) -> None:
+@spread
+def devices(request: DevicesRequest, as_json: JsonOption = False) -> None:
     """List the connected devices and the parameters that fit them.
 
     Lists every serial port with its USB numbers and persistent names, and the device there: a
@@ -65,21 +25,13 @@ def devices(
     use ``--quiet``. A board that resets when its port is opened does so here, too: a Grbl guide
     must be homed afterwards. Ports that another program has open are left alone.
     """
-    with refusals():
-        from tactile_lab.commands.devices import run_devices
+    from tactile_lab.commands.devices import run_devices
 
-        run_devices(
-            port or [],
-            net_ft or [],
-            topics=topics,
-            listen_s=listen,
-            is_quiet=quiet,
-            as_json=json_output,
-        )
+    run_devices(request, as_json=as_json)
 
 
 @spread
-def check(request: CheckRequest, json_output: JsonOption = False) -> None:
+def check(request: CheckRequest, as_json: JsonOption = False) -> None:
     """Test each device and print the results; exit with 1 when there is a fault.
 
     Tests the devices whose port or topic is given here, or whose ``port`` (or ``sensor``) is in
@@ -97,9 +49,26 @@ def check(request: CheckRequest, json_output: JsonOption = False) -> None:
 
     Each fault comes with its remedy.
     """
-    with refusals():
-        check_paths(request.params)
-        from tactile_lab.commands.check import run_check
+    check_paths(request.params)
+    from tactile_lab.commands.check import run_check
 
-        is_fit = run_check(request, as_json=json_output)
+    is_fit = run_check(request, as_json=as_json)
     raise typer.Exit(0 if is_fit else 1)
+
+
+@spread
+def calibrate(request: CalibrateRequest, as_json: JsonOption = False) -> None:
+    """Calibrate a load cell against known weights.
+
+    The command prints which weight to hang, from the smallest to the largest and back. Each
+    reading is the mean of a settled second, without outliers. Fits a line and prints `scale` and
+    `offset_n` with their standard uncertainties, the error of the line at every weight, and the
+    hysteresis.
+
+    End the sensor's node first: only one program can open a port. Six-axis sensors have the
+    calibration of their maker and are refused. `g` lies between 9.780 (equator) and 9.832 m/s^2
+    (poles), so its default is wrong by up to 0.3 %.
+    """
+    from tactile_lab.commands.calibrate import run_calibrate
+
+    run_calibrate(request, as_json=as_json)

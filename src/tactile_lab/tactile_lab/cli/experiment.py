@@ -1,11 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments and help of `tactile experiment`; the work is in `tactile_lab.commands`.
-
-Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
-that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
-"""
+"""`tactile experiment` and its commands; the work is in `tactile_lab.commands`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,12 +11,7 @@ from typer.core import TyperGroup
 
 from tactile_lab.cli.request_options import spread
 from tactile_lab.commands.rig_requests import ExperimentRequest
-from tactile_lab.options import (
-    choice,
-    JsonOption,
-    refusals,
-    SeedOption,
-)
+from tactile_lab.options import choice, JsonOption, SeedOption
 
 
 class RunByDefault(TyperGroup):
@@ -32,7 +23,7 @@ class RunByDefault(TyperGroup):
 
 
 @spread
-def run(request: ExperimentRequest, json_output: JsonOption = False) -> None:
+def run(request: ExperimentRequest, as_json: JsonOption = False) -> None:
     """Start or continue an experiment: prompts, trials, and a line of quality for each trial.
 
     The order is random within blocks, and drawn before the first trial (`order.csv`). Each
@@ -44,10 +35,9 @@ def run(request: ExperimentRequest, json_output: JsonOption = False) -> None:
     `tactile train` and `tactile evaluate` take the folder. A plan's `sessions` may be raised
     later.
     """
-    with refusals():
-        from tactile_lab.commands.running.experiment import run_plan
+    from tactile_lab.commands.running.experiment import run_plan
 
-        is_well = run_plan(request, as_json=json_output)
+    is_well = run_plan(request, as_json=as_json)
     raise typer.Exit(0 if is_well else 1)
 
 
@@ -67,39 +57,37 @@ def new(
     trials: Annotated[int, typer.Option(help='Trials each time.')] = 5,
     seed: SeedOption = 1,
     force: Annotated[bool, typer.Option('--force', help='Replace the file.')] = False,
-    json_output: JsonOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Write the plan of an experiment, as YAML with comments.
 
     Plan several sessions, best on several days, and several mountings in each. Then a model
     learns the object and not the day. One session says nothing about the accuracy in a new one.
     """
-    with refusals():
-        from tactile_lab.commands.running.experiment import run_new
-        from tactile_lab.experiment.plan import ExperimentPlan
+    from tactile_lab.commands.running.experiment import run_new
+    from tactile_lab.experiment.plan import ExperimentPlan
 
-        plan = ExperimentPlan(
-            name=path.stem,
-            protocol=protocol,
-            objects=_split(objects),
-            contacts=_split(contacts),
-            sessions=sessions,
-            mountings=mountings,
-            trials=trials,
-            seed=seed,
-        )
-        run_new(path, plan, force=force, as_json=json_output)
+    plan = ExperimentPlan(
+        name=path.stem,
+        protocol=protocol,
+        objects=_split(objects),
+        contacts=_split(contacts),
+        sessions=sessions,
+        mountings=mountings,
+        trials=trials,
+        seed=seed,
+    )
+    run_new(path, plan, force=force, as_json=as_json)
 
 
 def status(
     folder: Annotated[Path, typer.Argument(help='Folder of the experiment.')],
-    json_output: JsonOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Print how far an experiment is."""
-    with refusals():
-        from tactile_lab.commands.running.experiment import run_status
+    from tactile_lab.commands.running.experiment import run_status
 
-        run_status(folder, as_json=json_output)
+    run_status(folder, as_json=as_json)
 
 
 def _split(text: str) -> tuple[str, ...]:
@@ -107,7 +95,7 @@ def _split(text: str) -> tuple[str, ...]:
 
 
 def make_app(wrap: Any, command_class: Any) -> typer.Typer:
-    """Return the commands; ``wrap`` makes each interruptible."""
+    """Return the commands; ``wrap`` guards each of them."""
     app = typer.Typer(
         cls=RunByDefault,
         no_args_is_help=True,

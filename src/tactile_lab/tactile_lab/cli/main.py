@@ -6,8 +6,8 @@
 Imports of the work are inside the functions: ``--help`` must not wait for ROS.
 """
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 import functools
 import inspect
 import os
@@ -18,14 +18,20 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperOption
 
 from tactile_lab.cli import experiment
-from tactile_lab.cli.bags import repair, replay, show
-from tactile_lab.cli.calibrate import calibrate
-from tactile_lab.cli.data import robustness, simulate, train
-from tactile_lab.cli.devices import check, devices
-from tactile_lab.cli.recordings import compare, evaluate, features, import_recordings
-from tactile_lab.cli.rig import demo, rig, trials
-from tactile_lab.cli.sensing import hand, sense
-from tactile_lab.cli.watch import watch
+from tactile_lab.cli.devices import calibrate, check, devices
+from tactile_lab.cli.recordings import (
+    compare,
+    evaluate,
+    features,
+    import_recordings,
+    repair,
+    replay,
+    robustness,
+    show,
+    simulate,
+    train,
+)
+from tactile_lab.cli.running import demo, hand, rig, sense, trials, watch
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import held_signals
 from tactile_ros.programs.transports import choose_transports
@@ -104,18 +110,44 @@ class StrictCommand(TyperCommand):
         return super().parse_args(ctx, args)
 
 
-def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
+REFUSALS = {
+    'tactile_bringup.trial_protocols.ProtocolError',
+    'tactile_classifier.errors.ClassifierError',
+    'tactile_features.errors.FeatureError',
+    'tactile_ros.errors.TactileError',
+    'tactile_sim.errors.TactileSimError',
+}
+"""Errors that we raise on purpose. By name: importing them would import what raises them."""
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Turn the errors that we raise on purpose into one sentence and exit code 2."""
+    try:
+        yield
+    except Exception as error:
+        if not {f'{c.__module__}.{c.__qualname__}' for c in type(error).__mro__} & REFUSALS:
+            raise
+        typer.echo(f'tactile: {error}', err=True)
+        raise typer.Exit(2) from error
+
+
+def _guard(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that refuses in one sentence, and that signals interrupt."""
+
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> None:
         signals = held_signals()
-        if signals is None:  # this process is another's, such as a test's
-            command(*arguments, **options)
-            return
-        try:
-            with signals.raising():
+        with _refusals():
+            # Without held signals this process is another's, such as a test's.
+            if signals is None or command in UNTIL_A_SIGNAL:
                 command(*arguments, **options)
-        except KeyboardInterrupt:
-            raise typer.Exit(128 + signals.received) from None  # as shells say it
+                return
+            try:
+                with signals.raising():
+                    command(*arguments, **options)
+            except KeyboardInterrupt:
+                raise typer.Exit(128 + signals.received) from None  # as shells say it
 
     return run
 
@@ -142,10 +174,8 @@ for command in (
     calibrate,
 ):
     name = 'import' if command is import_recordings else None  # a word of Python
-    app.command(name, cls=StrictCommand)(
-        command if command in UNTIL_A_SIGNAL else _interruptible(command)
-    )
-app.add_typer(experiment.make_app(_interruptible, StrictCommand), name='experiment')
+    app.command(name, cls=StrictCommand)(_guard(command))
+app.add_typer(experiment.make_app(_guard, StrictCommand), name='experiment')
 
 
 def main() -> int:

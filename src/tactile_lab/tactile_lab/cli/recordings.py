@@ -1,14 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments and help of the commands on recordings; the work is in `tactile_lab.commands`.
-
-Ubuntu 24.04 has Typer 0.9, which refuses ``X | None`` and does not look into annotations
-that are strings: so ``Optional[X]``, and no ``from __future__ import annotations`` here.
-"""
+"""The commands on recordings and models; the work is in `tactile_lab.commands`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -17,69 +13,98 @@ from tactile_lab.commands.analysis.requests import (
     CompareRequest,
     EvaluateRequest,
     FeaturesRequest,
+    ImportRequest,
     RecordingsArgument,
+    RobustnessRequest,
+    SimulateRequest,
+    TrainRequest,
 )
-from tactile_lab.datasets.sources.options import SkipBadOption, SourceOptions
-from tactile_lab.options import check_paths, ClusterOption, JsonOption, refusals
+from tactile_lab.options import check_paths, ClusterOption, JsonOption, WatchOption
 
 
 @spread
-def import_recordings(
-    sources: RecordingsArgument,
-    output: Annotated[
-        Path, typer.Option('--output', '-o', help='Archive to write, ending in .npz.')
-    ],
-    yes: Annotated[
-        bool,
-        typer.Option('--yes', '-y', help='Accept likely choices instead of asking.'),
-    ] = False,
-    skip_bad: SkipBadOption = False,
-    force: Annotated[bool, typer.Option('--force', help='Replace the archive.')] = False,
-    *,
-    options: SourceOptions,
-    json_output: JsonOption = False,
+def simulate(
+    request: SimulateRequest, cluster: ClusterOption = '', as_json: JsonOption = False
 ) -> None:
+    """Make bags of **simulated** trials, without waiting in real time.
+
+    Writes one bag for each kind of contact, with plates or objects times sessions times trials in
+    it. The bags hold the same messages as live recordings, marked as simulated. The same
+    seed gives the same bytes with the same NumPy, whatever the number of processes.
+
+    Exits with 3 when the simulator found no equilibrium in some trial: such trials are in
+    the bag up to that time, end as aborted, and give no features. **slip** trials, in which
+    the object is pulled sideways, are only simulated: no rig can run them, and there are no
+    slip features yet. Their bag says when each object truly began to slip.
+    """
+    check_paths(request.description)
+    from tactile_lab.commands.cluster import on_cluster
+    from tactile_lab.commands.simulate import run_simulate
+
+    with on_cluster(cluster):
+        complete = run_simulate(request, as_json=as_json)
+    raise typer.Exit(0 if complete else 3)
+
+
+@spread
+def import_recordings(request: ImportRequest, as_json: JsonOption = False) -> None:
     """Make one archive of recordings that other programs made.
 
     Prints how it understood each column, array or message. On a terminal it asks for missing
     information; elsewhere it fails and names the option. `train`, `evaluate`, `compare` and
     `features` take the archive, and the same recordings directly, with the same options.
     """
-    with refusals():
-        check_paths(*sources)
-        from tactile_lab.commands.analysis.import_recordings import run_import
+    check_paths(*request.recordings)
+    from tactile_lab.commands.analysis.import_recordings import run_import
 
-        run_import(
-            sources,
-            output,
-            options,
-            accepts_guesses=yes,
-            skip_bad=skip_bad,
-            force=force,
-            as_json=json_output,
-        )
+    run_import(request, as_json=as_json)
 
 
 @spread
-def features(request: FeaturesRequest, json_output: JsonOption = False) -> None:
+def features(request: FeaturesRequest, as_json: JsonOption = False) -> None:
     """Write the features of recordings as a table, for notebooks and other programs.
 
     One row a trial: source, trial, label, session, group, simulated, then one column a feature.
     The units are in the metadata of each Parquet column, and in the names of CSV columns. With
     several tasks or contacts, each has its own file, with its name at the end.
     """
-    with refusals():
-        check_paths(*request.recordings)
-        from tactile_lab.commands.analysis.feature_file import run_features
+    check_paths(*request.recordings)
+    from tactile_lab.commands.analysis.feature_file import run_features
 
-        run_features(request, as_json=json_output)
+    run_features(request, as_json=as_json)
+
+
+@spread
+def train(
+    recordings: RecordingsArgument,
+    request: TrainRequest,
+    cluster: ClusterOption = '',
+    as_json: JsonOption = False,
+) -> None:
+    """Fit the four classifiers, cross-validate them, write a model file.
+
+    Prints the accuracy of six-fold cross-validation, repeated ten times, for all four
+    classifiers with and without scaling. One ONNX file is written for each task and
+    kind of contact in the recordings. Its scores are calibrated probabilities, or raw where
+    calibration was worse in both of two sessions. It classifies windows that differ from all
+    training trials as *unknown*. Existing model files are only replaced with --force.
+    """
+    check_paths(*recordings)
+    from tactile_lab.commands.analysis.train import run_recalibrate, run_train
+    from tactile_lab.commands.cluster import on_cluster
+
+    if request.recalibrate is not None:
+        run_recalibrate(
+            request.recalibrate, recordings, request.folder, force=request.force, as_json=as_json
+        )
+        return
+    with on_cluster(cluster):
+        run_train(recordings, request, as_json=as_json)
 
 
 @spread
 def evaluate(
-    request: EvaluateRequest,
-    cluster: ClusterOption = '',
-    json_output: JsonOption = False,
+    request: EvaluateRequest, cluster: ClusterOption = '', as_json: JsonOption = False
 ) -> None:
     """Cross-validate the four classifiers on recordings, and write a report.
 
@@ -89,17 +114,16 @@ def evaluate(
     curves and feature selection, and take twice as long. The report has the paper's figures, made
     of your trials.
     """
-    with refusals():
-        check_paths(*request.recordings)
-        from tactile_lab.commands.analysis.evaluate import run_evaluate
-        from tactile_lab.commands.cluster import on_cluster
+    check_paths(*request.recordings)
+    from tactile_lab.commands.analysis.evaluate import run_evaluate
+    from tactile_lab.commands.cluster import on_cluster
 
-        with on_cluster(cluster):
-            run_evaluate(request, as_json=json_output)
+    with on_cluster(cluster):
+        run_evaluate(request, as_json=as_json)
 
 
 @spread
-def compare(request: CompareRequest, json_output: JsonOption = False) -> None:
+def compare(request: CompareRequest, as_json: JsonOption = False) -> None:
     """Say which of two models is better, and whether the difference is more than chance.
 
     As in: tactile compare old/texture_flexion.onnx new/texture_flexion.onnx bags/new_session
@@ -114,8 +138,97 @@ def compare(request: CompareRequest, json_output: JsonOption = False) -> None:
     state which trials they were trained on. Two folders of models are compared file by file, for
     each task and contact.
     """
-    with refusals():
-        check_paths(request.model_a, request.model_b, *request.recordings)
-        from tactile_lab.commands.analysis.compare import run_compare
+    check_paths(request.model_a, request.model_b, *request.recordings)
+    from tactile_lab.commands.analysis.compare import run_compare
 
-        run_compare(request, as_json=json_output)
+    run_compare(request, as_json=as_json)
+
+
+@spread
+def robustness(
+    request: RobustnessRequest, cluster: ClusterOption = '', as_json: JsonOption = False
+) -> None:
+    """Find out on **simulated** trials how good sensor and rig must be.
+
+    Noise, drift, lost samples, jitter, glide speed, contact depth and sample rate are made
+    worse one at a time: accuracy of a model that was trained under good conditions, and of
+    one that was trained under the bad ones. Takes about a minute at most.
+    """
+    from tactile_lab.commands.analysis.robustness import run_robustness
+    from tactile_lab.commands.cluster import on_cluster
+
+    with on_cluster(cluster):
+        run_robustness(request, as_json=as_json)
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help='The recording.')],
+    models: Annotated[
+        Optional[Path],
+        typer.Option(help='Folder with the model files. Default: where the recording found them.'),
+    ] = None,
+    nodes: Annotated[
+        bool, typer.Option(help='Send the bag through real nodes as well as the plain core.')
+    ] = True,
+    times: Annotated[
+        int, typer.Option(min=1, max=100_000, help='How often; ends at the first difference.')
+    ] = 1,
+    watch: WatchOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Run a recording through features and classification again, and compare.
+
+    Prints *equal*, or the first difference from what was recorded; exits with 1 when
+    there is one. Then says whether samples of the recording are missing, doubled or out of
+    order. With ``--watch`` it first plays the recording in real time on a live page.
+    """
+    check_paths(bag, models)
+    from tactile_lab.commands.replay import play_and_watch, run_replay
+    from tactile_lab.watch.options import WatchOptions
+
+    if watch:
+        play_and_watch(bag, models, WatchOptions(), as_json=as_json)
+    equal = run_replay(bag, models, through_nodes=nodes, times=times, as_json=as_json)
+    raise typer.Exit(0 if equal else 1)
+
+
+def repair(
+    bag: Annotated[Path, typer.Argument(help='The bag that was never closed.')],
+    output: Annotated[
+        Path, typer.Option('--output', '-o', help='Folder of the copy; must not exist yet.')
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Write a closed copy of a bag whose recorder was killed.
+
+    Every other command reads such a bag as it is, and says so. Other programs may need the index
+    at the end of the copy. The copy holds the same messages, byte for byte, and names its source.
+    The bag itself is not changed. Exits with 1 when the bag is
+    damaged in its middle: the copy ends there.
+    """
+    check_paths(bag)
+    from tactile_lab.commands.repair import run_repair
+
+    whole = run_repair(bag, output, as_json=as_json)
+    raise typer.Exit(0 if whole else 1)
+
+
+def show(
+    path: Annotated[
+        Path, typer.Argument(help='A bag, a model file (.onnx) or an archive (.npz).')
+    ],
+    plot: Annotated[
+        Optional[Path],
+        typer.Option(metavar='FILE', help='Draw one trial into this file: .png, .svg or .pdf.'),
+    ] = None,
+    trial: Annotated[int, typer.Option(min=1, help='Which trial to draw, from 1.')] = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """List the contents of a recording, a model file or an archive.
+
+    For a bag or an archive: its trials with label, session and length. For a model: its inputs,
+    training trials, accuracy on held-out trials, calibration error and limits.
+    """
+    from tactile_lab.commands.show import run_show
+
+    run_show(path, plot, trial, as_json=as_json)

@@ -9,8 +9,6 @@ import functools
 import inspect
 from typing import Annotated, Any, get_origin, get_type_hints
 
-from tactile_lab.options import refusals
-
 
 def spread(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options that its parameters of a dataclass' type state.
@@ -25,8 +23,7 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def run(**options: Any) -> None:
-        with refusals():
-            made = {name: _fill(request, options) for name, request in requests.items()}
+        made = {name: _fill(request, options) for name, request in requests.items()}
         command(**made, **options)
 
     parameters: list[inspect.Parameter] = []

@@ -8,19 +8,20 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 import math
-from pathlib import Path
 import sys
 import threading
 import time
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 
 from tactile_bringup.launch_config.parameter_files import read_parameters
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig_requests import CalibrateRequest
 from tactile_lab.devices.load_cell_fit import (
     CalibrationError,
     FEWEST_WEIGHTS,
@@ -44,19 +45,6 @@ SETTLED_S = 1.0
 
 SETTLE_TIMEOUT_S = 20.0
 """How long a weight may swing."""
-
-
-@dataclass(frozen=True)
-class CalibrateRequest:
-    """The arguments of `tactile calibrate`; see its ``--help``."""
-
-    weights_kg: tuple[float, ...]
-    sensor: str
-    params: Path | None
-    gravity_m_s2: float
-    goes_down: bool
-    simulated: bool
-    seed: int
 
 
 def parse_weights(text: str) -> tuple[float, ...]:
@@ -91,30 +79,32 @@ def run_calibrate(request: CalibrateRequest, *, as_json: bool) -> None:
         When the sensor does not answer, a weight does not come to rest, or there is no fit.
     """
     output = Output(as_json)
-    stated = (
-        read_parameters(request.params, [NODE], others_allowed=True).get(NODE, {})
-        if request.params and request.params.exists()
-        else {}
-    )
+    weights_kg = parse_weights(request.weights)
+    stated: dict[str, Any] = {}
+    if request.params and request.params.exists():
+        stated = read_parameters(request.params, [NODE], others_allowed=True).get(NODE, {})
+    stand: WeightStand | None = None
+
+    def hang(mass_kg: float) -> None:
+        if stand is not None:
+            stand.hang(mass_kg * request.gravity_m_s2)
+            return
+        what = f'hang {mass_kg:g} kg' if mass_kg else 'take all weights off'
+        output.say(f'{what}, let it come to rest, then Enter')
+        if not sys.stdin.readline():
+            raise TactileError('standard input has ended; run the command in a terminal')
+
     with ExitStack() as stack:
-        hang: Callable[[float], None] = _Prompt(output).hang
         if request.simulated:
             if request.sensor:
                 raise TactileError('--simulated brings its own sensor; leave --sensor out')
             stand = stack.enter_context(WeightStand(seed=request.seed))
             output.say('SIMULATED load cell: no number is a measurement.')
             stated = {'port': stand.port}
-
-            def hang(mass_kg: float) -> None:
-                stand.hang(mass_kg * request.gravity_m_s2)
-
         elif request.sensor:
             stated = {**stated, 'port': request.sensor}
-        config = _config(stated)
-        fit = fit_load_cell(
-            measure(config, request.weights_kg, hang, output, goes_down=request.goes_down),
-            request.gravity_m_s2,
-        )
+        readings = measure(_config(stated), weights_kg, hang, output, goes_down=request.down)
+    fit = fit_load_cell(readings, request.gravity_m_s2)
     _print_fit(fit, request, output)
     if request.params is not None:
         set_parameters(request.params, NODE, {'scale': fit.scale, 'offset_n': fit.offset_n})
@@ -124,7 +114,7 @@ def run_calibrate(request: CalibrateRequest, *, as_json: bool) -> None:
             'simulated': request.simulated,
             'gravity_m_s2': request.gravity_m_s2,
             'params': str(request.params or ''),
-            **fit.to_dict(),
+            **asdict(fit),
         }
     )
 
@@ -155,17 +145,6 @@ def measure(
     finally:
         client.close()
     return readings
-
-
-class _Prompt:
-    def __init__(self, output: Output) -> None:
-        self._output = output
-
-    def hang(self, mass_kg: float) -> None:
-        what = f'hang {mass_kg:g} kg' if mass_kg else 'take all weights off'
-        self._output.say(f'{what}, let it come to rest, then Enter')
-        if not sys.stdin.readline():
-            raise TactileError('standard input has ended; run the command in a terminal')
 
 
 class _Listener:

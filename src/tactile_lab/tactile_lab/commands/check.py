@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 import dataclasses
+from functools import partial
 from typing import Any, TypeVar
 
 from rich.markup import escape
@@ -68,18 +69,15 @@ def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], C
         parameters = read_parameters(
             request.params, _NODES.values(), request.namespace, others_allowed=True
         )
-    given = {name: getattr(request.ports, name) for name in _NODES}
+    given: Any = request.ports
     if request.ports.simulated:
-        ports, _ = open_ports(request.ports, request.seed, stack)
-        given = {name: getattr(ports, name) for name in _NODES}
-    wanted = {name: parameters.get(node, {}) for name, node in _NODES.items()}
-    wanted = {
-        name: {**of_node, **({'port': given[name]} if given[name] else {})}
-        for name, of_node in wanted.items()
-    }
+        given, _ = open_ports(request.ports, request.seed, stack)
+    wanted: dict[str, dict[str, Any]] = {}
+    for name, node in _NODES.items():
+        port = getattr(given, name)
+        wanted[name] = {**parameters.get(node, {}), **({'port': port} if port else {})}
     if request.ports.sensor_topic:
-        stated = wanted['sensor']
-        wanted['sensor'] = {**sensor_on_topic(request.ports.sensor_topic), **stated}
+        wanted['sensor'] = {**sensor_on_topic(request.ports.sensor_topic), **wanted['sensor']}
     # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
     named = [
         name
@@ -92,7 +90,7 @@ def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], C
             '--params with a file that names ports, or --simulated; "tactile devices" lists what '
             'is plugged in'
         )
-    checks: dict[str, Callable[[], CheckReport]] = {}
+    checks: list[Callable[[], CheckReport]] = []
     if 'sensor' in named:
         sensor = _make_config(TendonSensorConfig, 'tendon_sensor', wanted['sensor'])
         make: MakeSensor = make_sensor
@@ -100,14 +98,14 @@ def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], C
             from tactile_lab.commands.force_topics import sensors_on_topics
 
             make = stack.enter_context(sensors_on_topics(request.namespace))
-        checks['sensor'] = lambda: check_sensor(sensor, request.seconds, make)
+        checks.append(partial(check_sensor, sensor, request.seconds, make))
     if 'guide' in named:
         guide = _make_config(LinearGuideConfig, 'linear_guide', wanted['guide'])
-        checks['guide'] = lambda: check_guide(guide, request.may_move)
+        checks.append(partial(check_guide, guide, request.may_move))
     if 'tendon' in named:
         tendon = _make_config(TendonActuatorConfig, 'tendon_actuator', wanted['tendon'])
-        checks['tendon'] = lambda: check_tendon(tendon, request.may_move)
-    return list(checks.values())
+        checks.append(partial(check_tendon, tendon, request.may_move))
+    return checks
 
 
 def _make_config(kind: type[_Config], node: str, parameters: Mapping[str, Any]) -> _Config:

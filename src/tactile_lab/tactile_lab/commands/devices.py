@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.rig_requests import DevicesRequest
 from tactile_lab.devices.device_probe import (
     find_names,
     find_ports,
@@ -21,45 +22,23 @@ from tactile_lab.devices.device_probe import (
 )
 
 
-def run_devices(
-    ports: Sequence[str],
-    hosts: Sequence[str],
-    *,
-    topics: bool = False,
-    listen_s: float,
-    is_quiet: bool,
-    as_json: bool,
-) -> None:
-    """Print what is found on serial ports and at the addresses of Net F/T boxes.
-
-    Parameters
-    ----------
-    ports : sequence of str
-        Ask these only; empty: all of the computer, unless there are hosts.
-    hosts : sequence of str
-        Addresses of Net F/T boxes.
-    topics : bool
-        Look for topics with a force, and at ports and hosts only where they are named.
-    listen_s : float
-        How long to wait for a line that speaks by itself [s].
-    is_quiet : bool
-        Send nothing to serial ports.
-    as_json : bool
-    """
+def run_devices(request: DevicesRequest, *, as_json: bool) -> None:
+    """Print what is found on serial ports, at the addresses of Net F/T boxes, and on topics."""
     output = Output(as_json)
+    ports, hosts = request.port or (), request.net_ft or ()
     known = {port.port: port for port in find_ports()}
     wanted = [known.get(port, FoundDevice(port, names=find_names(port))) for port in ports]
-    if not ports and not hosts and not topics:
+    if not ports and not hosts and not request.topics:
         wanted = list(known.values())
-    found = probe_ports(wanted, listen_s=listen_s, is_quiet=is_quiet)
+    found = probe_ports(wanted, listen_s=request.listen, is_quiet=request.quiet)
     found += [probe_net_ft(host) for host in hosts]
-    if topics:
+    if request.topics:
         from tactile_lab.commands.force_topics import find_force_topics
 
-        found += find_force_topics(listen_s)
+        found += find_force_topics(request.listen)
     if found:
         output.say(_as_table(found))
-    elif topics:
+    elif request.topics:
         output.say('No node publishes a force on this ROS domain; see "ros2 topic list -t".')
     else:
         output.say(

@@ -9,6 +9,8 @@ progress always goes to standard error.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 import json
 from pathlib import Path
 from typing import Any
@@ -42,9 +44,10 @@ class Output:
         if self.as_json:
             print(json.dumps(document, indent=1, allow_nan=False))  # noqa: T201
 
-    def progress(self) -> Progress:
-        """Return a progress bar that disappears when it is done."""
-        return Progress(
+    @contextmanager
+    def progress(self, title: str) -> Iterator[Callable[..., None]]:
+        """Show a bar while the block runs; give what sets how much of how much is done."""
+        bar = Progress(
             TextColumn('{task.description}'),
             BarColumn(),
             MofNCompleteColumn(),
@@ -52,6 +55,27 @@ class Output:
             console=self._err,
             transient=True,
         )
+        with bar:
+            task = bar.add_task(title, total=None)
+
+            def show(done: int, total: int, description: str = title) -> None:
+                bar.update(task, completed=done, total=total, description=description)
+
+            yield show
+
+
+def refuse_to_replace(paths: Iterable[Path], *, force: bool) -> None:
+    """Refuse to write over files that exist, unless it is wanted.
+
+    Raises
+    ------
+    TactileError
+        When one of them exists.
+    """
+    if force:
+        return
+    if there := [str(path) for path in paths if path.exists()]:
+        raise TactileError(f'{", ".join(there)} would be replaced: give another name, or --force')
 
 
 def make_output_folder(folder: Path) -> None:

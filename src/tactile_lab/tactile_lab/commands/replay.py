@@ -40,15 +40,8 @@ LINGER_S = 3.0
 class ReplayReport:
     """Comparisons of one finger's recording with its replays, by what was compared.
 
-    Attributes
-    ----------
-    namespace : str
-    comparisons : dict of str to Comparison
-        Of the first replay that differs; of the last one where none does.
-    audits : tuple of Audit
-        Whether the recording holds every sample: of its trials, then of all of it.
-    replay_count : int
-        Replays that were made.
+    They are those of the first replay that differs, or of the last one. The audits are of the
+    trials, then of the whole recording.
     """
 
     namespace: str

@@ -1,10 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is asked of `tactile rig`, `trials`, `experiment run` and `check`.
-
-Ubuntu 24.04 has Typer 0.9, which refuses ``X | None``: so ``Optional[X]``.
-"""
+"""What is asked of the commands on devices and the rig."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,11 +10,12 @@ from typing import Annotated, Optional
 import typer
 
 from tactile_lab.options import (
-    choice,
+    ContactOption,
     GuideOption,
-    ModelsOption,
+    ModelOption,
     NamespaceOption,
     ParamsOption,
+    ProtocolArgument,
     QuietOption,
     RecalibrateOption,
     RecordOption,
@@ -56,7 +54,7 @@ class PortArguments:
 class RigRequest:
     """The arguments of `tactile rig`; see its ``--help``."""
 
-    models: ModelsOption = None
+    models: ModelOption = None
     recalibrate: RecalibrateOption = 0
     ports: PortArguments = field(default_factory=PortArguments)
     params: ParamsOption = None
@@ -71,20 +69,14 @@ class RigRequest:
 class TrialsRequest:
     """The arguments of `tactile trials`; see its ``--help``."""
 
-    protocol: Annotated[
-        str,
-        typer.Argument(**choice('texture', 'stiffness'), help='Which kind of trial.'),
-    ]
+    protocol: ProtocolArgument
     label: Annotated[
         str, typer.Option('--object', help='The plate or object that lies under the finger.')
     ]
     bag: Annotated[
         Path, typer.Option('--output', '-o', help='Bag to record into; must not exist yet.')
     ]
-    contact: Annotated[
-        str,
-        typer.Option(**choice('flexion', 'abduction'), help='How the finger touches.'),
-    ] = 'flexion'
+    contact: ContactOption = 'flexion'
     count: Annotated[int, typer.Option(min=1, max=10_000, help='How many trials.')] = 1
     session: Annotated[
         str,
@@ -100,7 +92,7 @@ class TrialsRequest:
             'Default: none.'
         ),
     ] = ''
-    models: ModelsOption = None
+    models: ModelOption = None
     ports: PortArguments = field(default_factory=PortArguments)
     params: ParamsOption = None
     watch: WatchOption = False
@@ -124,7 +116,7 @@ class ExperimentRequest:
             help='Append a block to this session: each object once more, in each contact.'
         ),
     ] = ''
-    models: ModelsOption = None
+    models: ModelOption = None
     ports: PortArguments = field(default_factory=PortArguments)
     params: ParamsOption = None
     yes: Annotated[
@@ -157,3 +149,97 @@ class CheckRequest:
         ),
     ] = False
     seed: SeedOption = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class DevicesRequest:
+    """The arguments of `tactile devices`; see its ``--help``."""
+
+    port: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            help='Ask this serial port only; may be given several times. Needed for ports that '
+            'the computer does not list, such as those of `tactile_sim_rig --links`.'
+        ),
+    ] = None
+    net_ft: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            metavar='HOST',
+            help='Ask an ATI Net F/T at this address; may be given several times.',
+        ),
+    ] = None
+    listen: Annotated[
+        float,
+        typer.Option(
+            min=0.1,
+            max=60.0,
+            help='Seconds to wait for a port that speaks by itself. A board that is reset by '
+            'opening its port needs two.',
+        ),
+    ] = 2.5
+    topics: Annotated[
+        bool,
+        typer.Option(
+            '--topics', help='List topics on which other nodes publish a force, instead of ports.'
+        ),
+    ] = False
+    quiet: Annotated[
+        bool, typer.Option('--quiet', help='Send nothing to serial ports: listen only.')
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateRequest:
+    """The arguments of `tactile calibrate`; see its ``--help``."""
+
+    weights: Annotated[
+        str, typer.Option(help='Known masses [kg], with commas, at least three: 0,0.2,0.5,1.')
+    ]
+    sensor: SensorOption = ''
+    params: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='YAML file with ROS parameters. `scale` and `offset_n` of `tendon_sensor` are '
+            'set in it, the rest stays. Default: print only.'
+        ),
+    ] = None
+    gravity_m_s2: Annotated[
+        float,
+        typer.Option('--g', min=9.7, max=9.9, help='Acceleration of free fall where you are.'),
+    ] = 9.80665
+    down: Annotated[
+        bool, typer.Option(help='Also measure the weights on the way down: shows hysteresis.')
+    ] = True
+    simulated: SimulatedOption = False
+    seed: SeedOption = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoRequest:
+    """The arguments of `tactile demo`; see its ``--help``."""
+
+    folder: Annotated[
+        Optional[Path],
+        typer.Option(
+            '--output', '-o', help='Folder for the results; must not exist. Default: a new one.'
+        ),
+    ] = None
+    seed: SeedOption = 1
+    short: Annotated[
+        bool,
+        typer.Option(
+            help='Few training trials: a quick check that all parts work, no useful accuracy.'
+        ),
+    ] = False
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=100,
+            help='Live trials, five to seven seconds each, spread evenly over the kinds of trial.',
+        ),
+    ] = 5
+    watch: Annotated[
+        bool, typer.Option('--watch/--no-watch', help='Serve the live trials as a page.')
+    ] = True

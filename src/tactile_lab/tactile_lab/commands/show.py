@@ -32,18 +32,10 @@ SUFFIXES = ('.png', '.svg', '.pdf')
 
 @dataclass(frozen=True)
 class Contents:
-    """What is in a file.
+    """What is in a ``bag``, ``model`` or ``archive``.
 
-    Attributes
-    ----------
-    kind : str
-        ``bag``, ``model`` or ``archive``.
-    facts : dict of str to str
-        What is said of the whole, by name.
-    trials : list of dict
-        One entry a trial, all with the same keys; a model has none.
-    details : dict
-        More for JSON.
+    ``facts`` are said of the whole. ``trials`` have the same keys; a model has none. ``details``
+    are for JSON.
     """
 
     kind: str
@@ -53,16 +45,7 @@ class Contents:
 
 
 def run_show(path: Path, plot: Path | None, trial: int, *, as_json: bool) -> None:
-    """Print what is in a file, and plot one trial when a file for it is named.
-
-    Parameters
-    ----------
-    path : Path
-    plot : Path or None
-        Where the picture goes.
-    trial : int
-        Number of the trial to plot, from 1.
-    as_json : bool
+    """Print what is in a file, and plot a trial, numbered from 1, when a file for it is named.
 
     Raises
     ------

@@ -13,8 +13,8 @@ from tactile_bags.errors import BagError
 from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_features.records import PROTOCOL_TEXTURE
+from tactile_lab.commands.analysis.requests import SimulateRequest
 from tactile_lab.commands.output import make_output_folder, Output
-from tactile_lab.commands.simulate_request import SimulateRequest
 from tactile_lab.simulation.simulated_bags import (
     count_trials,
     SimulatedBag,
@@ -127,14 +127,15 @@ def make_bags(
     config, features = TrialConfig(simulated=True), FeatureConfig()
     bags = []
     started = time.monotonic()
-    with output.progress() as progress:
-        total = sum(count_trials(plan, catalogue) for plan in plans)
-        bar = progress.add_task('simulating trials', total=total)
+    total = sum(count_trials(plan, catalogue) for plan in plans)
+    done = 0
+    with output.progress('simulating trials') as show:
 
         def advance(count: int) -> None:
-            progress.advance(bar, count)
-            rate = progress.tasks[0].completed / max(time.monotonic() - started, 1e-3)
-            progress.update(bar, description=f'simulating trials, {rate:.0f} a second')
+            nonlocal done
+            done += count
+            rate = done / max(time.monotonic() - started, 1e-3)
+            show(done, total, f'simulating trials, {rate:.0f} a second')
 
         for plan in plans:
             bags.append(  # noqa: PERF401 - each takes minutes

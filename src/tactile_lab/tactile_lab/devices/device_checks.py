@@ -34,18 +34,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What the check of one device found.
+    """What the check of one device (sensor, guide or tendon) on its port or address found.
 
-    Attributes
-    ----------
-    device
-        sensor, guide or tendon.
-    link
-        Its port or address.
-    facts
-        What was measured or read, by name with unit.
-    problems
-        Empty when the device is fit for trials.
+    ``facts`` are what was measured or read, by name with unit. Without ``problems`` the device is
+    fit for trials.
     """
 
     device: str
@@ -138,7 +130,7 @@ def check_tendon(config: TendonActuatorConfig, may_move: bool) -> CheckReport:
         facts['servo'] = servo.identification
         problems += _try_watchdog(bus, config, facts)
         if may_move:
-            problems += _wind(bus, config, 0, facts)
+            problems += _wind(bus, config, facts)
     except LinearGuideDriverError as error:
         problems.append(Problem(str(error)))
     finally:
@@ -197,9 +189,7 @@ def _try_watchdog(
     ]
 
 
-def _wind(
-    bus: DynamixelBus, config: TendonActuatorConfig, slack_counts: int, facts: dict[str, Any]
-) -> list[Problem]:
+def _wind(bus: DynamixelBus, config: TendonActuatorConfig, facts: dict[str, Any]) -> list[Problem]:
     """Wind in by a short way and let out; each read feeds the watchdog."""
     length_m = min(0.002, config.max_displacement_m)
     sign = -1 if config.reverse else 1
@@ -211,7 +201,7 @@ def _wind(
     )
     arm_watchdog(bus, config.watchdog_s)
     most_a = 0.0
-    for goal in (slack_counts + counts, slack_counts):
+    for goal in (counts, 0):
         bus.write(registers.GOAL_POSITION, goal)
         until_s = time.monotonic() + length_m / config.speed_m_s + LATE_S
         while time.monotonic() < until_s:

@@ -61,22 +61,11 @@ _UNITS = {b'kg': 'kg', b'g': 'g', b'N': 'N', b'lbs': 'lbf', b'lb': 'lbf', b'lbf'
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """One port or address, and what is there.
+    """One serial port, Net F/T address or topic, and what is there.
 
-    Attributes
-    ----------
-    port
-        Name of the serial port, or the address of a Net F/T.
-    device
-        guide, tendon, sensor, or empty when nothing is recognised.
-    what
-        A sentence about it.
-    usb
-        Product, vendor and product numbers (``vid:pid``) and serial number, as far as known.
-    names
-        Other names of the port, which stay when it is plugged in again.
-    parameters
-        Parameters of the node that fit it.
+    ``device`` is guide, tendon, sensor, or empty when nothing is recognised; ``usb`` is product,
+    ``vid:pid`` and serial number, as far as known. ``names`` stay when the port is plugged in
+    again. ``parameters`` of the node fit the device.
     """
 
     port: str

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,17 +33,9 @@ class CalibrationError(TactileError):
 
 @dataclass(frozen=True)
 class Reading:
-    """What the sensor read under one weight.
+    """What the sensor read under one weight: mean of a settled second, and deviation [N].
 
-    Attributes
-    ----------
-    mass_kg : float
-    reading_n : float
-        Mean over a settled second, with scale 1 and offset 0 [N].
-    noise_n : float
-        Standard deviation of a sample [N].
-    is_rising : bool
-        Whether the weight before was smaller.
+    With scale 1 and offset 0. It is rising where the weight before was smaller.
     """
 
     mass_kg: float
@@ -81,10 +72,6 @@ class LoadCellFit:
     largest_residual_n: float
     hysteresis_n: float | None
     readings: tuple[Reading, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
-        return asdict(self)
 
 
 def settled_mean(tension_n: ArrayLike) -> tuple[float, float] | None:

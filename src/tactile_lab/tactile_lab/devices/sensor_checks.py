@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-import threading
 import time
 from typing import Any
 
@@ -53,13 +52,7 @@ def check_sensor(
     """
     link = {'net_ft': config.host, 'topic': config.topic}.get(config.sensor, config.port)
     blocks: list[StrainBlock] = []
-    lock = threading.Lock()
-
-    def on_block(block: StrainBlock) -> None:
-        with lock:
-            blocks.append(block)
-
-    client = make(config, on_block, time.time_ns)
+    client = make(config, blocks.append, time.time_ns)
     try:
         client.open()
         time.sleep(seconds)
@@ -70,8 +63,7 @@ def check_sensor(
         client.close()
     if not config.rate_hz and health.rate_hz:
         config = replace(config, rate_hz=health.rate_hz)
-    with lock:
-        facts, problems = judge_blocks(blocks, config)
+    facts, problems = judge_blocks(blocks, config)
     if config.sensor == 'topic':
         problems = _judge_topic(health, problems, seconds, is_heard=bool(blocks))
         return CheckReport('sensor', link, facts, tuple(problems))

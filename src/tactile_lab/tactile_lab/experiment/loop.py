@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import Journal
-from tactile_lab.experiment.plan import ExperimentError, ExperimentPlan, PlannedTrial
+from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 from tactile_lab.experiment.progress import (
     ABORTED,
     BEGAN,
@@ -72,37 +72,23 @@ class TrialResult:
     statistics: dict[str, float] = field(default_factory=dict)
 
 
-class RunningBench(Protocol):
-    """A rig that is ready for trials, and records."""
+RunTrial = Callable[[TrialOrder], TrialResult]
+"""Runs a trial; returns once what it recorded is on the disk.
 
-    def run(self, order: TrialOrder) -> TrialResult:
-        """Run a trial; return once what it recorded is on the disk.
-
-        Raises
-        ------
-        TactileError
-            When it does not end as planned.
-        ExperimentError
-            When no further trial makes sense, as when the disk is full.
-        """
+Raises `TactileError` when it does not end as planned, and `ExperimentError` when no further trial
+makes sense, as when the disk is full.
+"""
 
 
 class Bench(Protocol):
     """A rig."""
 
-    @property
-    def trial_s(self) -> float:
-        """How long a trial takes, roughly [s]."""
-
-    def session(self, bag: Path) -> AbstractContextManager[RunningBench]:
-        """Start the rig, recording into ``bag``; end it after the block."""
+    def session(self, bag: Path) -> AbstractContextManager[RunTrial]:
+        """Start the rig and record into ``bag``; end both after the block."""
 
 
 class Operator(Protocol):
     """Who puts plates under the finger and decides."""
-
-    mounting_s: float
-    """How long that takes, roughly [s]."""
 
     def begin_session(self, session_id: str, trials: int) -> bool:
         """Return once finger and rig are set up for a session; False: not today."""
@@ -119,11 +105,9 @@ class Operator(Protocol):
 
 def run_experiment(
     folder: ExperimentFolder,
-    plan: ExperimentPlan,
     bench: Bench,
     operator: Operator,
     journal: Journal,
-    now_s: Callable[[], float] = time.monotonic,
 ) -> Progress:
     """Run all trials that are left, unless the operator stops.
 
@@ -136,33 +120,30 @@ def run_experiment(
         When the rig cannot be started, or the recording fails.
     """
     progress = Progress(folder.read_order(), journal.entries)
-    run = _Run(plan, progress, bench, operator, journal, now_s)
+    run = _Run(progress, operator, journal)
     for session_id in progress.sessions_left():
         if not operator.begin_session(session_id, len(progress.left(session_id))):
             break
         bag = folder.bag_path(session_id, progress.runs.get(session_id, 0) + 1)
         run.note(RUN, session_id=session_id, bag=bag.name)
-        with bench.session(bag) as running:
-            if not run.run_session(session_id, running):
+        with bench.session(bag) as run_trial:
+            if not run.run_session(session_id, run_trial):
                 break
     return progress
 
 
 @dataclass
 class _Run:
-    plan: ExperimentPlan
     progress: Progress
-    bench: Bench
     operator: Operator
     journal: Journal
-    now_s: Callable[[], float]
     contact: str = ''
 
     def note(self, kind: str, **values: Any) -> None:
         entry = self.journal.append(kind, at_s=round(time.time(), 3), **values)
         self.progress.take(entry)
 
-    def run_session(self, session_id: str, running: RunningBench) -> bool:
+    def run_session(self, session_id: str, run_trial: RunTrial) -> bool:
         """Run what is left of a session; return whether to go on with the next one."""
         mounted, mounting_id, count = 0, '', 0
         while left := self.progress.left(session_id):
@@ -180,12 +161,12 @@ class _Run:
                 self.progress.done_count + 1,
                 len(self.progress.order),
             )
-            if not self._run_trial(order, running):
+            if not self._run_trial(order, run_trial):
                 return False
         return True
 
     def _mount(self, trial: PlannedTrial) -> str:
-        started_s = self.now_s()
+        started_s = time.monotonic()
         self.operator.mount(trial, self.contact != trial.contact)
         self.contact = trial.contact
         mounting_id = self.progress.next_mounting_id(trial)
@@ -194,16 +175,16 @@ class _Run:
             mounting_id=mounting_id,
             object_label=trial.object_label,
             contact=trial.contact,
-            seconds=self.now_s() - started_s,
+            seconds=time.monotonic() - started_s,
         )
         return mounting_id
 
-    def _run_trial(self, order: TrialOrder, running: RunningBench) -> bool:
+    def _run_trial(self, order: TrialOrder, run_trial: RunTrial) -> bool:
         """Run one attempt at a trial; return whether to go on."""
         trial = order.planned
         names = {'key': trial.key, 'trial_id': order.trial_id, 'mounting_id': order.mounting_id}
         self.note(BEGAN, **names)
-        started_s = self.now_s()
+        started_s = time.monotonic()
 
         def end(verdict: str, sentence: str, statistics: dict[str, float]) -> None:
             self.note(
@@ -212,11 +193,11 @@ class _Run:
                 verdict=verdict,
                 sentence=sentence,
                 statistics=statistics,
-                seconds=self.now_s() - started_s,
+                seconds=time.monotonic() - started_s,
             )
 
         try:
-            result = running.run(order)
+            result = run_trial(order)
         except ExperimentError as error:
             end(ABORTED, str(error), {})
             raise
@@ -239,7 +220,7 @@ class _Run:
 
     def _say(self, trial: PlannedTrial, verdict: str, sentence: str) -> None:
         progress = self.progress
-        left_s = progress.estimate_left_s(self.bench.trial_s, self.operator.mounting_s)
+        left_s = progress.estimate_left_s()
         self.operator.say(
             f'trial {progress.done_count + (verdict != GOOD)} of {len(progress.order)}: '
             f'{trial.object_label}, {trial.contact}: {verdict}: {sentence}; '

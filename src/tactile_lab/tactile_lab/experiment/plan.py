@@ -26,7 +26,6 @@ MAX_TRIALS = 10_000
 """Most trials of an experiment."""
 
 _LABEL = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}')
-_COUNTS = {'sessions': 'sessions', 'mountings': 'mountings', 'trials': 'trials'}
 
 
 class ExperimentError(TactileError):
@@ -95,12 +94,13 @@ class ExperimentPlan:
                 raise ExperimentError(f'{item} is empty; name at least one')
             if len(set(names)) < len(names):
                 raise ExperimentError(f'{item}: {", ".join(names)} names one twice')
-        for item in _COUNTS:
+        for item in ('sessions', 'mountings', 'trials'):
             _check_count(item, getattr(self, item), 1, MAX_TRIALS)
         _check_count('seed', self.seed, 0, 2**32 - 1)
         for item in ('glide_speed_m_s', 'hold_s'):
             value = getattr(self, item)
-            if not _is_number(value) or not 0.0 <= value < 3600.0:
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not is_number or not 0.0 <= value < 3600.0:
                 raise ExperimentError(f'{item} is {_show(value)}; it must be 0 or more')
         if self.trial_count > MAX_TRIALS:
             raise ExperimentError(
@@ -291,10 +291,6 @@ def _check_count(name: str, value: Any, low: int, high: int) -> None:
         raise ExperimentError(
             f'{name} is {_show(value)}; it must be a whole number from {low} to {high}'
         )
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _quote(value: Any) -> str:

@@ -23,16 +23,8 @@ BEGAN, ENDED, KEPT, MOUNTED, RUN = 'began', 'ended', 'kept', 'mounted', 'run'
 class Attempt:
     """One trial that was begun.
 
-    Attributes
-    ----------
-    key : str
-        Of the planned trial.
-    verdict : str
-        Empty while it is not known, as after a power cut.
-    is_kept : bool
-        Whether it is the one that counts for its key.
-    statistics : dict of str to float
-        What the check for outliers compares.
+    Its verdict is empty while it is not known, as after a power cut. One attempt is kept for each
+    planned trial's key. The check for outliers compares the statistics.
     """
 
     key: str
@@ -169,16 +161,14 @@ class Progress:
             if attempt.key in same and attempt.verdict == GOOD
         ]
 
-    def estimate_left_s(self, trial_s: float, mounting_s: float) -> float:
-        """Return how long the trials that are left will take [s].
+    def estimate_left_s(self) -> float:
+        """Return how long the trials that are left will take [s], once a trial has been run.
 
-        Medians of what was measured; before that, the given times.
+        The sum of the median times of trials and mountings until now.
         """
         left = self.left()
         mountings = {(trial.session_id, trial.mounting) for trial in left}
-        each_s = median(self._trial_s) if self._trial_s else trial_s
-        mount_s = median(self._mounting_s) if self._mounting_s else mounting_s
-        return each_s * len(left) + mount_s * len(mountings)
+        return median(self._trial_s) * len(left) + median(self._mounting_s) * len(mountings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return a summary, as what JSON can hold."""

@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,16 +25,11 @@ SMALLEST_SHARE = 0.02
 Statistics = Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Range:
+class Range(NamedTuple):
     """What a statistic of a further trial usually is: within ``half_width`` of ``centre``."""
 
     centre: float
     half_width: float
-
-    def holds(self, value: float) -> bool:
-        """Return whether a value is in the range."""
-        return abs(value - self.centre) <= self.half_width
 
 
 def summarise_tension(tension_n: ArrayLike) -> dict[str, float]:
@@ -98,7 +93,7 @@ def find_outlier(
     """Return a sentence when a trial is unlike the earlier ones; otherwise an empty text."""
     for name, value in statistics.items():
         usual = usual_range(name, mounting_id, earlier, len(statistics))
-        if usual is not None and not usual.holds(value):
+        if usual is not None and abs(value - usual.centre) > usual.half_width:
             return (
                 f'{_TITLES.get(name, name)} {value:.3g} N, usually {usual.centre:.3g} ± '
                 f'{usual.half_width:.2g} N'

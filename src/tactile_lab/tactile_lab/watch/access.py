@@ -36,18 +36,9 @@ class CommandError(TactileError):
 
 @dataclass(frozen=True)
 class Command:
-    """What a page asks for.
+    """What a page asks for: one of `ACTIONS`, for a finger by its namespace.
 
-    Attributes
-    ----------
-    action : str
-        One of `ACTIONS`.
-    finger : str
-        Namespace; empty: the root. A stop is for all fingers.
-    trial : TrialRequest or None
-        Of the action ``trial``.
-    token : str
-        What the page knows from its address.
+    A stop is for all fingers. The page knows the token from its address.
     """
 
     action: str
@@ -99,16 +90,9 @@ def read_command(text: str) -> Command:
 
 @dataclass(frozen=True)
 class Access:
-    """The rules of one server.
+    """The rules of a server on a port.
 
-    Attributes
-    ----------
-    port : int
-        That it listens on.
-    name : str
-        Name of the computer that pages may be addressed to, beside addresses and ``localhost``.
-    token : str
-        Needed for what moves.
+    Pages may be addressed to the computer's name, to addresses and to ``localhost``.
     """
 
     port: int

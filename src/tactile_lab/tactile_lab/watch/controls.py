@@ -42,7 +42,6 @@ class WatchControls:
         self._context = context
         self._before_trial = before_trial
         self._operators: dict[str, tuple[OperatorNode, NodeGroup]] = {}
-        self.on_stop: Callable[[], None] = lambda: None
 
     def close(self) -> None:
         """Give everything back."""
@@ -58,7 +57,7 @@ class WatchControls:
         TactileError
             When there is nothing to stop, or something has not confirmed it.
         """
-        self.on_stop()
+        self._node.state.was_stopped = True
         clients = {p: c for p, c in self._node.control_clients.items() if not p.endswith(TARE)}
         if not clients:
             raise TactileError('stop: nothing is known here that moves')

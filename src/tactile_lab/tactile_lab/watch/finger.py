@@ -90,8 +90,7 @@ class Finger:
         self._point_count = 0  # all that there have been
         self._base_ns = 0
         self._decimator = Decimator()
-        self._samples = np.empty(2 * MOST_SAMPLES)
-        self._sample_end = 0
+        self._samples: NDArray[np.float64] = np.empty(0)  # those that a spectrum may be of
         self._sample_ns = 0  # time of the last sample
         self._spans: deque[TrialEvent] = deque(maxlen=64)
         self._answers: dict[str, tuple[ClassificationResult, str]] = {}
@@ -108,13 +107,13 @@ class Finger:
             return
         last_ns = self._decimator.last_ns
         if last_ns is None or block.stamp_ns <= last_ns:
-            if last_ns is not None and self._is_repeated(block, last_ns):
-                return
+            is_step = block.status & StrainStatus.CLOCK_STEP
+            if last_ns is not None and not is_step and last_ns - block.stamp_ns < 1_000_000_000:
+                return  # a late message, which only repeats the last seconds
             self._begin_anew(block.stamp_ns)
         points = self._decimator.add(block)
         self._points.extend(points)
         self._point_count += len(points)
-        self._keep(block)
         self.arrived_s = arrived_s
         self.lost_count += block.lost_before
         if block.period_ns > 0:
@@ -122,16 +121,10 @@ class Finger:
             if rate_hz != self.rate_hz:
                 self.rate_hz = rate_hz
                 self.version += 1
+        self._keep(block)
         if block.status != self.status:
             self.status = block.status
             self.version += 1
-
-    @staticmethod
-    def _is_repeated(block: StrainBlock, last_ns: int) -> bool:
-        """Return whether a block only repeats the last seconds, as a late message does."""
-        return (
-            last_ns - block.stamp_ns < 1_000_000_000 and not block.status & StrainStatus.CLOCK_STEP
-        )
 
     def _begin_anew(self, stamp_ns: int) -> None:
         self.epoch += 1
@@ -140,24 +133,19 @@ class Finger:
         self._point_count = 0
         self._decimator.clear()
         self._base_ns = stamp_ns
-        self._sample_end = 0
+        self._samples = np.empty(0)
         self._spans = deque(
             (e for e in self._spans if abs(e.stamp_ns - stamp_ns) < SHOWN_S * 1e9), maxlen=64
         )
 
     def _keep(self, block: StrainBlock) -> None:
-        new = block.tension_n[-MOST_SAMPLES:]
+        known, new = self._samples, block.tension_n
         if block.lost_before:
-            self._sample_end = 0  # a spectrum over a gap would be wrong
+            known = np.empty(0)  # a spectrum over a gap would be wrong
         if len(breaks := np.flatnonzero(~np.isfinite(new))):
-            new = new[breaks[-1] + 1 :]
-            self._sample_end = 0
-        if self._sample_end + len(new) > len(self._samples):
-            kept = self._samples[self._sample_end - MOST_SAMPLES : self._sample_end].copy()
-            self._samples[: len(kept)] = kept
-            self._sample_end = len(kept)
-        self._samples[self._sample_end : self._sample_end + len(new)] = new
-        self._sample_end += len(new)
+            known, new = np.empty(0), new[breaks[-1] + 1 :]
+        count = min(MOST_SAMPLES, max(1, round(SPECTRUM_S * self.rate_hz)))
+        self._samples = np.concatenate([known, new])[-count:]
         self._sample_ns = block.stamp_ns + (len(block.tension_n) - 1) * block.period_ns
 
     def take_event(self, event: TrialEvent) -> None:
@@ -228,7 +216,7 @@ class Finger:
     @property
     def tension_n(self) -> float | None:
         """The last tension [N]."""
-        return float(self._samples[self._sample_end - 1]) if self._sample_end else None
+        return float(self._samples[-1]) if len(self._samples) else None
 
     def faults(self) -> list[str]:
         """Return what is wrong with the last samples, a sentence each."""
@@ -322,14 +310,17 @@ class Finger:
         them. Without one, they are those of the last seconds, within the phase that runs.
         """
         window = self._window
-        is_spectrum = window is not None and window.feature_set == SET_TEXTURE_SPECTRUM
-        if window is not None and is_spectrum and window.outcome == Outcome.OK:
+        if (
+            window is not None
+            and window.feature_set == SET_TEXTURE_SPECTRUM
+            and window.outcome == Outcome.OK
+        ):
             part = 'partial window' if window.running else 'window of the trial'
             step_hz = window.rate_hz / (2 * (len(window.values) - 1))
             return _describe_spectrum(window.values, step_hz, part)
         if not self.rate_hz:
             return None
-        count = min(round(SPECTRUM_S * self.rate_hz), self._sample_end)
+        count = min(round(SPECTRUM_S * self.rate_hz), len(self._samples))
         part = f'last {SPECTRUM_S:g} s'
         event = self.event
         if event is not None and event.phase in MEASURED:
@@ -339,10 +330,8 @@ class Finger:
                 part = f'{event.phase} so far'
         if count < FEWEST_SAMPLES:
             return None
-        samples = self._samples[self._sample_end - count : self._sample_end]
-        return _describe_spectrum(
-            compute_spectrum(samples, 'linear', 'none'), self.rate_hz / count, part
-        )
+        values = compute_spectrum(self._samples[-count:], 'linear', 'none')
+        return _describe_spectrum(values, self.rate_hz / count, part)
 
 
 def _describe_spectrum(values: NDArray[np.float64], step_hz: float, part: str) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
     strain_block_from_record,
 )
+from tactile_features.records import FeatureWindow
 from tactile_lab.watch.state import MOST_FINGERS, WatchState
 from tactile_msgs.msg import (
     Classification,
@@ -55,6 +56,33 @@ CONTROLS = {'tare': (TARE,), 'home': (HOME,), 'trial': (TRIAL,), 'stop': (CANCEL
 
 MOST_SUBSCRIPTIONS = 20 * MOST_FINGERS
 
+RECORDS: dict[type, dict[str, Any]] = {
+    StrainBlock: {
+        'from_message': strain_block_from_msg,
+        'from_record': strain_block_from_record,
+        'profile': STREAM,
+        'poll_s': POLL_S,
+    },
+    TactileFeatures: {
+        'from_message': feature_window_from_msg,
+        'from_record': feature_window_from_record,
+        'profile': RESULTS,
+    },
+    Classification: {
+        'from_message': classification_from_msg,
+        'from_record': lambda answer: answer,
+        'profile': RESULTS,
+    },
+}
+"""Kinds that come as records from nodes of this process."""
+
+MESSAGES = {TrialEvent: EVENTS, Readiness: LATEST, Slip: RESULTS, Tare: LATEST}
+"""Kinds that come as messages only."""
+
+KINDS: dict[str, type] = {
+    f'tactile_msgs/msg/{kind.__name__}': kind for kind in (*RECORDS, *MESSAGES)
+}
+
 
 class WatchNode(Node):  # type: ignore[misc]
     """Subscribes to what fingers publish, wherever it is, and passes it on to a `WatchState`.
@@ -81,18 +109,7 @@ class WatchNode(Node):  # type: ignore[misc]
         self._closables: list[RecordSubscription] = []
         self._topics: set[str] = set()
         self.control_clients: dict[str, Any] = {}
-        self._kinds = {
-            'tactile_msgs/msg/TrialEvent': self._add_events,
-            'tactile_msgs/msg/Classification': self._add_answers,
-        }
         if not answers_only:
-            self._kinds |= {
-                'tactile_msgs/msg/StrainBlock': self._add_strain,
-                'tactile_msgs/msg/TactileFeatures': self._add_features,
-                'tactile_msgs/msg/Readiness': self._add_readiness,
-                'tactile_msgs/msg/Slip': self._add_slip,
-                'tactile_msgs/msg/Tare': self._add_tare,
-            }
             self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self._answers_only = answers_only
         self.worker.every(LOOK_PERIOD_S, self._look)
@@ -115,12 +132,14 @@ class WatchNode(Node):  # type: ignore[misc]
         if not self.context.ok():
             return
         for topic, types in self.get_topic_names_and_types():
-            add = next((self._kinds[t] for t in types if t in self._kinds), None)
-            if add is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
+            kind = next((KINDS[name] for name in types if name in KINDS), None)
+            if self._answers_only and kind not in (TrialEvent, Classification):
+                continue
+            if kind is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
                 continue
             if self.count_publishers(topic):  # others listen to what nobody sends
                 self._topics.add(topic)
-                add(topic, *_split(topic))
+                self._listen(topic, kind)
         if not self._answers_only:
             self._look_for_services()
 
@@ -154,12 +173,42 @@ class WatchNode(Node):  # type: ignore[misc]
         safe = self._safe(topic, callback)
         return super().create_subscription(message_type, topic, safe, *args, **options)
 
-    def _listen_records(
-        self, kind: type, topic: str, callback: Callable[[Any], None], **options: Any
-    ) -> None:
-        node = cast(DataNode, self)
-        callback = self._safe(topic, callback)
-        self._closables.append(RecordSubscription(node, kind, topic, callback, **options))
+    def _listen(self, topic: str, kind: type) -> None:
+        state, (finger, source) = self.state, _split(topic)
+
+        def take_slip(message: Slip) -> None:
+            onset_ns = message.onset.sec * 10**9 + message.onset.nanosec
+            state.update(
+                finger,
+                lambda known: known.take_slip(
+                    message.motion, onset_ns, message.statistic, message.tension_n
+                ),
+            )
+
+        def take_tare(message: Tare) -> None:
+            state.update(finger, lambda known: known.take_tare(message.is_set, message.bias_n))
+
+        def take_window(window: FeatureWindow) -> None:
+            state.update(finger, lambda known: known.take_window(window))
+
+        def take_readiness(message: Readiness) -> None:
+            device = f'{finger}/{source}' if finger else source
+            state.take_readiness(device, list(message.missing))
+
+        takes: dict[type, Callable[[Any], None]] = {
+            StrainBlock: lambda block: state.take_block(finger, block),
+            TactileFeatures: take_window,
+            Classification: lambda answer: state.take_answer(finger, source, answer),
+            TrialEvent: lambda message: state.take_event(finger, event_from_msg(message)),
+            Readiness: take_readiness,
+            Slip: take_slip,
+            Tare: take_tare,
+        }
+        if kind in MESSAGES:
+            self.create_subscription(kind, topic, takes[kind], MESSAGES[kind])
+            return
+        node, take = cast(DataNode, self), self._safe(topic, takes[kind])
+        self._closables.append(RecordSubscription(node, kind, topic, take, **RECORDS[kind]))
 
     def _safe(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback that raises nothing: what it cannot take is logged now and then."""
@@ -173,68 +222,6 @@ class WatchNode(Node):  # type: ignore[misc]
                 self.message_guard.refuse(topic, reason)
 
         return safe
-
-    def _add_strain(self, topic: str, finger: str, source: str) -> None:
-        self._listen_records(
-            StrainBlock,
-            topic,
-            lambda block: self.state.take_block(finger, block),
-            from_message=strain_block_from_msg,
-            from_record=strain_block_from_record,
-            profile=STREAM,
-            poll_s=POLL_S,
-        )
-
-    def _add_features(self, topic: str, finger: str, source: str) -> None:
-        self._listen_records(
-            TactileFeatures,
-            topic,
-            lambda window: self.state.take_window(finger, window),
-            from_message=feature_window_from_msg,
-            from_record=feature_window_from_record,
-            profile=RESULTS,
-        )
-
-    def _add_answers(self, topic: str, finger: str, source: str) -> None:
-        self._listen_records(
-            Classification,
-            topic,
-            lambda answer: self.state.take_answer(finger, source, answer),
-            from_message=classification_from_msg,
-            from_record=lambda answer: answer,
-            profile=RESULTS,
-        )
-
-    def _add_events(self, topic: str, finger: str, source: str) -> None:
-        def take(message: Any) -> None:
-            self.state.take_event(finger, event_from_msg(message))
-
-        self.create_subscription(TrialEvent, topic, take, EVENTS)
-
-    def _add_readiness(self, topic: str, finger: str, source: str) -> None:
-        name = f'{finger}/{source}' if finger else source
-
-        def take(message: Any) -> None:
-            self.state.take_readiness(name, [str(m) for m in message.missing])
-
-        self.create_subscription(Readiness, topic, take, LATEST)
-
-    def _add_slip(self, topic: str, finger: str, source: str) -> None:
-        def take(message: Any) -> None:
-            known = self.state.finger(finger)
-            if known is not None:
-                onset_ns = message.onset.sec * 10**9 + message.onset.nanosec
-                known.take_slip(message.motion, onset_ns, message.statistic, message.tension_n)
-
-        self.create_subscription(Slip, topic, take, RESULTS)
-
-    def _add_tare(self, topic: str, finger: str, source: str) -> None:
-        def take(message: Any) -> None:
-            known = self.state.finger(finger)
-            if known is not None:
-                known.take_tare(bool(message.is_set), float(message.bias_n))
-
-        self.create_subscription(Tare, topic, take, LATEST)
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:

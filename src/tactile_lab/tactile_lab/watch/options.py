@@ -11,16 +11,10 @@ import secrets
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """How the page is served.
+    """Address and port to listen on, and the token that moving needs.
 
-    Attributes
-    ----------
-    host : str
-        Address to listen on.
-    port : int
-        0 takes the usual one, or any that is free.
-    token : str
-        Needed for what moves. Servers that follow each other with the same options share it.
+    Port 0 takes the usual one, or any that is free. Servers that follow each other with the same
+    options share the token.
     """
 
     host: str = '127.0.0.1'

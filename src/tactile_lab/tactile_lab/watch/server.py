@@ -6,18 +6,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable
 import errno
 import json
 from pathlib import Path
-import secrets
 import socket
 import threading
-from typing import Any, Protocol
+from typing import Any, TYPE_CHECKING
 
 from aiohttp import web, WSMsgType
 
-from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.watch.access import (
     Access,
     Command,
@@ -25,8 +22,12 @@ from tactile_lab.watch.access import (
     LONGEST_COMMAND,
     read_command,
 )
+from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.state import Frames, WatchState
 from tactile_ros.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_lab.watch.controls import WatchControls
 
 PAGE = Path(__file__).parent / 'page'
 FILES = {
@@ -49,39 +50,14 @@ SEND_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 10.0
 
 
-class Controls(Protocol):
-    """What the page's buttons do. Each returns a sentence or raises `TactileError`."""
-
-    def stop(self) -> Awaitable[str]:
-        """Stop everything that moves."""
-        ...
-
-    def tare(self, finger: str) -> Awaitable[str]:
-        """Set the tension to zero."""
-        ...
-
-    def home(self, finger: str) -> Awaitable[str]:
-        """Home the guide."""
-        ...
-
-    def trial(self, finger: str, request: TrialRequest) -> Awaitable[str]:
-        """Run a trial."""
-        ...
-
-
 class WatchServer:
     """A web server on a thread of its own; a context manager.
 
     Parameters
     ----------
     state : WatchState
-    controls : Controls
-    host : str
-        Address to listen on.
-    port : int
-        0 takes `PORT`, or any free one.
-    token : str
-        Needed for what moves; empty: one is made.
+    controls : WatchControls
+    options : WatchOptions, optional
 
     Attributes
     ----------
@@ -97,19 +73,15 @@ class WatchServer:
     """
 
     def __init__(
-        self,
-        state: WatchState,
-        controls: Controls,
-        *,
-        host: str = '127.0.0.1',
-        port: int = 0,
-        token: str = '',
+        self, state: WatchState, controls: WatchControls, options: WatchOptions | None = None
     ) -> None:
+        options = options or WatchOptions()
+        host = options.host
         self._state = state
         self._controls = controls
-        self._sockets = _listen(host, port)
+        self._sockets = _listen(host, options.port)
         self.port = int(self._sockets.getsockname()[1])
-        self._access = Access(self.port, socket.gethostname(), token or secrets.token_urlsafe(16))
+        self._access = Access(self.port, socket.gethostname(), options.token)
         is_everywhere = host in ('0.0.0.0', '::', '')  # noqa: S104 - asked for by the user
         shown = socket.gethostname() if is_everywhere else f'[{host}]' if ':' in host else host
         self.address = f'http://{shown}:{self.port}/#{self._access.token}'
@@ -202,20 +174,21 @@ class WatchServer:
         frames = Frames(self._state)
         try:
             while self._pages:
-                if any(page.needs_all and page.is_ready for page in self._pages):
+                begins = any(page.needs_all and page.is_ready for page in self._pages)
+                if begins:
                     frames.restart()
-                    self._send_to_all(frames.next(), begin=True)
-                elif frame := frames.next():
-                    self._send_to_all(frame)
+                frame = frames.next()
+                if begins:
+                    frame = {**(frame or {}), 'begin': True}
+                if frame:
+                    self._send_to_all(frame, begin=begins)
                 await asyncio.sleep(1.0 / FRAMES_HZ)
         finally:
             while self._pages:  # one that comes meanwhile would wait for frames
                 await self._pages.pop().socket.close(code=1011)
 
-    def _send_to_all(self, frame: dict[str, Any] | None, *, begin: bool = False) -> None:
+    def _send_to_all(self, frame: dict[str, Any], *, begin: bool) -> None:
         """Send a frame to all pages that keep up; the others begin anew when they are ready."""
-        if begin:
-            frame = {**(frame or {}), 'begin': True}
         self.frame_count += 1
         text = json.dumps(frame, separators=(',', ':'), allow_nan=False)
         for page in self._pages:

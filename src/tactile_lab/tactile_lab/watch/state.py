@@ -12,7 +12,7 @@ import time
 from typing import Any
 
 from tactile_classifier.records import ClassificationResult
-from tactile_features.records import FeatureWindow, TrialEvent
+from tactile_features.records import TrialEvent
 from tactile_lab.watch.answer_text import describe_line
 from tactile_lab.watch.finger import Finger, SHOWN_S
 from tactile_ros.strain import StrainBlock
@@ -48,6 +48,8 @@ class WatchState:
     ----------
     on_answer : callable
         Given finger, answer and the stated label for every answer on a full window.
+    was_stopped : bool
+        Somebody has pressed Stop on a page.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class WatchState:
         self._sentences: deque[tuple[float, str, str]] = deque(maxlen=MOST_SENTENCES)
         self._progress: dict[str, Any] | None = None
         self._version = 0
+        self.was_stopped = False
         self.on_answer: Callable[[str, ClassificationResult, str], None] = lambda *_: None
 
     # -- what comes ------------------------------------------------------------------
@@ -82,23 +85,19 @@ class WatchState:
                 self._version += 1
             return self._fingers.get(name)
 
-    def take_block(self, name: str, block: StrainBlock) -> None:
-        """Take samples of a finger."""
+    def update(self, name: str, take: Callable[[Finger], None]) -> None:
+        """Let a finger take what came, unless it is beyond the limit."""
         with self._lock:
             if finger := self.finger(name):
-                finger.take_block(block, self._clock())
+                take(finger)
+
+    def take_block(self, name: str, block: StrainBlock) -> None:
+        """Take samples of a finger."""
+        self.update(name, lambda finger: finger.take_block(block, self._clock()))
 
     def take_event(self, name: str, event: TrialEvent) -> None:
         """Take the start of a phase."""
-        with self._lock:
-            if finger := self.finger(name):
-                finger.take_event(event)
-
-    def take_window(self, name: str, window: FeatureWindow) -> None:
-        """Take the features of a window."""
-        with self._lock:
-            if finger := self.finger(name):
-                finger.take_window(window)
+        self.update(name, lambda finger: finger.take_event(event))
 
     def take_answer(self, name: str, source: str, answer: ClassificationResult) -> None:
         """Take what a classifier says."""

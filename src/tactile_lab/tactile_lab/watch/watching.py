@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, ExitStack
+from dataclasses import dataclass
 import os
-from typing import TYPE_CHECKING
 
 from rclpy.context import Context
 
@@ -18,32 +18,13 @@ from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.state import WatchState
 from tactile_ros.programs.node_group import NodeGroup
 
-if TYPE_CHECKING:
-    from tactile_lab.watch.server import WatchServer
 
-
+@dataclass
 class Watch:
-    """A live page that is served.
+    """What is known of the fingers, and the address of the page; empty where none is served."""
 
-    Attributes
-    ----------
-    state : WatchState
-    address : str
-        Empty where no page is served.
-    server : WatchServer or None
-    was_stopped : bool
-        Whether somebody has pressed Stop.
-    """
-
-    def __init__(self, state: WatchState) -> None:
-        self.state = state
-        self.address = ''
-        self.server: WatchServer | None = None
-        self.was_stopped = False
-
-    def note_stop(self) -> None:
-        """Remember that somebody has pressed Stop."""
-        self.was_stopped = True
+    state: WatchState
+    address: str = ''
 
 
 @contextmanager
@@ -77,7 +58,9 @@ def watching(
     TactileError
         When the page cannot be served there.
     """
-    watch = Watch(WatchState(describe_place(context), objects, simulated=simulated))
+    reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
+    where = f'ROS domain {context.get_domain_id()}, range {reach}'
+    watch = Watch(WatchState(where, objects, simulated=simulated))
     with ExitStack() as stack:
         node = WatchNode(watch.state, context, answers_only=answers_only)
         stack.enter_context(NodeGroup([node], context))
@@ -87,22 +70,7 @@ def watching(
             from tactile_lab.watch.server import WatchServer
 
             controls = WatchControls(node, context, before_trial)
-            controls.on_stop = watch.note_stop
             stack.callback(controls.close)
-            watch.server = stack.enter_context(
-                WatchServer(
-                    watch.state,
-                    controls,
-                    host=options.host,
-                    port=options.port,
-                    token=options.token,
-                )
-            )
-            watch.address = watch.server.address
+            server = stack.enter_context(WatchServer(watch.state, controls, options))
+            watch.address = server.address
         yield watch
-
-
-def describe_place(context: Context) -> str:
-    """Return where fingers are looked for."""
-    reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET').lower()
-    return f'ROS domain {context.get_domain_id()}, range {reach}'

@@ -18,9 +18,9 @@ from tactile_command import tactile
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_lab.commands import simulate
+from tactile_lab.commands.analysis.requests import SimulateRequest
 from tactile_lab.commands.replay import run_replay
 from tactile_lab.commands.simulate import run_simulate
-from tactile_lab.commands.simulate_request import SimulateRequest
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.simulation import simulated_bags, simulated_trials
 from tactile_lab.simulation.simulated_bags import write_simulated_bag

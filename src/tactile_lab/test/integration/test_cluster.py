@@ -44,7 +44,7 @@ def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
     assert found == digests(tmp_path / 'one')
 
     bag = tmp_path / 'one' / 'texture_flexion'
-    evaluation = ['evaluate', bag, '--repetitions', 1, '--json']
+    evaluation = ['evaluate', bag, '--folds', 2, '--repetitions', 1, '--json']
     here = json.loads(run(*evaluation))
     there = json.loads(run(*evaluation, '--cluster', address))
     assert here['sets'][0]['trials'] == 48
@@ -52,8 +52,8 @@ def test_two_workers_give_the_bits_of_one_process(address, tmp_path):
 
     told = []
     for folder, where in (('here', ()), ('there', ('--cluster', address))):
-        training = ['train', bag, '-o', tmp_path / folder, '--repetitions', 1, '--json']
-        (model,) = json.loads(run(*training, *where))['models']
+        options = ['-o', tmp_path / folder, '--folds', 2, '--repetitions', 1, '--json']
+        (model,) = json.loads(run('train', bag, *options, *where))['models']
         told.append(model['evaluation'])
     assert told[0] == told[1]
 

@@ -24,9 +24,10 @@ def rig():
         yield rig
 
 
-@pytest.fixture(autouse=True)
-def _sound_again(rig):
-    yield
+@pytest.fixture
+def faulty(rig):
+    """Return the rig for faults, which are taken back."""
+    yield rig
     for device in ('sensor', 'guide', 'tendon'):
         rig.fault(device, 'none')
     rig.fault('tendon', 'restart')  # clears what the overheating has left
@@ -41,7 +42,7 @@ def tactile(*arguments):
 
 
 def probe(*ports, is_quiet=False):
-    return probe_ports([FoundDevice(port) for port in ports], listen_s=0.5, is_quiet=is_quiet)
+    return probe_ports([FoundDevice(port) for port in ports], listen_s=0.2, is_quiet=is_quiet)
 
 
 def check(option, port, *more):
@@ -56,7 +57,7 @@ def check(option, port, *more):
 
 def test_devices_are_recognised_and_left_as_they_were(rig):
     before = rig.truth()
-    code, document = tactile('devices', *(f'--port={port}' for port in rig.ports), '--listen=0.5')
+    code, document = tactile('devices', *(f'--port={port}' for port in rig.ports), '--listen=0.3')
     assert code == 0
     found = {device['port']: device for device in document['devices']}
     assert found[rig.ports.guide]['device'] == 'guide'
@@ -83,10 +84,11 @@ def test_a_port_in_use_is_left_alone(rig):
     assert (found.device, found.what) == ('', 'in use by another program')
 
 
-def test_silence_and_nonsense_are_said_to_be_that(rig):
-    rig.fault('guide', 'mute')
-    rig.fault('sensor', 'wrong_baud', ratio=3.0)
-    guide, sensor, missing = probe(rig.ports.guide, rig.ports.sensor, rig.ports.guide + '9')
+def test_silence_and_nonsense_are_said_to_be_that(faulty):
+    faulty.fault('guide', 'mute')
+    faulty.fault('sensor', 'wrong_baud', ratio=3.0)
+    ports = faulty.ports
+    guide, sensor, missing = probe(ports.guide, ports.sensor, ports.guide + '9')
     assert guide.what == 'silent'
     assert sensor.what == 'speaks, but in no known way'
     assert missing.what == 'no such port; check the cable and the name'
@@ -158,19 +160,19 @@ def test_check_moves_nothing_unless_allowed(rig):
     )
 
 
-def test_faults_of_the_sensor_are_told_with_a_remedy(rig):
-    rig.fault('sensor', 'saturate')
-    facts, problems = check('--sensor', rig.ports.sensor)
+def test_faults_of_the_sensor_are_told_with_a_remedy(faulty):
+    faulty.fault('sensor', 'saturate')
+    facts, problems = check('--sensor', faulty.ports.sensor)
     assert 'does not change at all' in problems
-    rig.fault('sensor', 'none')
-    rig.fault('sensor', 'garbage', share=0.5)
-    facts, problems = check('--sensor', rig.ports.sensor)
+    faulty.fault('sensor', 'none')
+    faulty.fault('sensor', 'garbage', share=0.5)
+    facts, problems = check('--sensor', faulty.ports.sensor)
     assert 'lines were no readings' in problems
     assert 'samples were lost' in problems
     assert facts['lost samples'] > 10
-    rig.fault('sensor', 'none')
-    rig.fault('sensor', 'mute')
-    _, problems = check('--sensor', rig.ports.sensor)
+    faulty.fault('sensor', 'none')
+    faulty.fault('sensor', 'mute')
+    _, problems = check('--sensor', faulty.ports.sensor)
     assert 'no reading in 1 s' in problems
 
 
@@ -179,31 +181,31 @@ def test_a_wrong_rate_is_told_with_the_right_one(rig, tmp_path):
     params.write_text(
         f'tendon_sensor:\n  ros__parameters:\n    port: {rig.ports.sensor}\n    rate_hz: 80.0\n'
     )
-    code, document = tactile('check', '--params', params, '--seconds', 2)
+    code, document = tactile('check', '--params', params, '--seconds', 1)
     (report,) = document['devices']
     assert code == 1
     assert any('rate_hz is 80' in problem['what'] for problem in report['problems'])
 
 
-def test_faults_of_guide_and_tendon_are_told(rig):
-    rig.fault('tendon', 'overheat', temperature_c=91)
-    facts, problems = check('--tendon', rig.ports.tendon)
+def test_faults_of_guide_and_tendon_are_told(faulty):
+    faulty.fault('tendon', 'overheat', temperature_c=91)
+    facts, problems = check('--tendon', faulty.ports.tendon)
     assert facts['temperature [C]'] == 91
     assert facts['hardware errors'] == 'overheating'
     assert 'has shut down: overheating' in problems
     assert 'let it cool' in problems
-    rig.fault('tendon', 'mute')
-    _, problems = check('--tendon', rig.ports.tendon)
+    faulty.fault('tendon', 'mute')
+    _, problems = check('--tendon', faulty.ports.tendon)
     assert 'no answer from servo 1' in problems
-    with serial.Serial(rig.ports.guide, 115200, timeout=5.0) as port:
+    with serial.Serial(faulty.ports.guide, 115200, timeout=5.0) as port:
         port.write(b'$X\n$110=500\n')
         assert port.read_until(b'ok\r\nok\r\n')
     try:
-        _, problems = check('--guide', rig.ports.guide)
+        _, problems = check('--guide', faulty.ports.guide)
         assert 'caps speed at 500 mm/min' in problems
         assert 'set $110=6000' in problems
     finally:
-        with serial.Serial(rig.ports.guide, 115200, timeout=5.0) as port:
+        with serial.Serial(faulty.ports.guide, 115200, timeout=5.0) as port:
             port.write(b'$110=6000\n')
             assert port.read_until(b'ok\r\n')
 

@@ -15,6 +15,9 @@ import pytest
 from tactile_lab.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[4]
+needs_repository = pytest.mark.skipif(
+    not (ROOT / 'tools').is_dir(), reason='the packages are not in their own repository'
+)
 HEAVY = {
     'joblib', 'matplotlib', 'numba', 'numpy', 'onnxruntime', 'rclpy', 'rosbags', 'scipy', 'serial',
     'sklearn', 'tactile_msgs', 'yaml',
@@ -91,17 +94,15 @@ def test_a_process_that_senses_loads_no_library_of_other_work():
     assert not modules & OF_OTHER_WORK
 
 
+@needs_repository
 def test_the_version_is_that_of_the_package():
-    if not (ROOT / 'tools').is_dir():
-        pytest.skip('the packages are not in their own repository')
     manifest = (ROOT / 'src' / 'tactile_lab' / 'package.xml').read_text()
     version = re.search('<version>(.*?)</version>', manifest)[1]
     assert run(['--version'])[1].splitlines()[0] == f'tactile {version}'
 
 
+@needs_repository
 def test_both_helps_name_every_command():
-    if not (ROOT / 'tools').is_dir():
-        pytest.skip('the packages are not in their own repository')
     names = [c.name or c.callback.__name__ for c in app.registered_commands]
     names += [group.name for group in app.registered_groups]
     script = [sys.executable, str(ROOT / 'tools' / 'main.py'), '--help']
@@ -113,9 +114,8 @@ def test_both_helps_name_every_command():
         assert re.search(rf'(?<![\w-]){name}(?![\w-])', theirs), name
 
 
+@needs_repository
 def test_a_clone_that_cannot_be_written_is_one_sentence(tmp_path):
-    if not (ROOT / 'tools').is_dir():
-        pytest.skip('the packages are not in their own repository')
     for name in ('tools', 'requirements'):
         shutil.copytree(ROOT / name, tmp_path / name)
     (tmp_path / 'src').mkdir()

@@ -12,6 +12,7 @@ import aiohttp
 import numpy as np
 import pytest
 
+from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.server import FILES, FRAMES_HZ, MOST_PAGES, WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_ros.errors import TactileError
@@ -89,36 +90,31 @@ def block(number, count=1, rate_hz=60.0):
     return StrainBlock(10**18 + number * period_ns, number, period_ns, np.full(count, 1.0))
 
 
-@pytest.mark.parametrize('path', sorted(FILES))
-def test_every_file_is_served_with_a_policy(served, path):
+def get(server, path='/', **headers):
+    """Return status, headers and text of an answer."""
+
     async def work():
         async with (
             aiohttp.ClientSession() as session,
-            session.get(f'http://127.0.0.1:{served[2].port}{path}') as answer,
+            session.get(f'http://127.0.0.1:{server.port}{path}', headers=headers) as answer,
         ):
-            assert answer.status == 200
-            assert (await answer.read()).strip()
-            return answer.headers
+            return answer.status, answer.headers, await answer.text()
 
-    headers = run(work())
-    policy = headers['Content-Security-Policy']
-    assert "default-src 'none'" in policy
-    assert 'unsafe' not in policy
-    assert "frame-ancestors 'none'" in policy
-    assert headers['X-Content-Type-Options'] == 'nosniff'
-    assert 'Access-Control-Allow-Origin' not in headers
+    return run(work())
 
 
-@pytest.mark.parametrize('path', ['/page.py', '/../server.py', '/%2e%2e/server.py', '/page/'])
-def test_nothing_else_is_served(served, path):
-    async def work():
-        async with (
-            aiohttp.ClientSession() as session,
-            session.get(f'http://127.0.0.1:{served[2].port}{path}') as answer,
-        ):
-            return answer.status
-
-    assert run(work()) == 404
+def test_every_file_is_served_with_a_policy_and_nothing_else(served):
+    for path in FILES:
+        status, headers, text = get(served[2], path)
+        assert (status, bool(text.strip())) == (200, True), path
+        policy = headers['Content-Security-Policy']
+        assert "default-src 'none'" in policy
+        assert 'unsafe' not in policy
+        assert "frame-ancestors 'none'" in policy
+        assert headers['X-Content-Type-Options'] == 'nosniff'
+        assert 'Access-Control-Allow-Origin' not in headers
+    for path in ('/page.py', '/../server.py', '/%2e%2e/server.py', '/page/'):
+        assert get(served[2], path)[0] == 404, path
 
 
 @pytest.mark.parametrize(
@@ -140,15 +136,7 @@ def test_foreign_pages_get_no_socket(served, origin, host):
 
 
 def test_a_rebound_name_gets_no_page(served):
-    async def work():
-        address = f'http://127.0.0.1:{served[2].port}/'
-        async with (
-            aiohttp.ClientSession() as session,
-            session.get(address, headers={'Host': 'evil.example'}) as answer,
-        ):
-            return answer.status, await answer.text()
-
-    status, text = run(work())
+    status, _, text = get(served[2], Host='evil.example')
     assert status == 403
     assert 'this host name is not served' in text
 
@@ -270,7 +258,7 @@ def test_a_second_server_takes_another_port_and_a_taken_one_is_refused(served):
         assert second.port != server.port
         assert token_of(second) != token_of(server)
     with pytest.raises(TactileError, match=f'port {server.port}.*choose another --port'):
-        WatchServer(WatchState(), Controls(), port=server.port)
+        WatchServer(WatchState(), Controls(), WatchOptions(port=server.port))
 
 
 def test_the_end_of_the_server_closes_its_pages():

@@ -3,34 +3,19 @@
 
 """The tactile command as a user meets it: a process with arguments, output and an exit code."""
 
-import ast
-import inspect
 import json
-from pathlib import Path
 import re
-import shutil
 import signal
-import subprocess
-import sys
-from types import UnionType
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
-from tactile_command import QUICK, SHORT_HOLD, tactile
-from tactile_lab import options
-from tactile_lab.cli import data as cli_data
-from tactile_lab.cli import devices as cli_devices
-from tactile_lab.cli import experiment as cli_experiment
-from tactile_lab.cli import recordings as cli_recordings
-from tactile_lab.cli import rig as cli_rig
-from tactile_lab.cli import sensing as cli_sensing
+from tactile_command import program, QUICK, tactile
+from tactile_lab.cli.main import app
 from waiting import wait_until
-
-PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
 
 
 @pytest.fixture
@@ -54,61 +39,13 @@ def archive(tmp_path):
     return path
 
 
-@pytest.mark.parametrize(
-    'command',
-    [
-        '',
-        'demo',
-        'simulate',
-        'train',
-        'evaluate',
-        'robustness',
-        'trials',
-        'experiment',
-        'experiment new',
-        'experiment run',
-        'experiment status',
-        'replay',
-        'rig',
-        'sense',
-        'hand',
-        'devices',
-        'check',
-        'calibrate',
-    ],
-)
-def test_help_reads_like_a_manual(command):
-    done = tactile(*command.split(), '--help')
-    assert done.returncode == 0
-    assert len(done.stdout.splitlines()) > 10
-
-
-@pytest.mark.parametrize(
-    'module',
-    [
-        options,
-        cli_data,
-        cli_recordings,
-        cli_rig,
-        cli_sensing,
-        cli_devices,
-        cli_experiment,
-    ],
-)
-def test_options_are_declared_as_typer_0_9_reads_them(module):
-    """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
-    tree = ast.parse(Path(module.__file__).read_text())
-    operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
-    assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == []
-    functions = [
-        f for f in vars(module).values() if getattr(f, '__module__', '') == module.__name__
-    ]
-    functions = [f for f in functions if inspect.isfunction(f)]
-    assert functions
-    for function in functions:
-        for parameter in inspect.signature(function).parameters.values():
-            stated, *_ = get_args(parameter.annotation) or (parameter.annotation,)
-            assert not isinstance(stated, str | UnionType), parameter
+def test_every_help_reads_like_a_manual():
+    commands = [[]] + [[c.name or c.callback.__name__] for c in app.registered_commands]
+    commands += [['experiment', *more] for more in ([], ['new'], ['run'], ['status'])]
+    for command in commands:
+        done = tactile(*command, '--help')
+        assert done.returncode == 0, command
+        assert len(done.stdout.splitlines()) > 10, command
 
 
 def test_evaluate_states_split_and_scaling_and_speaks_json(archive):
@@ -157,22 +94,20 @@ def test_simulated_bags_become_models(tmp_path):
     assert done.returncode == 2
     assert 'exists already' in done.stderr
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    done = tactile('train', bag['path'], '-o', tmp_path / 'models', '--classifier', 'tree')
+    options = ('--classifier', 'tree', '--repetitions', 1)
+    done = tactile('train', bag['path'], '-o', tmp_path / 'models', *options)
     assert done.returncode == 0, done.stderr
     assert 'SIMULATED' in done.stdout
     assert 'stiffness-flexion-tree-' in done.stdout
     assert (tmp_path / 'models' / 'stiffness_flexion.onnx').is_file()
-    report = tmp_path / 'reports'
-    options = ('--repetitions', 1, '--report', report, '--json')
-    done = tactile('evaluate', bag['path'], *options)
-    (found,) = json.loads(done.stdout)['sets']
-    assert found['title'] == 'stiffness, flexion, simulated'
-    assert found['trials'] == 30
-    assert [e['split'] for e in found['evaluations']] == [
+    done = tactile('evaluate', bag['path'], '--repetitions', 1)
+    said = ' '.join(done.stdout.split())
+    for text in (
+        'stiffness, flexion, simulated',
         'stratified 6-fold, once',
         'one block of trials held out',
-    ]
-    assert 'SIMULATED' in (report / 'report.html').read_text()
+    ):
+        assert text in said
 
 
 def test_too_few_trials_to_train_on_are_refused(stiffness_bag, tmp_path):
@@ -187,23 +122,30 @@ def test_replay_of_a_bag_without_features_says_so(stiffness_bag, trained):
     assert 'nothing to compare' in done.stderr
 
 
-def test_trials_are_run_recorded_and_replayed(rewrite, trained, quick, tmp_path):
+def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(
+    rewrite, trained, quick, tmp_path
+):
     bag = tmp_path / 'bag'
-    options = ('--simulated', '--models', trained, '-o', bag, '--session', 's', '--json')
-    command = ['trials', 'stiffness', '--object', 'none', '--mounting', 'm', *quick, *options]
-    done = tactile(*command)
-    assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
-    assert document['simulated'] is True
+    command = ['trials', 'stiffness', '--object', 'none', '--count', '5', '--simulated', *quick]
+    command += ['--models', trained, '-o', bag, '--session', 's', '--mounting', 'm', '--json']
+    with program(*command) as process:
+        wait_until(lambda: has_begun(bag, '-0002', 'hold'), timeout_s=60.0, poll_s=0.05)
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert '1 of 5 trials on none, flexion; SIMULATED; ended early' in errors
+    document = json.loads(out)
+    assert (document['simulated'], document['ended_early']) == (True, 'interrupted')
     (trial,) = document['trials']
+    # On a busy computer a trial may have been run a second time, under a name that says so.
     assert re.fullmatch(r's-stiffness-flexion-none-\d{6}-0001(-again)?', trial['trial_id'])
     assert trial['answer'] == 'none'
-    with TactileBag(bag) as recorded:
-        events = [event for _, event in read_records(recorded.messages(EVENT))]
+    events = events_of(bag)
     assert {event.mounting_id for event in events} == {'m'}
+    assert (events[-1].phase, '-0002' in events[-1].trial_id) == ('aborted', True)
     done = tactile('replay', bag)
     assert done.returncode == 0, done.stdout
-    assert done.stdout.count('equal, bit for bit') == 2
+    assert len(re.findall(r'equal, bit for bit \([2-4] feature windows', done.stdout)) == 2
 
     def disturb(type_name, message):
         if type_name == STRAIN:
@@ -215,72 +157,18 @@ def test_trials_are_run_recorded_and_replayed(rewrite, trained, quick, tmp_path)
     assert 'values is' in done.stdout
 
 
-def test_trials_on_what_is_not_there_are_refused(tmp_path):
-    options = ('--simulated', '-o', tmp_path / 'bag')
-    done = tactile('trials', 'texture', '--object', 'X9', *options)
-    assert done.returncode == 2
-    assert 'X9' in done.stderr
-    assert 'no bag: 0 of 1 trials on X9' in done.stdout
-    assert 'Traceback' not in done.stderr
-    assert not (tmp_path / 'bag').exists()
-
-
-def test_an_option_that_is_given_twice_is_refused(tmp_path):
-    options = ('--simulated', '-o', tmp_path / 'bag')
-    done = tactile('trials', 'texture', '--object', 'R1', '--object', 'C1', *options)
-    assert done.returncode == 2
-    assert '--object is given 2 times' in done.stderr
-    assert 'tactile experiment' in done.stderr
-    assert not (tmp_path / 'bag').exists()
-    # An option that may come again, and a flag.
-    done = tactile('evaluate', 'nowhere', '--group', 'a', '--group', 'b', '--json', '--json')
-    assert 'times' not in done.stderr
-
-
-def test_trials_that_are_interrupted_say_what_they_recorded_and_replay_equal(tmp_path):
-    bag, parameters = tmp_path / 'bag', tmp_path / 'quick.yaml'
-    parameters.write_text(SHORT_HOLD)
-    command = ['trials', 'stiffness', '--object', 'pla', '--count', '5', '--simulated', '-o', bag]
-    command += ['--params', parameters]
-    process = subprocess.Popen(
-        [sys.executable, '-c', PROGRAM, *map(str, command)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        while 'recorded' not in process.stdout.readline():
-            assert process.poll() is None
-        wait_for_phase(bag, '-0002', 'hold', process)
-        process.send_signal(signal.SIGINT)
-        out, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == 130, errors
-    assert '1 of 5 trials on pla' in out
+def events_of(bag):
     with TactileBag(bag) as recorded:
-        last = [event for _, event in read_records(recorded.messages(EVENT))][-1]
-    # On a busy computer a trial may have been run a second time, under a name that says so.
-    assert last.phase == 'aborted'
-    assert '-0002' in last.trial_id
-    done = tactile('replay', bag)
-    assert done.returncode == 0, done.stdout
-    assert len(re.findall(r'equal, bit for bit \([2-4] feature windows', done.stdout)) == 2
+        return [event for _, event in read_records(recorded.messages(EVENT))]
 
 
-def wait_for_phase(bag, trial, phase, process):
-    """Wait until a recording that is under way has a phase of a trial."""
-
-    def what():
-        process.kill()
-        return str(process.communicate())
-
-    def has_begun():
-        with TactileBag(bag) as recorded:
-            events = [event for _, event in read_records(recorded.messages(EVENT))]
-        return any(trial in event.trial_id and event.phase == phase for event in events)
-
-    wait_until(has_begun, what, timeout_s=60.0, poll_s=0.05)
+def has_begun(bag, trial, phase):
+    """Return whether a recording that is under way has a phase of a trial."""
+    try:
+        events = events_of(bag)
+    except BagError:  # nothing is recorded yet
+        return False
+    return any(trial in event.trial_id and event.phase == phase for event in events)
 
 
 @pytest.mark.parametrize(
@@ -317,19 +205,15 @@ def test_demo_keeps_an_existing_folder(tmp_path):
 
 def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
     params = tmp_path / 'params.yaml'
-    params.write_text('tendon_senser:\n  ros__parameters:\n    rate_hz: 60.0\n')
-    done = tactile('rig', '--simulated', '--params', params)
-    assert done.returncode == 2
-    assert 'tendon_senser' in done.stderr
-    params.write_text('tendon_sensor:\n  ros__parameters:\n    ratehz: 60.0\n')
-    done = tactile('rig', '--simulated', '--params', params)
-    assert done.returncode == 2
-    assert 'no parameter ratehz' in done.stderr
-    params.write_text('tendon_sensor:\n  ros__parameters:\n    rate_hz: -1.0\n')
-    done = tactile('rig', '--simulated', '--params', params)
-    assert done.returncode == 2
-    assert 'rate_hz' in done.stderr
-    assert 'Traceback' not in done.stderr
+    for text, said in (
+        ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'tendon_senser'),
+        ('tendon_sensor: {ros__parameters: {ratehz: 60.0}}', 'no parameter ratehz'),
+        ('tendon_sensor: {ros__parameters: {rate_hz: -1.0}}', 'rate_hz'),
+    ):
+        params.write_text(text)
+        done = tactile('rig', '--simulated', '--params', params)
+        assert (done.returncode, said in done.stderr) == (2, True), done.stderr
+        assert 'Traceback' not in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -343,23 +227,13 @@ def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
 )
 def test_nodes_run_and_record_until_interrupted(command, bags, tmp_path):
     recording = tmp_path / 'recording'
-    arguments = [*command, '--simulated', '--record', str(recording)]
-    process = subprocess.Popen(
-        [sys.executable, '-c', PROGRAM, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
+    with program(*command, '--simulated', '--record', recording) as process:
         line = process.stdout.readline()
         assert 'SIMULATED' in line
         assert 'running: ' in line
         assert ('slip_detector' in line) == ('--slip' in command)
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
     assert process.returncode == 0, errors
     for bag in bags:
         assert (recording / bag / 'metadata.yaml').exists()
-    shutil.rmtree(recording)

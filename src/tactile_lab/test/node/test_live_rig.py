@@ -3,7 +3,7 @@
 
 """Trials on the simulated rig through every real part: serial lines, drivers, DDS."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 import threading
 import time
 
@@ -143,7 +143,10 @@ def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(rig, context):
 
 
 def test_rig_that_dies_in_a_trial_aborts_it(context):
-    with SimulatedRig(seed=3) as rig, running_rig(rig, context) as (operator, watcher, _):
+    with ExitStack() as stack:
+        rig = stack.enter_context(SimulatedRig(seed=3))  # the shared one must live on
+        home_fast(rig)
+        operator, watcher, _ = stack.enter_context(running_rig(rig, context))
         operator.home_guide()
         rig.mount('stiffness', 'pla', 'flexion')
         handle = watcher.start_trial('stiffness')

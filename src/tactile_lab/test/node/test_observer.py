@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tactile_lab.experiment.bench import RunningLiveBench
+from tactile_lab.experiment.bench import LiveBench
 from tactile_lab.experiment.loop import TrialOrder
 from tactile_lab.experiment.observer_node import ObserverNode
 from tactile_msgs.msg import StrainBlock
@@ -33,9 +33,9 @@ def test_nothing_is_kept_while_a_person_thinks_about_a_failed_trial(context):
         others=[observer],
         run=fail,
     )
-    bench = RunningLiveBench(SimpleNamespace(simulated_rig=None, plan=plan), rig)
+    bench = LiveBench(SimpleNamespace(simulated_rig=None), plan, None)
     with pytest.raises(TactileError, match='not homed'):
-        bench.run(TrialOrder(planned, 't', 'm', 1, 1))
+        bench.run_trial(rig, TrialOrder(planned, 't', 'm', 1, 1))
     observer._on_block(block)
     assert not observer._blocks
     observer.destroy_node()

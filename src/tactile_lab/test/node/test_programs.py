@@ -25,8 +25,9 @@ TACTILE = str(Path(get_package_prefix('tactile_lab'), 'bin', 'tactile'))
 NUMBERS = [signal.SIGINT, signal.SIGTERM]
 
 
-def program(package, name):
-    return str(Path(get_package_prefix(package), 'lib', package, name))
+def program_of(executable):
+    package = find_node_class(executable).__module__.partition('.')[0]
+    return str(Path(get_package_prefix(package), 'lib', package, executable))
 
 
 def start(*arguments):
@@ -47,42 +48,27 @@ def wait_until_held(process):
     wait_until(is_held, timeout_s=DEADLINE_S, poll_s=0.0)
 
 
-@pytest.mark.parametrize(
-    ('executable', 'number'), zip(EXECUTABLES, itertools.cycle(NUMBERS), strict=False)
-)
-def test_a_signal_before_the_node_is_made_ends_the_program_with_zero(executable, number):
-    package = find_node_class(executable).__module__.partition('.')[0]
-    process = start(program(package, executable))
-    wait_until_held(process)
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=DEADLINE_S)
-    assert (process.returncode, errors) == (0, '')
+COMMANDS = (['rig'], ['sense'], ['hand', '--fingers', 'index'])
+PROGRAMS = {executable: (program_of(executable),) for executable in EXECUTABLES} | {
+    command[0]: (TACTILE, *command, '--simulated') for command in COMMANDS
+}
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'number'),
-    [
-        (['rig'], signal.SIGINT),
-        (['sense'], signal.SIGTERM),
-        (['hand', '--fingers', 'index'], signal.SIGINT),
-    ],
-    ids=['rig', 'sense', 'hand'],
-)
-def test_a_signal_before_the_nodes_are_made_ends_a_command_with_zero(arguments, number):
-    process = start(TACTILE, *arguments, '--simulated')
+@pytest.mark.parametrize(('name', 'number'), zip(PROGRAMS, itertools.cycle(NUMBERS), strict=False))
+def test_a_signal_before_the_nodes_are_made_ends_a_program_with_zero(name, number):
+    process = start(*PROGRAMS[name])
     wait_until_held(process)
     process.send_signal(number)
     output, errors = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, output, errors) == (0, '', '')
 
 
-@pytest.mark.parametrize('number', NUMBERS)
-def test_a_command_that_works_is_interrupted_and_says_so_by_its_code(number, tmp_path):
+def test_a_command_that_works_is_terminated_and_says_so_by_its_code(tmp_path):
     process = start(TACTILE, 'demo', '--short', '-o', str(tmp_path / 'demo'))
     assert process.stdout.readline()
-    process.send_signal(number)
+    process.send_signal(signal.SIGTERM)
     _, errors = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 128 + number, errors
+    assert process.returncode == 128 + signal.SIGTERM, errors
     assert 'Traceback' not in errors
 
 
@@ -105,7 +91,7 @@ def count_thread_heaps(pid):
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), 'malloc_info'), reason='needs glibc')
 @pytest.mark.parametrize(
     'arguments',
-    [(program('tactile_features', 'slip_detector_node'),), (TACTILE, 'sense', '--simulated')],
+    [PROGRAMS['slip_detector_node'], PROGRAMS['sense']],
     ids=['node', 'sense'],
 )
 def test_no_thread_of_a_program_has_a_heap_of_its_own(arguments):

@@ -66,11 +66,11 @@ def glide(rig, bag, models):
             bag,
             models=models,
             parameters=QUICK,
-            simulated=True,
+            simulated_rig=rig,
             domain_id=int(domain),
         )
         request = TrialRequest('texture', 'flexion', 'R1', 'glide')
-        (trial,) = run_live_trials(setup, [request], Output(as_json=True), simulated_rig=rig)
+        (trial,) = run_live_trials(setup, [request], Output(as_json=True))
     return trial
 
 

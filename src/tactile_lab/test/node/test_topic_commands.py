@@ -3,7 +3,9 @@
 
 """`tactile check` and `tactile devices` on forces that another node publishes, over real DDS."""
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import asdict
 import json
 import math
 import time
@@ -16,7 +18,13 @@ from sensor_msgs.msg import JointState
 from typer.testing import CliRunner
 
 from tactile_lab.cli.main import app
+from tactile_lab.commands.force_topics import sensors_on_topics
+from tactile_lab.devices.sensor_checks import check_sensor
 from tactile_ros.programs.node_group import NodeGroup
+from tendon_sensor_driver.records import TendonSensorConfig
+
+MEASURED = {'sensor': 'topic', 'rate_hz': 0.0}
+"""Parameters of a topic whose rate is measured."""
 
 
 class Hand(Node):
@@ -60,49 +68,53 @@ def tactile(*arguments):
     return done.exit_code, json.loads(out[out.index('{\n') : out.rindex('}') + 1])
 
 
-def check(*arguments, seconds=5):
-    code, document = tactile('check', '--seconds', seconds, *arguments)
-    (report,) = document['devices']
-    return code, report['facts'], ' '.join(p['what'] + p['remedy'] for p in report['problems'])
+def describe(problems):
+    return ' '.join(problem['what'] + problem['remedy'] for problem in problems)
 
 
-def test_a_sound_topic_is_fit_and_its_rate_is_measured(context):
-    with publishing(context, ('/ft/wrench', WrenchStamped)):
-        _, facts, problems = check('--sensor-topic', '/ft/wrench:fx', seconds=6)
-    assert 'rate [Hz]' in facts, problems
-    assert facts['rate [Hz]'] == pytest.approx(100.0, rel=0.02)
-    assert facts['samples'] > 50
-    for fault in ('no reading', 'rate_hz', 'publishers', 'no effort'):
-        assert fault not in problems
-
-
-def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context, tmp_path):
-    params = tmp_path / 'params.yaml'
-    params.write_text('tendon_sensor: {ros__parameters: {rate_hz: 60.0}}')
+def test_what_is_wrong_with_a_topic_is_told_with_its_remedy(context):
     nodes = (
         ('/wrench', WrenchStamped),
         ('/late', WrenchStamped, -(5 * 10**9)),
         ('/joints', JointState),
     )
-    with publishing(context, *nodes):
-        code, _, problems = check('--sensor-topic', '/nothing')
-        assert code == 1
-        assert 'nobody publishes /nothing' in problems
-        _, _, problems = check('--sensor-topic', '/wrench:fx', '--params', params)
-        assert 'rate_hz is 60' in problems
-        _, _, problems = check('--sensor-topic', '/late:fx')
-        assert 'behind the time of this node' in problems
-        _, _, problems = check('--sensor-topic', '/joints:ring')
-        assert 'there is no joint ring, only thumb, index' in problems
+    topics = {
+        'sound': {'topic': '/wrench', 'axis': 'fx'},
+        'wrong rate': {'topic': '/wrench', 'axis': 'fx', 'rate_hz': 60.0},
+        'late': {'topic': '/late', 'axis': 'fx'},
+        'no joint': {'topic': '/joints', 'joint': 'ring'},
+    }
+    configs = [TendonSensorConfig(**{**MEASURED, **values}) for values in topics.values()]
+    with publishing(context, *nodes), sensors_on_topics() as make, ThreadPoolExecutor() as pool:
+        reports = pool.map(lambda config: asdict(check_sensor(config, 6.0, make)), configs)
+        found = dict(zip(topics, reports, strict=True))
+    facts, problems = found['sound']['facts'], describe(found['sound']['problems'])
+    assert 'rate [Hz]' in facts, problems
+    assert facts['rate [Hz]'] == pytest.approx(100.0, rel=0.02)
+    assert facts['samples'] > 50
+    for fault in ('no reading', 'rate_hz', 'publishers', 'no effort'):
+        assert fault not in problems
+    for name, said in (
+        ('wrong rate', 'rate_hz is 60'),
+        ('late', 'behind the time of this node'),
+        ('no joint', 'there is no joint ring, only thumb, index'),
+    ):
+        assert said in describe(found[name]['problems'])
+
+
+def test_a_topic_that_nobody_publishes_is_told():
+    code, document = tactile('check', '--seconds', 1, '--sensor-topic', '/nothing')
+    assert code == 1
+    assert 'nobody publishes /nothing' in describe(document['devices'][0]['problems'])
 
 
 def test_topics_with_a_force_are_listed_with_their_parameters(context):
     with publishing(context, ('/ft/wrench', WrenchStamped), ('/joint_states', JointState)):
-        _, document = tactile('devices', '--topics')
+        _, document = tactile('devices', '--topics', '--listen', 1.5)
     wrench, joints = document['devices']
     assert wrench['parameters'] == {'sensor': 'topic', 'topic': '/ft/wrench'}
     assert 'WrenchStamped of their_hand' in wrench['what']
     assert 'joints with effort: thumb, index' in joints['what']
     assert joints['device'] == wrench['device'] == 'sensor'
-    _, document = tactile('devices', '--topics', '--listen', 0.5)
+    _, document = tactile('devices', '--topics', '--listen', 0.1)
     assert document['devices'] == []

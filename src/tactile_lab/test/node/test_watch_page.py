@@ -193,7 +193,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
         wait_for_log(browser, 'stopped')
     assert len(stopped) == 1, 'the trial was cancelled, so it is not run again'
     assert 'cancelled' in stopped[0]
-    assert watch.was_stopped
+    assert watch.state.was_stopped
     assert abs(truth_at_rest(simulated)['tendon_displacement_m']) < 1e-3, 'the tendon is let out'
     assert browser.console == []
 

@@ -1,12 +1,23 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""The command line itself: help, mistyped words, and what Typer makes of the options."""
+
+import ast
+import inspect
 import os
+from pathlib import Path
+from types import UnionType
+from typing import get_args
 
 import pytest
 from typer.testing import CliRunner
 
+from tactile_lab import options
+from tactile_lab.cli import devices, experiment, recordings, running
 from tactile_lab.cli import main as cli
+from tactile_lab.commands import rig_requests
+from tactile_lab.commands.analysis import requests
 from tactile_ros.programs.transports import PROFILES, TRANSPORTS
 
 
@@ -37,3 +48,16 @@ def test_help_describes_arguments():
     for command, text in (('import', 'CSV'), ('show', '(.onnx)'), ('repair', 'never closed')):
         found = CliRunner().invoke(cli.app, [command, '--help'])
         assert text in ' '.join(found.output.split('Options')[0].split())
+
+
+def test_options_are_declared_as_typer_0_9_reads_them():
+    """Ubuntu 24.04 has Typer 0.9: no ``X | None``, no annotations that are strings."""
+    for module in (options, requests, rig_requests, recordings, running, devices, experiment):
+        tree = ast.parse(Path(module.__file__).read_text())
+        operators = [n for n in ast.walk(tree) if isinstance(n, ast.BinOp)]
+        assert [n.lineno for n in operators if isinstance(n.op, ast.BitOr)] == [], module
+    commands = [each.callback for each in cli.app.registered_commands]
+    for command in (*commands, experiment.run, experiment.new, experiment.status):
+        for parameter in inspect.signature(command).parameters.values():
+            stated, *_ = get_args(parameter.annotation) or (parameter.annotation,)
+            assert not isinstance(stated, str | UnionType), parameter

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the demo says of the trials that it missed."""
+"""Which trials the demo runs, and what it says of those that it missed."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import FeatureConfig, FeatureWindow, Outcome, spec_for
 from tactile_lab.commands.analysis.train import TrainedModel
-from tactile_lab.commands.running.demo import explain_misses
+from tactile_lab.commands.running.demo import choose_trials, explain_misses, KINDS
 from tactile_lab.commands.running.live_trials import LiveTrial
 
 
@@ -66,3 +66,11 @@ def test_a_wrong_answer_is_explained_by_sessions_held_out(trained):
 def test_an_unknown_answer_says_its_reason(trained):
     (sentence,) = explain_misses([live(trained, 'pla', [99.0, 99.0, 99.0])], [trained])
     assert 'unlike all that the model was trained on' in sentence
+
+
+def test_the_trials_are_spread_over_the_kinds_and_have_names_of_their_own():
+    drawn = choose_trials(3, 10)
+    kinds = [(trial.contact, trial.protocol) for trial in drawn]
+    assert [kinds.count(kind) for kind in KINDS] == [3, 3, 2, 2]
+    assert len({trial.trial_id for trial in drawn}) == 10
+    assert drawn == choose_trials(3, 10)

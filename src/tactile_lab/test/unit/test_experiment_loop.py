@@ -38,8 +38,6 @@ class World:
 
 
 class Bench:
-    trial_s = 10.0
-
     def __init__(self, world):
         self.world = world
 
@@ -47,7 +45,7 @@ class Bench:
     def session(self, bag):
         bag.mkdir(parents=True)
         self.world.may_cut()
-        yield self
+        yield self.run
 
     def run(self, order):
         assert self.world.mounted == order.planned.object_label
@@ -64,8 +62,6 @@ class Bench:
 
 
 class Person:
-    mounting_s = 30.0
-
     def __init__(self, world, choices=()):
         self.world = world
         self.choices = iter(choices)
@@ -90,7 +86,7 @@ class Person:
 def run(folder, world, person=None, plan=PLAN):
     folder.set_up(plan)
     with folder.open_journal() as journal:
-        return run_experiment(folder, plan, Bench(world), person or Person(world), journal)
+        return run_experiment(folder, Bench(world), person or Person(world), journal)
 
 
 def check_complete(folder, world):
@@ -218,13 +214,12 @@ def test_a_recording_that_cannot_go_on_ends_the_experiment(tmp_path, monkeypatch
 def test_the_time_that_is_left_is_measured_once_trials_have_run():
     order = [each for name in PLAN.session_ids for each in list_of(name)]
     progress = Progress(order, [])
-    assert progress.estimate_left_s(10.0, 30.0) == 16 * 10.0 + 8 * 30.0
     progress.take({'kind': 'mounted', 'mounting_id': 'm', 'seconds': 50.0})
     first = order[0].key
     progress.take({'kind': 'began', 'key': first, 'trial_id': 'a', 'mounting_id': 'm'})
     ended = {'verdict': 'good', 'sentence': '', 'statistics': {}, 'seconds': 12.0}
     progress.take({'kind': 'ended', 'trial_id': 'a', **ended})
-    assert progress.estimate_left_s(10.0, 30.0) == 15 * 12.0 + 8 * 50.0
+    assert progress.estimate_left_s() == 15 * 12.0 + 8 * 50.0
 
 
 def list_of(session_id):

@@ -42,17 +42,14 @@ def test_any_object_is_a_command_or_refused(document):
 
 @pytest.mark.parametrize(
     'text',
-    ['', 'stop', '[]', '{}', '{"do": "shutdown"}', '{"do": "stop", "finger": "\\u0000"}'],
+    [
+        *('', 'stop', '[]', '{}', '{"do": "shutdown"}', '{"do": "stop", "finger": "\\u0000"}'),
+        *('[' * 4000, '"' + 'x' * 5000 + '"', json.dumps({'do': 'x' * 201})),
+    ],
 )
 def test_what_is_no_command_is_refused(text):
     with pytest.raises(CommandError):
         read_command(text)
-
-
-def test_deep_and_long_texts_are_refused():
-    for text in ('[' * 4000, '"' + 'x' * 5000 + '"', json.dumps({'do': 'x' * 201})):
-        with pytest.raises(CommandError):
-            read_command(text)
 
 
 def test_a_stop_needs_no_token_and_what_moves_does():
@@ -74,16 +71,9 @@ def test_our_own_hosts_and_origins_are_served(host):
 @pytest.mark.parametrize(
     'host',
     [
-        '',
-        'evil.example:8642',
-        'localhost.evil.example:8642',
-        '127.0.0.1.evil.example:8642',
-        'localhost:8643',
-        '127.0.0.1',
-        'localhost:8642@evil.example',
+        *('', 'evil.example:8642', 'localhost.evil.example:8642', '127.0.0.1.evil.example:8642'),
+        *('localhost:8643', '127.0.0.1', 'localhost:8642@evil.example', '[::1', 'localhost:x'),
         'evil.example/localhost:8642',
-        '[::1',
-        'localhost:x',
     ],
 )
 def test_foreign_hosts_are_refused(host):

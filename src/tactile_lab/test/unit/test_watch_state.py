@@ -226,6 +226,16 @@ def test_other_feature_sets_leave_the_spectrum_of_the_samples():
     assert finger.spectrum()['part'] == 'last 3 s'
 
 
+def test_a_spectrum_needs_16_samples_since_the_last_gap():
+    finger = Finger('')
+    finger.take_block(block(0, np.zeros(600)), 0.0)
+    finger.take_block(block(603, np.zeros(15), lost_before=3), 0.0)
+    assert finger.spectrum() is None
+    finger.take_block(block(618), 0.0)
+    assert len(finger.spectrum()['values']) == 16 // 2 + 1
+    assert finger.describe()['lost'] == 3
+
+
 def test_spectra_come_five_times_a_second(state, clock):
     frames, count = Frames(state), 0
     for number in range(60):
@@ -261,6 +271,7 @@ def test_a_step_of_the_clock_begins_anew_and_a_repeated_block_does_not(state):
     live = frames.next()['live']['']
     assert live['epoch'] == epoch + 1
     assert live['y'] == [5.0]
+    assert Frames(state).next()['live']['']['y'] == [5.0]
 
 
 def test_silent_sensors_and_devices_are_told(state, clock):

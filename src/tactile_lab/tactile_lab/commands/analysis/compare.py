@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 import time
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_classifier.evaluation.model_comparison import compare_answers, Comparison
+from tactile_classifier.evaluation.model_comparison import Answered, compare_answers, Comparison
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.trial_answers import find_training_trials, name_trials
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
-from tactile_lab.commands.analysis.compare_text import ROWS, tell_difference, tell_verdict
 from tactile_lab.commands.analysis.model_pairs import (
     Contender,
     load_models,
@@ -37,6 +37,7 @@ from tactile_lab.datasets.paired_tables import (
     trial_reader,
 )
 from tactile_lab.datasets.sources.load import split_sources
+from tactile_lab.datasets.tables import tell_interval
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
 
@@ -110,7 +111,7 @@ class Compared:
         was = 'were' if len(trained_on) > 1 else 'was'
         caution = f', on trials that {" and ".join(trained_on)} {was} trained on'
         caution *= bool(trained_on)
-        return tell_verdict(self.comparison, caution)
+        return _tell_verdict(self.comparison, caution)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
@@ -163,14 +164,13 @@ def run_compare(request: CompareRequest, *, as_json: bool) -> None:
         read = bag_reader(own)
     columns = [name.strip() for name in (request.group or '').split(',') if name.strip()]
     found = []
-    with output.progress() as progress:
-        bar = progress.add_task('comparing', total=len(pairs))
-        for pair in pairs:
+    with output.progress('comparing') as show:
+        for number, pair in enumerate(pairs, 1):
             compared = compare_pair(read, pair, columns, unseen=request.unseen)
             if not compared:
                 alone.append(f'no labelled trials of {question_of(pair)} in these recordings')
             found += compared
-            progress.advance(bar)
+            show(number, len(pairs))
     if not found:
         raise TactileError('; '.join(alone))
     for each in found:
@@ -206,11 +206,12 @@ def _compare(pair: tuple[Contender, Contender], paired: PairedTrials, *, unseen:
     new_labels = _count_new(paired, ~is_known, answers)
     keep, left_out, beside_seen = is_known, '', 0
     if unseen:
-        if any(each is None for each in seen):
-            raise TactileError(
-                f'--unseen: {_name_silent(pair, seen)} does not tell which trials it was trained '
-                'on; leave the option out'
-            )
+        for each, found in zip(pair, seen, strict=True):
+            if found is None:
+                raise TactileError(
+                    f'--unseen: {each.path} does not tell which trials it was trained on; leave '
+                    'the option out'
+                )
         trained_on = np.any(np.array(seen), axis=0)
         left_out = f'{trained_on[keep].sum()} trials that a model was trained on are left out'
         keep = keep & ~trained_on
@@ -255,10 +256,6 @@ def _find_seen(
     return None if found is None else paired.spread(side, found, False)
 
 
-def _name_silent(pair: tuple[Contender, Contender], seen: list[NDArray[np.bool_] | None]) -> str:
-    return next(str(each.path) for each, found in zip(pair, seen, strict=True) if found is None)
-
-
 def _count_new(
     paired: PairedTrials, is_new: NDArray[np.bool_], answers: list[NDArray[Any]]
 ) -> dict[str, Any]:
@@ -297,7 +294,7 @@ def _print(compared: Compared, output: Output) -> None:
     for side, each in zip(SIDES, compared.contenders, strict=True):
         table.add_column(f'{side}: {each.title}', justify='right')
     table.add_row('features', *(each.model.spec.feature_set for each in compared.contenders))
-    for name, tell in ROWS.items():
+    for name, tell in _ROWS.items():
         table.add_row(name, *(tell(side) for side in sides))
     table.add_row('only this one is right', str(comparison.only_a), str(comparison.only_b))
     table.add_row('file', *(f'{each.size_bytes / 1024:.0f} KiB' for each in compared.contenders))
@@ -305,7 +302,7 @@ def _print(compared: Compared, output: Output) -> None:
     for side, each in zip(SIDES, compared.contenders, strict=True):
         output.say(f'  {side}: {each.path}', plain=True)
     ratio = compared.seconds[1] / compared.seconds[0]
-    output.say(f'  {tell_difference(comparison)}')
+    output.say(f'  {_tell_difference(comparison)}')
     output.say(f'  same answer: {100 * comparison.agreement:.1f} % of the trials')
     output.say(f'  time of one answer, B to A, features apart: {ratio:.2f}')
     for wrong in comparison.confusions[:CONFUSIONS]:
@@ -328,3 +325,52 @@ def _print(compared: Compared, output: Output) -> None:
         output.say(f'  warning: {warning}', plain=True)
     output.say(compared.verdict)
     output.say()
+
+
+def _tell_verdict(comparison: Comparison, caution: str = '') -> str:
+    """Return which model is better, by how much and on what, in one sentence."""
+    over = f'{comparison.trials} trials{caution}'
+    if comparison.groups:
+        over = f'{comparison.groups} {comparison.parts_are}, {over}'
+    interval = comparison.interval
+    if interval.reason:
+        return f'Not told apart: {interval.reason}; {over}.'
+    points, low, high = (100 * n for n in (comparison.difference, interval.low, interval.high))
+    if not comparison.better:
+        span = f'{points:+.1f} points ({low:+.1f} to {high:+.1f})'
+        return f'Not told apart: B less A is {span}, {over}.'
+    if comparison.better == 'A':
+        points, low, high = -points, -high, -low
+    return (
+        f'{comparison.better} is better by {points:.1f} points ({low:.1f} to {high:.1f}), {over}.'
+    )
+
+
+def _tell_difference(comparison: Comparison) -> str:
+    """Return where the interval of the difference comes from."""
+    if comparison.interval.reason:
+        return f'difference: no interval, {comparison.interval.reason}'
+    over = comparison.interval.method
+    p = '' if over.startswith('t over') else f', p {comparison.p_value:.2g} (exact McNemar)'
+    return f'difference: 95 % interval of paired trials, {over}{p}'
+
+
+def _tell_accuracy(side: Answered) -> str:
+    accuracy = f'{100 * side.accuracy:.1f} %'
+    return accuracy if side.interval.reason else f'{accuracy}  ({tell_interval(side.interval)})'
+
+
+def _tell_answered(side: Answered) -> str:
+    share = side.answered_accuracy
+    return 'it gives none' if share is None else f'{100 * share:.1f} %'
+
+
+_ROWS: Mapping[str, Callable[[Answered], str]] = MappingProxyType(
+    {
+        'named correctly': _tell_accuracy,
+        'right, where it gives a label': _tell_answered,
+        'unknown': lambda side: f'{100 * side.unknown_rate:.1f} %',
+        'no answer': lambda side: f'{100 * side.no_answer_rate:.1f} %',
+    }
+)
+"""Rows of the table: what each says of one model."""

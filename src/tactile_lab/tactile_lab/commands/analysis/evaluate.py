@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from tactile_classifier.datasets.dataset import ALL, FeatureTable
-from tactile_classifier.evaluation.cross_validation import evaluate, Evaluation
 from tactile_classifier.names import describe_features
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
-from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.features import AUTO, choose_automatically, keep_task, Reader
 from tactile_lab.commands.analysis.requests import EvaluateRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
@@ -53,52 +52,27 @@ def run_evaluate(request: EvaluateRequest, *, as_json: bool) -> None:
         from tactile_lab.report.build import report_path, write_report  # matplotlib
 
         file = report_path(request.report)
-    with output.progress() as progress:
-        progress.add_task('reading', total=None)
+    with output.progress('reading'):
         sets = [
             replace(each, splits=request.train_test.splits(each.table))
             for each in _read_sets(request, output)
         ]
-    results = analyse_with_progress(
-        sets,
-        output,
-        folds=request.folds,
-        repetitions=request.repetitions,
-        random_state=request.seed,
-        answers=request.answers,
-        details=as_json or file is not None,  # the terminal has no place for them
-    )
+    with output.progress('evaluating') as show:
+        results = analyse(
+            sets,
+            progress=show,
+            folds=request.folds,
+            repetitions=request.repetitions,
+            random_state=request.seed,
+            answers=request.answers,
+            details=as_json or file is not None,  # the terminal has no place for them
+        )
     for result in results:
         _print_result(result, output)
     if file is not None:
         write_report(file, results, request.recordings, _settings(request))
         output.say(f'{file}: the same with figures, learning curves, and the paper beside it')
     output.result({'sets': [result.to_dict() for result in results]})
-
-
-def analyse_with_progress(
-    sets: Sequence[RecordingSet], output: Output, **arguments: Any
-) -> list[SetResult]:
-    """Run all analyses of all sets under one progress bar, on all cores."""
-    with output.progress() as progress:
-        bar = progress.add_task('evaluating', total=None)
-        return analyse(
-            sets,
-            progress=lambda done, total: progress.update(bar, completed=done, total=total),
-            **arguments,
-        )
-
-
-def evaluate_with_progress(table: FeatureTable, output: Output, **arguments: Any) -> Evaluation:
-    """Cross-validate with a progress bar, on all cores."""
-    with output.progress() as progress:
-        bar = progress.add_task('cross-validating', total=None)
-        return evaluate(
-            table,
-            jobs=-1,
-            progress=lambda done, total: progress.update(bar, completed=done, total=total),
-            **arguments,
-        )
 
 
 def _print_result(result: SetResult, output: Output) -> None:
@@ -163,11 +137,8 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
     found = _choose(read, chosen, request, output) if automatic else read(chosen).tables
     tables = {
         key: select_features(request.train_test.keep(table), request.features)
-        for key, table in found.items()
-        if request.task in (None, key[0])
+        for key, table in keep_task(found, request.task).items()
     }
-    if not tables:
-        raise TactileError(f'the bags hold no {request.task} trials')
     sets = bag_sets(
         tables, request.hold_out or None, also=('mounting_id',) if request.is_experiment else ()
     )

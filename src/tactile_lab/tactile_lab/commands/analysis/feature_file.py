@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_lab.commands.analysis.features import keep_task
 from tactile_lab.commands.analysis.requests import FeaturesRequest
-from tactile_lab.commands.output import Output
+from tactile_lab.commands.output import Output, refuse_to_replace
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials
@@ -41,8 +42,7 @@ def run_features(request: FeaturesRequest, *, as_json: bool) -> None:
     if request.file.suffix not in ('.parquet', '.csv'):
         raise TactileError(f'--output is {request.file}; it must end in .parquet or .csv')
     load_pyarrow()  # before the work
-    with output.progress() as progress:
-        progress.add_task('computing features', total=None)
+    with output.progress('computing features'):
         tables, notes = _read(request)
     several = len(tables) > 1
     written = []
@@ -51,9 +51,8 @@ def run_features(request: FeaturesRequest, *, as_json: bool) -> None:
         path = request.file
         if several:
             path = path.with_name(f'{path.stem}_{kind}{path.suffix}')
-        if path.exists() and not request.force:
-            raise TactileError(f'{path} would be replaced: give another name, or --force')
         written.append((path, kind, table))
+    refuse_to_replace([path for path, _, _ in written], force=request.force)
     for line in notes:
         output.say(line, plain=True)
     for path, kind, table in written:
@@ -101,9 +100,7 @@ def _read(request: FeaturesRequest) -> tuple[dict[tuple[str, str], FeatureTable]
         request.check_for_bags()
         chosen = choose_features(request.over, request.detrend, request.features)
         found = read_tables(own, chosen)
-        tables = {k: t for k, t in found.tables.items() if request.task in (None, k[0])}
-        if not tables:
-            raise TactileError(f'the bags hold no {request.task} trials')
+        tables = keep_task(found.tables, request.task)
         notes = [f'left out: {sentence}' for sentence in found.left_out]
     return {key: select_features(table, request.features) for key, table in tables.items()}, notes
 

@@ -20,6 +20,7 @@ from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables
+from tactile_ros.errors import TactileError
 
 AUTO = 'auto'
 """In place of a set of features: choose one inside the folds."""
@@ -28,6 +29,20 @@ Key = tuple[str, str]
 
 Reader = Callable[[Mapping[str, Any]], BagTables]
 """Returns the tables of some recordings, with features that fields of `FeatureConfig` name."""
+
+
+def keep_task(tables: Mapping[Key, FeatureTable], task: str | None) -> dict[Key, FeatureTable]:
+    """Return the tables of a task; of every one if it is None.
+
+    Raises
+    ------
+    TactileError
+        When there is none.
+    """
+    found = {key: table for key, table in tables.items() if task in (None, key[0])}
+    if not found:
+        raise TactileError(f'the bags hold no {task} trials')
+    return found
 
 
 def choose_automatically(

@@ -6,30 +6,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 import sys
 
 import numpy as np
 import typer
 
 from tactile_classifier.datasets.archive import save_archive
-from tactile_lab.commands.output import Output
+from tactile_lab.commands.analysis.requests import ImportRequest
+from tactile_lab.commands.output import Output, refuse_to_replace
 from tactile_lab.datasets.sources.load import load_trials, split_sources
-from tactile_lab.datasets.sources.options import SourceOptions
 from tactile_lab.datasets.sources.questions import Questions
 from tactile_ros.errors import TactileError
 
 
-def run_import(
-    sources: Sequence[Path],
-    archive: Path,
-    options: SourceOptions,
-    *,
-    accepts_guesses: bool,
-    skip_bad: bool,
-    force: bool,
-    as_json: bool,
-) -> None:
+def run_import(request: ImportRequest, *, as_json: bool) -> None:
     """Read recordings, say what was taken for what, write the archive.
 
     Raises
@@ -38,18 +28,18 @@ def run_import(
         When something is not known and cannot be asked, or the archive would be replaced.
     """
     output = Output(as_json)
+    archive = request.archive
     if archive.suffix != '.npz':
         raise TactileError(f'--output is {archive}; the name of an archive ends in .npz')
-    if archive.exists() and not force:
-        raise TactileError(f'{archive} would be replaced: give another name, or --force')
-    own, leaves = split_sources(sources, options)
+    refuse_to_replace([archive], force=request.force)
+    own, leaves = split_sources(request.recordings, request.sources)
     if own:
         raise TactileError(
             f'{own[0]} is a bag with trial events: train, evaluate and features take it as it is'
         )
-    asks = not (as_json or accepts_guesses) and sys.stdin.isatty()
-    questions = Questions(_ask if asks else None, accepts_guesses)
-    trials = load_trials(leaves, options, questions, folds=0, skip_bad=skip_bad)
+    asks = not (as_json or request.yes) and sys.stdin.isatty()
+    questions = Questions(_ask if asks else None, request.yes)
+    trials = load_trials(leaves, request.sources, questions, folds=0, skip_bad=request.skip_bad)
     for line in trials.steps:
         output.say(line, plain=True)
     for each in trials.skipped:

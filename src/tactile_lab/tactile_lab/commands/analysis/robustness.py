@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from tactile_bringup.records import TrialConfig
+from tactile_lab.commands.analysis.requests import RobustnessRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.report.build import report_path
 from tactile_lab.report.figures.robustness import build_robustness_page, tell_axis
@@ -16,30 +15,17 @@ from tactile_lab.simulation.robustness_axes import list_axes
 from tactile_sim.descriptions.catalogue import Catalogue
 
 
-def run_robustness(
-    report: Path,
-    *,
-    contact: str,
-    description: Path | None,
-    seed: int,
-    jobs: int,
-    as_json: bool,
-) -> None:
+def run_robustness(request: RobustnessRequest, *, as_json: bool) -> None:
     """Run the study, print a line an axis, write the report."""
     output = Output(as_json)
-    file = report_path(report)
-    study, catalogue = Study(contact=contact, seed=seed), Catalogue(description)
-    with output.progress() as progress:
-        bar = progress.add_task('simulating conditions', total=None)
-        points = run_study(
-            study,
-            catalogue,
-            jobs=jobs,
-            progress=lambda done, total: progress.update(bar, completed=done, total=total),
-        )
+    file = report_path(request.report)
+    study = Study(contact=request.contact, seed=request.seed)
+    catalogue = Catalogue(request.description)
+    with output.progress('simulating conditions') as show:
+        points = run_study(study, catalogue, jobs=request.jobs, progress=show)
     axes = list_axes(catalogue.rig().load_cell, TrialConfig(simulated=True))
     document = describe(study, catalogue, points)
-    output.say(f'SIMULATED trials, {contact}; {document["split"]}')
+    output.say(f'SIMULATED trials, {request.contact}; {document["split"]}')
     for axis in axes:
         for line in tell_axis(axis, points):
             output.say(f'  {line}')

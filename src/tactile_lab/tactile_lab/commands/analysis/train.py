@@ -17,7 +17,7 @@ from tactile_bringup.launch_config.model_folder import model_path
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import choose_repetitions
 from tactile_classifier.estimators.classifiers import default_scaling
-from tactile_classifier.evaluation.cross_validation import Evaluation
+from tactile_classifier.evaluation.cross_validation import evaluate, Evaluation
 from tactile_classifier.model_file.card import tell_scores
 from tactile_classifier.model_file.live_recalibration import RECALIBRATED, STATISTICS
 from tactile_classifier.model_file.manifest import Manifest
@@ -28,10 +28,9 @@ from tactile_classifier.training.recalibrated_model import write_recalibrated
 from tactile_classifier.training.trainer import train
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
-from tactile_lab.commands.analysis.evaluate import evaluate_with_progress
-from tactile_lab.commands.analysis.features import AUTO, choose_automatically, Reader
+from tactile_lab.commands.analysis.features import AUTO, choose_automatically, keep_task, Reader
 from tactile_lab.commands.analysis.requests import TrainRequest
-from tactile_lab.commands.output import make_output_folder, Output
+from tactile_lab.commands.output import make_output_folder, Output, refuse_to_replace
 from tactile_lab.datasets.bag_tables import BagTables, read_tables
 from tactile_lab.datasets.feature_options import choose_features, list_sets
 from tactile_lab.datasets.prepared import prepare_trials
@@ -102,18 +101,14 @@ def run_train(recordings: Sequence[Path], request: TrainRequest, *, as_json: boo
 
 
 def _of_task(found: BagTables, request: TrainRequest) -> BagTables:
-    tables = {key: t for key, t in found.tables.items() if request.task in (None, key[0])}
-    if not tables:
-        raise TactileError(f'the bags hold no {request.task} trials')
-    return replace(found, tables=tables)
+    return replace(found, tables=keep_task(found.tables, request.task))
 
 
 def _train_on_trials(
     leaves: Sequence[Leaf], request: TrainRequest, automatic: bool, output: Output
 ) -> list[TrainedModel]:
     """Train on recordings that are not bags of ours."""
-    with output.progress() as progress:
-        progress.add_task('extracting features', total=None)
+    with output.progress('extracting features'):
         prepared = prepare_trials(leaves, request, folds=request.folds)
     for line in (prepared.title, *prepared.trials.steps):
         output.say(line, plain=True)
@@ -142,8 +137,7 @@ def read_with_progress(
     bags: Sequence[Path], output: Output, chosen: Mapping[str, Any] = MappingProxyType({})
 ) -> BagTables:
     """Read the bags' feature tables; say which trials are left out. See `read_tables`."""
-    with output.progress() as progress:
-        progress.add_task('extracting features', total=None)
+    with output.progress('extracting features'):
         found = read_tables(bags, chosen)
     for sentence in found.left_out[:5]:
         output.say(f'left out: {sentence}')
@@ -174,20 +168,22 @@ def train_models(
         When a model file is there already and may not be replaced.
     """
     paths = {key: model_path(request.folder, *key) for key in found.tables}
-    there = [str(path) for path in paths.values() if path.exists()]
-    if there and not request.force:
-        raise TactileError(
-            f'{", ".join(there)} would be replaced: give another folder with --output, or --force'
-        )
+    refuse_to_replace(paths.values(), force=request.force)
     make_output_folder(request.folder)
     models = []
     for (task, contact), table in found.tables.items():
         repetitions, saving = choose_repetitions(table, request.repetitions)
         if saving:
             output.say(saving)
-        evaluation = evaluate_with_progress(
-            table, output, folds=request.folds, repetitions=repetitions, random_state=request.seed
-        )
+        with output.progress('cross-validating') as show:
+            evaluation = evaluate(
+                table,
+                folds=request.folds,
+                repetitions=repetitions,
+                random_state=request.seed,
+                jobs=-1,
+                progress=show,
+            )
         name = f'{task}, {contact}' if contact else task
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
         output.say(accuracy_table(evaluation, f'{name}{simulated}'))
@@ -251,10 +247,7 @@ def run_recalibrate(
         )
     (table,) = fitting
     path = model_path(folder, model.task, model.contact)
-    if path.exists() and not force:
-        raise TactileError(
-            f'{path} would be replaced: give another folder with --output, or --force'
-        )
+    refuse_to_replace([path], force=force)
     make_output_folder(folder)
     seconds = [count / model.spec.rate_hz for count in model.running_samples]
     running = read_partial_tables(table, seconds) if seconds else {}

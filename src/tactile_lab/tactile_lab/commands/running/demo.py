@@ -5,14 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import product
 import json
 from pathlib import Path
 import time
-from typing import Any
 
 from domain_coordinator import domain_id
 import numpy as np
@@ -33,6 +30,7 @@ from tactile_lab.commands.analysis.train import (
 )
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_report, replay_and_compare, ReplayReport
+from tactile_lab.commands.rig_requests import DemoRequest
 from tactile_lab.commands.running.live_trials import LiveSetup, LiveTrial, run_live_trials
 from tactile_lab.commands.simulate import make_bags
 from tactile_lab.datasets.traces import read_trace
@@ -55,29 +53,21 @@ STIFFNESS_FEATURES = 'stiffness_relaxation'
 """What the demo learns from holds: it withstands a new mounting better than the paper's set."""
 
 
-def run_demo(
-    folder: Path | None,
-    *,
-    seed: int,
-    short: bool,
-    trials: int,
-    as_json: bool,
-    watch: WatchOptions | None = None,
-) -> bool:
-    """Run the demo with this many live trials; return whether the replays agree."""
+def run_demo(request: DemoRequest, *, as_json: bool) -> bool:
+    """Run the demo; return whether the replays agree."""
     started = time.monotonic()
     output = Output(as_json)
-    folder = make_folder(folder)
-    with starting_rig(seed) as starting:
+    folder, seed = make_folder(request.folder), request.seed
+    with SimulatedRig(seed) as rig:
         output.say('Everything below comes from a SIMULATED rig: no number is a measurement.\n')
 
         output.say('[bold]1  Training sets from the simulator, without waiting[/bold]')
-        plans = paper_plans((12 if short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
+        plans = paper_plans((12 if request.short else PAPER_TRIALS) // SESSIONS, SESSIONS, seed)
         made = make_bags(folder / 'training', plans, output)
         bags = [bag.path for bag in made]
         output.say(
             f'   {sum(bag.trials for bag in made)} simulated trials in {len(bags)} bags, from '
-            f'{SESSIONS} sessions; {_since(started)}\n'
+            f'{SESSIONS} sessions; {time.monotonic() - started:.0f} s\n'
         )
 
         output.say('[bold]2  Training and cross-validation[/bold]')
@@ -86,17 +76,16 @@ def run_demo(
 
         output.say('[bold]3  Live trials: bytes on serial lines to labels on a topic[/bold]')
         output.say('   in another session: the rig has been set up anew since the training')
-        rig = starting.result()
         with domain_id() as domain:
             setup = LiveSetup(
                 ports=Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor),
                 bag=folder / 'recording',
                 models=folder / 'models',
-                simulated=True,
+                simulated_rig=rig,
                 domain_id=int(domain),
-                watch=watch,
+                watch=WatchOptions() if request.watch else None,
             )
-            live = run_live_trials(setup, choose_trials(seed, trials), output, simulated_rig=rig)
+            live = run_live_trials(setup, choose_trials(seed, request.trials), output)
 
     output.say('\n[bold]4  The recording, replayed[/bold]')
     reports = replay_and_compare(folder / 'recording', None, through_nodes=True)
@@ -104,24 +93,20 @@ def run_demo(
         print_report(report, output)
 
     draw_plots(folder, live, trained)
-    summary = summarise(folder, live, trained, reports, time.monotonic() - started)
+    summary = {
+        'simulated': True,
+        'folder': str(folder),
+        'seconds': round(time.monotonic() - started, 1),
+        'models': [model.to_dict() for model in trained],
+        'live_trials': [trial.to_dict() for trial in live],
+        'replay': [report.to_dict() for report in reports],
+    }
     (folder / 'summary.json').write_text(json.dumps(summary, indent=1, allow_nan=False))
     print_summary(folder, live, reports, output)
     for sentence in explain_misses(live, trained):
         output.say(f'   {sentence}')
     output.result(summary)
     return all(report.is_equal for report in reports)
-
-
-@contextmanager
-def starting_rig(seed: int) -> Iterator[Future[SimulatedRig]]:
-    """Start the simulated rig while something else is done; close it after the block."""
-    with ThreadPoolExecutor(1) as pool:
-        starting = pool.submit(SimulatedRig, seed)
-        try:
-            yield starting
-        finally:
-            starting.result().close()
 
 
 def make_folder(folder: Path | None) -> Path:
@@ -208,24 +193,6 @@ def draw_spectra(path: Path, table: FeatureTable) -> None:
     )
 
 
-def summarise(
-    folder: Path,
-    live: Sequence[LiveTrial],
-    trained: Sequence[TrainedModel],
-    reports: Sequence[ReplayReport],
-    seconds: float,
-) -> dict[str, Any]:
-    """Return all that the demo found, as what JSON can hold."""
-    return {
-        'simulated': True,
-        'folder': str(folder),
-        'seconds': round(seconds, 1),
-        'models': [model.to_dict() for model in trained],
-        'live_trials': [trial.to_dict() for trial in live],
-        'replay': [report.to_dict() for report in reports],
-    }
-
-
 def print_summary(
     folder: Path, live: Sequence[LiveTrial], reports: Sequence[ReplayReport], output: Output
 ) -> None:
@@ -273,7 +240,3 @@ def explain_misses(live: Sequence[LiveTrial], trained: Sequence[TrainedModel]) -
             'own session was held out'
         )
     return sentences
-
-
-def _since(started: float) -> str:
-    return f'{time.monotonic() - started:.0f} s'

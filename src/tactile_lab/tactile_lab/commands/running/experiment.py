@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 import sys
 from typing import Any
 
-from tactile_lab.commands.output import Output
+from tactile_lab.commands.output import Output, refuse_to_replace
 from tactile_lab.commands.rig_requests import ExperimentRequest
-from tactile_lab.commands.running.live_trials import LiveSetup
-from tactile_lab.commands.running.rig import open_ports, read_rig_parameters
+from tactile_lab.commands.running.live_trials import open_rig
 from tactile_lab.experiment.bench import LiveBench
 from tactile_lab.experiment.folder import ExperimentFolder, is_experiment, PLAN
 from tactile_lab.experiment.journal import write_atomically
@@ -28,7 +28,6 @@ from tactile_lab.experiment.plan import (
     read_plan,
 )
 from tactile_lab.experiment.progress import FAILED, OUTLIER, Progress
-from tactile_lab.watch.options import WatchOptions
 
 MOST_FAILURES = 3
 """Failures in a row after which an experiment ends, with ``--yes``."""
@@ -37,7 +36,7 @@ MOST_FAILURES = 3
 class Terminal:
     """The person at the rig, asked on the terminal."""
 
-    mounting_s = 60.0
+    has_given_up = False
 
     def __init__(self, output: Output) -> None:
         self._output = output
@@ -76,12 +75,9 @@ class Terminal:
 class Nobody(Terminal):
     """Nobody at the rig: what fails is tried again, outliers are kept."""
 
-    mounting_s = 0.0
-
     def __init__(self, output: Output) -> None:
         super().__init__(output)
         self._failures = 0
-        self.has_given_up = False
 
     def begin_session(self, session_id: str, trials: int) -> bool:
         self.say(f'session {session_id}, {trials} trials')
@@ -101,8 +97,7 @@ class Nobody(Terminal):
 def run_new(path: Path, plan: ExperimentPlan, *, force: bool, as_json: bool) -> None:
     """Write a plan, and say what it comes to."""
     output = Output(as_json)
-    if path.exists() and not force:
-        raise ExperimentError(f'{path} exists; name another file, or --force')
+    refuse_to_replace([path], force=force)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, format_plan(plan))
@@ -143,7 +138,7 @@ def run_plan(request: ExperimentRequest, *, as_json: bool) -> bool:
                 _run(request, folder, plan, operator, journal, output)
         finally:
             _summarise(folder, folder.read_progress(), output)
-    return not getattr(operator, 'has_given_up', False)
+    return not operator.has_given_up
 
 
 def _set_up(request: ExperimentRequest) -> tuple[ExperimentFolder, ExperimentPlan]:
@@ -166,23 +161,11 @@ def _run(
     output: Output,
 ) -> None:
     with ExitStack() as stack:
-        ports, simulated_rig = open_ports(request.ports, request.seed, stack)
-        if simulated_rig is not None:
-            output.say('SIMULATED rig: no number is a measurement.')
-            for label in plan.objects:
-                for contact in plan.contacts:
-                    simulated_rig.check_mount(plan.protocol, label, contact)
-        setup = LiveSetup(
-            ports=ports,
-            bag=folder.bags,
-            models=request.models,
-            simulated=request.ports.simulated,
-            watch=WatchOptions() if request.watch else None,
-            parameters=read_rig_parameters(request.params, request.models, ''),
-        )
-        run_experiment(
-            folder, plan, LiveBench(setup, plan, simulated_rig, output), operator, journal
-        )
+        setup = open_rig(request, folder.bags, output, stack)
+        if setup.simulated_rig is not None:
+            for label, contact in product(plan.objects, plan.contacts):
+                setup.simulated_rig.check_mount(plan.protocol, label, contact)
+        run_experiment(folder, LiveBench(setup, plan, output), operator, journal)
 
 
 def _summarise(folder: ExperimentFolder, progress: Progress, output: Output) -> None:

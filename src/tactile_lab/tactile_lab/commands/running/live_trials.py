@@ -30,6 +30,8 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits
+from tactile_lab.commands.rig_requests import ExperimentRequest, TrialsRequest
+from tactile_lab.commands.running.rig import open_ports, read_rig_parameters
 from tactile_lab.commands.running.watch import say_address
 from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.watching import Watch, watching
@@ -42,10 +44,7 @@ AUDIT_TIMEOUT_S = 2.0
 
 @dataclass(frozen=True)
 class LiveTrial:
-    """One live trial: what was asked, and what was answered where a classifier listens.
-
-    ``audit`` says whether its recording holds every sample.
-    """
+    """What was asked, what a classifier answered, and whether every sample is recorded."""
 
     request: TrialRequest
     answer: ClassificationResult | None
@@ -84,9 +83,11 @@ class LiveSetup:
         Where to record; must not exist yet.
     models : pathlib.Path or None
         Folder of the model files; None runs without classifiers.
+    simulated_rig : SimulatedRig or None
+        The rig is this one. It gets what each trial names under its finger; on a real rig that is
+        the experimenter's part.
     parameters : mapping
         ROS parameters by node name.
-    simulated : bool
     domain_id : int or None
         ROS domain; None takes the environment's.
     watch : WatchOptions or None
@@ -96,7 +97,7 @@ class LiveSetup:
     ports: Ports
     bag: Path
     models: Path | None
-    simulated: bool
+    simulated_rig: SimulatedRig | None
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     domain_id: int | None = None
     watch: WatchOptions | None = None
@@ -106,16 +107,7 @@ class LiveSetup:
 class LiveRig:
     """A rig whose nodes run in this process, homed, and recorded.
 
-    Attributes
-    ----------
-    operator : OperatorNode
-    recorder : BagRecorderNode
-    models : mapping of str to str
-        Model file by classifier name.
-    others : tuple of Node
-        The further nodes.
-    watch : Watch or None
-        The live page, if one is served.
+    ``models`` are files by classifier name, ``others`` the further nodes.
     """
 
     operator: OperatorNode
@@ -134,7 +126,7 @@ class LiveRig:
         StoppedError
             When somebody has pressed Stop on the live page.
         """
-        if self.watch is not None and self.watch.was_stopped:
+        if self.watch is not None and self.watch.state.was_stopped:
             raise StoppedError('stopped from the live page')
         check_recording(self.recorder)
         try:
@@ -159,21 +151,42 @@ class LiveRig:
             time.sleep(0.02)
 
 
+def open_rig(
+    request: TrialsRequest | ExperimentRequest, bag: Path, output: Output, stack: ExitStack
+) -> LiveSetup:
+    """Return the rig that a command is to run trials on; the stack ends a simulated one.
+
+    Raises
+    ------
+    TactileError
+        When ports are missing, or the parameters do not fit.
+    """
+    ports, simulated_rig = open_ports(request.ports, request.seed, stack)
+    if simulated_rig is not None:
+        output.say('SIMULATED rig: no number is a measurement.')
+    return LiveSetup(
+        ports=ports,
+        bag=bag,
+        models=request.models,
+        simulated_rig=simulated_rig,
+        parameters=read_rig_parameters(request.params, request.models, ''),
+        watch=WatchOptions() if request.watch else None,
+    )
+
+
 @contextmanager
 def live_rig(
-    setup: LiveSetup,
-    others: Sequence[Callable[[Context], Node]] = (),
-    output: Output | None = None,
+    setup: LiveSetup, output: Output, others: Sequence[Callable[[Context], Node]] = ()
 ) -> Iterator[LiveRig]:
     """Start the rig's nodes and its recorder, home the guide, and end them after the block.
 
     Parameters
     ----------
     setup : LiveSetup
+    output : Output
+        Prints the address of the live page.
     others : sequence of callable
         Each makes a further node for the context that it is given.
-    output : Output, optional
-        Prints the address of the live page.
 
     Raises
     ------
@@ -181,22 +194,23 @@ def live_rig(
         When a node cannot be started or a topic has no publisher.
     """
     models = find_models(setup.models) if setup.models else {}
-    graph = rig_graph(setup.ports, models, setup.parameters, simulated=setup.simulated)
+    simulated = setup.simulated_rig is not None
+    graph = rig_graph(setup.ports, models, setup.parameters, simulated=simulated)
     graph.append(
         recorder_node(
             setup.bag,
             setup.models,
             tuple(models),
             feature_parameters_of(graph),
-            simulated=setup.simulated,
+            simulated=simulated,
         )
     )
     with ExitStack() as stack:
         context = stack.enter_context(ros_context(setup.domain_id))
         watch = None
         if setup.watch is not None:
-            watch = stack.enter_context(watching(context, setup.watch, simulated=setup.simulated))
-            say_address(watch, output or Output(as_json=True))
+            watch = stack.enter_context(watching(context, setup.watch, simulated=simulated))
+            say_address(watch, output)
         operator = OperatorNode(tuple(models), context)
         made = [make(context) for make in others]
         with running_graph(graph, context, others=[operator, *made], quiet=True) as nodes:
@@ -211,8 +225,6 @@ def run_live_trials(
     setup: LiveSetup,
     requests: Sequence[TrialRequest],
     output: Output,
-    *,
-    simulated_rig: SimulatedRig | None,
     live: list[LiveTrial] | None = None,
 ) -> list[LiveTrial]:
     """Home the guide, run the trials, record them; print a line for each.
@@ -225,9 +237,6 @@ def run_live_trials(
     requests : sequence of TrialRequest
         Each with a trial id of its own.
     output : Output
-    simulated_rig : SimulatedRig or None
-        Puts what each request names under the simulated finger; on a real rig that is
-        the experimenter's part.
     live : list of LiveTrial, optional
         Gets each trial as soon as it is recorded, for who must know them if this raises.
 
@@ -238,12 +247,13 @@ def run_live_trials(
         recording has failed: no trial is run that would not be recorded.
     """
     live = [] if live is None else live
+    simulated_rig = setup.simulated_rig
     if simulated_rig is not None:
         for request in requests:
             simulated_rig.check_mount(request.protocol, request.object_label, request.contact)
     rig = None
     try:
-        with live_rig(setup, output=output) as rig:
+        with live_rig(setup, output) as rig:
             for number, request in enumerate(requests, 1):
                 rig.operator.tell_progress(number, len(requests), request)
                 if simulated_rig is not None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 import threading
 from typing import Any
@@ -33,22 +32,6 @@ from tactile_ros.errors import TactileError
 from tactile_ros.programs.signals import hold_signals
 from tactile_sim.descriptions.catalogue import list_objects
 from tactile_sim.rig_process import SimulatedRig
-
-
-@dataclass(frozen=True)
-class View:
-    """What is shown of the running nodes.
-
-    Attributes
-    ----------
-    watch : WatchOptions or None
-        Serve a live page.
-    quiet : bool
-        Print no line for each answer.
-    """
-
-    watch: WatchOptions | None = None
-    quiet: bool = False
 
 
 def run_rig(request: RigRequest) -> None:
@@ -80,17 +63,24 @@ def run_rig(request: RigRequest) -> None:
                     simulated=simulated,
                 )
             )
-        view = View(WatchOptions() if request.watch else None, request.quiet)
-        run_nodes(nodes, request.namespace, 'rig', view, simulated_rig)
+        run_nodes(
+            nodes,
+            request.namespace,
+            'rig',
+            watch=request.watch,
+            quiet=request.quiet,
+            simulated_rig=simulated_rig,
+        )
 
 
 def run_nodes(
     nodes: Sequence[NodeDescription],
     namespace: str,
     title: str,
-    view: View,
-    simulated_rig: SimulatedRig | None = None,
     *,
+    watch: bool,
+    quiet: bool,
+    simulated_rig: SimulatedRig | None = None,
     simulated: bool = False,
 ) -> None:
     """Run nodes in this process until SIGINT or SIGTERM, or until one of them fails.
@@ -99,7 +89,10 @@ def run_nodes(
     ----------
     nodes : sequence of NodeDescription
     namespace, title : str
-    view : View
+    watch : bool
+        Serve a live page.
+    quiet : bool
+        Print no line for each answer.
     simulated_rig : SimulatedRig, optional
         It gets what a trial of the live page names under its finger.
     simulated : bool
@@ -123,20 +116,20 @@ def run_nodes(
 
     with ExitStack() as stack:
         context = stack.enter_context(ros_context())
-        if view.watch or not view.quiet:
-            watch = stack.enter_context(
+        if watch or not quiet:
+            watched = stack.enter_context(
                 watching(
                     context,
-                    view.watch,
+                    WatchOptions() if watch else None,
                     simulated=simulated,
                     objects=simulated_objects() if simulated_rig else {},
                     before_trial=lambda request: mount(simulated_rig, request),
-                    answers_only=view.watch is None,
+                    answers_only=not watch,
                 )
             )
-            if not view.quiet:
-                watch.state.on_answer = lambda *answer: output.say(answer_line(*answer))
-            say_address(watch, output)
+            if not quiet:
+                watched.state.on_answer = lambda *answer: output.say(answer_line(*answer))
+            say_address(watched, output)
         stack.enter_context(
             running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals)
         )

@@ -11,12 +11,12 @@ from pathlib import Path
 import tempfile
 
 from tactile_bringup.launch_config.launch_plans import plan_launch
-from tactile_lab.commands.running.rig import run_nodes, View
+from tactile_lab.commands.running.rig import run_nodes
 from tactile_ros.programs.signals import hold_signals
 from tactile_sim.rig_process import SimulatedRig
 
 
-def run_sensing(name: str, values: Mapping[str, str], view: View) -> None:
+def run_sensing(name: str, values: Mapping[str, str], *, watch: bool, quiet: bool) -> None:
     """Run in this process what the launch file of this name starts, until a signal comes.
 
     Parameters
@@ -25,7 +25,8 @@ def run_sensing(name: str, values: Mapping[str, str], view: View) -> None:
         ``sense`` or ``hand``.
     values : mapping of str to str
         Arguments of the launch file; empty ones count as left out.
-    view : View
+    watch, quiet : bool
+        See `run_nodes`.
 
     Raises
     ------
@@ -40,4 +41,5 @@ def run_sensing(name: str, values: Mapping[str, str], view: View) -> None:
         plan = plan_launch(name, given, Path(scratch))
         for rig in plan.rigs:
             stack.enter_context(SimulatedRig(rig.seed, rig.links))
-        run_nodes(plan.nodes, '', 'sensor nodes', view, simulated=given.get('rig') == 'simulated')
+        simulated = given['rig'] == 'simulated'
+        run_nodes(plan.nodes, '', 'sensor nodes', watch=watch, quiet=quiet, simulated=simulated)

@@ -11,9 +11,7 @@ import time
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.rig_requests import TrialsRequest
-from tactile_lab.commands.running.live_trials import LiveSetup, LiveTrial, run_live_trials
-from tactile_lab.commands.running.rig import open_ports, read_rig_parameters
-from tactile_lab.watch.options import WatchOptions
+from tactile_lab.commands.running.live_trials import LiveTrial, open_rig, run_live_trials
 
 
 def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
@@ -38,18 +36,8 @@ def run_trials(request: TrialsRequest, *, as_json: bool) -> None:
     live: list[LiveTrial] = []
     try:
         with ExitStack() as stack:
-            ports, simulated_rig = open_ports(request.ports, request.seed, stack)
-            setup = LiveSetup(
-                ports=ports,
-                bag=request.bag,
-                models=request.models,
-                simulated=request.ports.simulated,
-                watch=WatchOptions() if request.watch else None,
-                parameters=read_rig_parameters(request.params, request.models, ''),
-            )
-            if setup.simulated:
-                output.say('SIMULATED rig: no number is a measurement.')
-            run_live_trials(setup, trials, output, simulated_rig=simulated_rig, live=live)
+            setup = open_rig(request, request.bag, output, stack)
+            run_live_trials(setup, trials, output, live)
     except BaseException as error:
         _summarise(live, request, output, str(error) or 'interrupted')
         raise
