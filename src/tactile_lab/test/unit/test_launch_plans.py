@@ -26,9 +26,13 @@ PROTOCOLS = ('texture', 'stiffness')
 
 
 def launched(path):
-    """Return package and executable of each node in a launch file."""
-    _, _, nodes = path.read_text().partition('NODES = ')
-    return set(ast.literal_eval(nodes.partition('\n\n')[0]))
+    """Return package and executable of each ``Node(...)`` in a launch file."""
+    calls = [
+        {word.arg: word.value.value for word in call.keywords if word.arg}
+        for call in ast.walk(ast.parse(path.read_text()))
+        if isinstance(call, ast.Call) and getattr(call.func, 'id', '') == 'Node'
+    ]
+    return {(call['package'], call['executable']) for call in calls}
 
 
 def test_each_launch_file_has_its_arguments():
