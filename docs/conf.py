@@ -52,7 +52,6 @@ for package in (
     'tactile_bags',
     'tactile_classifier',
     'tactile_features',
-    'tactile_features.feature_sets',
     'tactile_sim',
     'tendon_sensor_driver',
 ):

@@ -11,8 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
+import signal
 import subprocess
 import time
+from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from workspace import ROOT, Workspace
@@ -20,8 +22,12 @@ from workspace import ROOT, Workspace
 COMPUTING = ('unit', 'analysis')
 """Folders of tests that compute. All others wait for devices and nodes, in real time."""
 
-IN_IDLE_TIME = ['nice', '-n', '19']
-"""Before a command that takes what the others leave of the processor."""
+STEP_BACK = ['sh', '-c', 'echo 19 > /proc/self/autogroup; exec nice -n 19 "$@"', 'sh']
+"""Before a command that takes what the others leave of the processor.
+
+Linux shares the processor among sessions first (autogroups), then among a session's processes, and
+a simulated rig has a session of its own.
+"""
 
 
 @dataclass
@@ -72,16 +78,47 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
     computing = [folder for folder in folders if folder.name in COMPUTING]
     waiting = [folder for folder in folders if folder.name not in COMPUTING]
     # A simulated rig that waits for the processor is a failed trial: what computes steps back.
-    with ThreadPoolExecutor(2) as pool:
-        rules = pool.submit(check_rules, workspace) if is_all else None
-        computed = pool.submit(
-            run_pytest, workspace, 'computing', computing, options, is_behind=bool(waiting)
+    with Background() as background:
+        rules = background.submit(check_rules, workspace, background) if is_all else None
+        computed = background.submit(
+            run_pytest, workspace, 'computing', computing, options, background if waiting else None
         )
         outcomes = run_pytest(workspace, 'waiting', waiting, options)
         if waiting and not computed.done():
             print('The tests that compute still run ...', flush=True)
-    outcomes += computed.result()
-    return summarise((rules.result() if rules else []) + merge(outcomes))
+        outcomes += computed.result()
+        return summarise((rules.result() if rules else []) + merge(outcomes))
+
+
+class Background(ThreadPoolExecutor):
+    """Threads whose commands take what others leave of the processor, and end with Ctrl-C."""
+
+    def __init__(self) -> None:
+        super().__init__(2)
+        self._running: list[subprocess.Popen[str]] = []
+
+    def run(self, command: list[str], workspace: Workspace) -> subprocess.CompletedProcess[str]:
+        """Run a command to its end; return its code and all that it said."""
+        process = subprocess.Popen(
+            [*STEP_BACK, *command],
+            cwd=ROOT,
+            env=workspace.environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        self._running.append(process)
+        output, _ = process.communicate()
+        return subprocess.CompletedProcess(command, process.returncode, output)
+
+    def __exit__(self, *error: Any) -> None:
+        if error[0] is not None:
+            self.shutdown(wait=False, cancel_futures=True)
+            for process in self._running:
+                if process.poll() is None:
+                    os.killpg(process.pid, signal.SIGTERM)
+        super().__exit__(*error)
 
 
 def site_command(workspace: Workspace) -> list[str]:
@@ -99,7 +136,7 @@ def build_site(workspace: Workspace) -> int:
     return code
 
 
-def check_rules(workspace: Workspace) -> list[Outcome]:
+def check_rules(workspace: Workspace, background: Background) -> list[Outcome]:
     """Run the linters and type checks; each is one check that passes or fails."""
     cores = [
         str(p.parent / p.parent.name)
@@ -116,30 +153,18 @@ def check_rules(workspace: Workspace) -> list[Outcome]:
         'declarations': ['python', 'tools/declarations.py'],
         'documentation': site_command(workspace),
     }
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda rule: check_rule(workspace, *rule), rules.items()))
-
-
-def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
-    """Run one of the linters and type checks; say how it went."""
-    command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
-    started = time.monotonic()
-    done = subprocess.run(
-        [*IN_IDLE_TIME, *command],
-        cwd=ROOT,
-        env=workspace.environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    outcome = Outcome(name, seconds=time.monotonic() - started)
-    if done.returncode:
-        outcome.failed = 1
-        print(f'{name} failed\n{done.stdout}', flush=True)
-    else:
-        outcome.passed = 1
-        print(f'{name}: {outcome.seconds:.0f} s', flush=True)
-    return outcome
+    outcomes = []
+    for name, command in rules.items():
+        started = time.monotonic()
+        done = background.run(command, workspace)
+        outcome = Outcome(name, seconds=time.monotonic() - started)
+        outcomes.append(outcome)
+        if done.returncode:
+            outcome.failed = 1
+            print(f'{name} failed\n{done.stdout}', flush=True)
+        else:
+            outcome.passed = 1
+    return outcomes
 
 
 def run_pytest(
@@ -147,29 +172,22 @@ def run_pytest(
     name: str,
     folders: list[Path],
     options: argparse.Namespace,
-    *,
-    is_behind: bool = False,
+    background: Background | None = None,
 ) -> list[Outcome]:
-    """Run the tests in some folders in several processes; return an outcome a package.
-
-    Behind other tests they print nothing and take what these leave of the processor.
-    """
+    """Run the tests in some folders in several processes; return an outcome a package."""
     if not folders:
         return []
     results = workspace.base / f'test_results_{name}.xml'
     results.unlink(missing_ok=True)
-    command = [*IN_IDLE_TIME] if is_behind else []
-    command += ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
+    command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
     command += ['--disable-warnings', '--tb=long', '--no-summary', f'--junit-xml={results}']
     command += ['-n', str(options.workers), '--dist=worksteal']
     command += ['-k', options.expression] if options.expression else []
-    done = subprocess.run(
-        [*command, *map(str, folders)],
-        cwd=ROOT,
-        env=workspace.environment(),
-        stdout=subprocess.PIPE if is_behind else None,
-        text=True,
-    )
+    command += map(str, folders)
+    if background:
+        done = background.run(command, workspace)
+    else:
+        done = subprocess.run(command, cwd=ROOT, env=workspace.environment(), text=True)
     outcomes = read_results(results) if results.exists() else []
     # 5: no test is called as the expression says.
     if done.returncode not in (0, 5) and not any(o.failed for o in outcomes):

@@ -23,7 +23,7 @@ from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
-from tactile_lab.datasets.partial_tables import read_partial_tables
+from tactile_lab.datasets.reread import read_partial_tables
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
 

@@ -5,6 +5,7 @@
 
 import math
 import random
+import threading
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -212,13 +213,11 @@ def test_a_publisher_that_is_missing_silent_gone_and_back_is_told(topic_graph, m
     source.create_timer(1 / 60, lambda: source.send(random.random(), time.time_ns()))
     theirs = SingleThreadedExecutor(context=source.context)
     theirs.add_node(source)
-
-    def is_well():
-        theirs.spin_once(timeout_sec=0.0)
-        return graph.sentence() == 'samples arrive'
-
-    graph.spin_until(is_well)
+    at_their_rate = threading.Thread(target=theirs.spin)
+    at_their_rate.start()
+    graph.spin_until(lambda: graph.sentence() == 'samples arrive')
     theirs.shutdown()
+    at_their_rate.join()
     source.destroy_publisher(source.force)
     heard = len(graph.strain)
     graph.spin_until(lambda: 'no samples: nobody publishes /force' in graph.sentence())
