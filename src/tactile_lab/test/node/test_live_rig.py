@@ -3,7 +3,7 @@
 
 """Trials on the simulated rig through every real part: serial lines, drivers, DDS."""
 
-from contextlib import contextmanager, ExitStack
+from contextlib import contextmanager
 import threading
 import time
 
@@ -64,18 +64,12 @@ class Watcher(Node):
         return send(self, lambda: self.client.send_goal_async(goal)).result(DEADLINE_S)
 
 
-@pytest.fixture(scope='module')
-def simulated():
+@pytest.fixture
+def rig():
+    """Return a rig of the test's own: one that was left in a motion may not be slack yet."""
     with SimulatedRig(seed=3) as rig:
         home_fast(rig)
         yield rig
-
-
-@pytest.fixture
-def rig(simulated):
-    """Return the rig without the fault of the test before."""
-    yield simulated
-    simulated.fault('sensor', 'none')
 
 
 @contextmanager
@@ -142,11 +136,8 @@ def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(rig, context):
         assert 0.059 < truth['guide_position_m'] < 0.120
 
 
-def test_rig_that_dies_in_a_trial_aborts_it(context):
-    with ExitStack() as stack:
-        rig = stack.enter_context(SimulatedRig(seed=3))  # the shared one must live on
-        home_fast(rig)
-        operator, watcher, _ = stack.enter_context(running_rig(rig, context))
+def test_rig_that_dies_in_a_trial_aborts_it(rig, context):
+    with running_rig(rig, context) as (operator, watcher, _):
         operator.home_guide()
         rig.mount('stiffness', 'pla', 'flexion')
         handle = watcher.start_trial('stiffness')
