@@ -11,23 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
-import signal
 import subprocess
 import time
-from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from workspace import ROOT, Workspace
 
 COMPUTING = ('unit', 'analysis')
-"""Folders of tests that compute. All others wait for devices and nodes, in real time."""
-
-STEP_BACK = ['sh', '-c', 'echo 19 > /proc/self/autogroup; exec nice -n 19 "$@"', 'sh']
-"""Before a command that takes what the others leave of the processor.
-
-Linux shares the processor among sessions first (autogroups), then among a session's processes, and
-a simulated rig has a session of its own.
-"""
 
 
 @dataclass
@@ -60,8 +50,8 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         type=int,
         default=os.cpu_count() or 1,
         metavar='N',
-        help='processes for tests that wait for devices and nodes, and as many for those that '
-        'compute (default: one a core)',
+        help='processes for tests that wait for devices and nodes (default: one a core); tests '
+        'that compute follow, with one a core',
     )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.packages) - set(packages))
@@ -69,56 +59,14 @@ def run_tests(workspace: Workspace, arguments: list[str]) -> int:
         parser.error(f'no package {", ".join(unknown)}; there are {", ".join(packages)}')
     kind = 'unit' if options.unit else 'node' if options.nodes else '*'
     is_all = not (options.packages or options.expression) and kind == '*'
+    outcomes = check_rules(workspace) if is_all else []
     folders = [
         folder
         for package in options.packages or packages
         for folder in sorted((ROOT / 'src' / package / 'test').glob(kind))
         if any(folder.rglob('test_*.py'))
     ]
-    computing = [folder for folder in folders if folder.name in COMPUTING]
-    waiting = [folder for folder in folders if folder.name not in COMPUTING]
-    # A simulated rig that waits for the processor is a failed trial: what computes steps back.
-    with Background() as background:
-        rules = background.submit(check_rules, workspace, background) if is_all else None
-        computed = background.submit(
-            run_pytest, workspace, 'computing', computing, options, background if waiting else None
-        )
-        outcomes = run_pytest(workspace, 'waiting', waiting, options)
-        if waiting and not computed.done():
-            print('The tests that compute still run ...', flush=True)
-        outcomes += computed.result()
-        return summarise((rules.result() if rules else []) + merge(outcomes))
-
-
-class Background(ThreadPoolExecutor):
-    """Threads whose commands take what others leave of the processor, and end with Ctrl-C."""
-
-    def __init__(self) -> None:
-        super().__init__(2)
-        self._running: list[subprocess.Popen[str]] = []
-
-    def run(self, command: list[str], workspace: Workspace) -> subprocess.CompletedProcess[str]:
-        """Run a command to its end; return its code and all that it said."""
-        process = subprocess.Popen(
-            [*STEP_BACK, *command],
-            cwd=ROOT,
-            env=workspace.environment(),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
-        self._running.append(process)
-        output, _ = process.communicate()
-        return subprocess.CompletedProcess(command, process.returncode, output)
-
-    def __exit__(self, *error: Any) -> None:
-        if error[0] is not None:
-            self.shutdown(wait=False, cancel_futures=True)
-            for process in self._running:
-                if process.poll() is None:
-                    os.killpg(process.pid, signal.SIGTERM)
-        super().__exit__(*error)
+    return summarise(outcomes + run_pytest(workspace, folders, options))
 
 
 def site_command(workspace: Workspace) -> list[str]:
@@ -136,7 +84,7 @@ def build_site(workspace: Workspace) -> int:
     return code
 
 
-def check_rules(workspace: Workspace, background: Background) -> list[Outcome]:
+def check_rules(workspace: Workspace) -> list[Outcome]:
     """Run the linters and type checks; each is one check that passes or fails."""
     cores = [
         str(p.parent / p.parent.name)
@@ -153,54 +101,69 @@ def check_rules(workspace: Workspace, background: Background) -> list[Outcome]:
         'declarations': ['python', 'tools/declarations.py'],
         'documentation': site_command(workspace),
     }
-    outcomes = []
-    for name, command in rules.items():
-        started = time.monotonic()
-        done = background.run(command, workspace)
-        outcome = Outcome(name, seconds=time.monotonic() - started)
-        outcomes.append(outcome)
-        if done.returncode:
-            outcome.failed = 1
-            print(f'{name} failed\n{done.stdout}', flush=True)
-        else:
-            outcome.passed = 1
-    return outcomes
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda rule: check_rule(workspace, *rule), rules.items()))
+
+
+def check_rule(workspace: Workspace, name: str, command: list[str]) -> Outcome:
+    """Run one of the linters and type checks; say how it went."""
+    command = [c for c in command if c != 'benchmarks' or (ROOT / 'benchmarks').is_dir()]
+    started = time.monotonic()
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env=workspace.environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    outcome = Outcome(name, seconds=time.monotonic() - started)
+    if done.returncode:
+        outcome.failed = 1
+        print(f'{name} failed\n{done.stdout}', flush=True)
+    else:
+        outcome.passed = 1
+        print(f'{name}: {outcome.seconds:.0f} s', flush=True)
+    return outcome
 
 
 def run_pytest(
-    workspace: Workspace,
-    name: str,
-    folders: list[Path],
-    options: argparse.Namespace,
-    background: Background | None = None,
+    workspace: Workspace, folders: list[Path], options: argparse.Namespace
 ) -> list[Outcome]:
-    """Run the tests in some folders in several processes; return an outcome a package."""
-    if not folders:
-        return []
-    results = workspace.base / f'test_results_{name}.xml'
-    results.unlink(missing_ok=True)
-    command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
-    command += ['--disable-warnings', '--tb=long', '--no-summary', f'--junit-xml={results}']
-    command += ['-n', str(options.workers), '--dist=worksteal']
-    command += ['-k', options.expression] if options.expression else []
-    command += map(str, folders)
-    if background:
-        done = background.run(command, workspace)
-    else:
-        done = subprocess.run(command, cwd=ROOT, env=workspace.environment(), text=True)
-    outcomes = read_results(results) if results.exists() else []
+    """Run the tests in some folders in several processes; return an outcome a package.
+
+    Tests of devices and nodes wait, in real time, and run first: a simulated rig without its share
+    of a core is a failed trial. Tests of units and analyses compute, a process a core.
+    """
+    computing = [folder for folder in folders if folder.name in COMPUTING]
+    others = [folder for folder in folders if folder.name not in COMPUTING]
+    groups = [('others', others, options.workers), ('computing', computing, os.cpu_count() or 1)]
+    codes, written = [], []
+    for name, group, workers in groups:
+        if not group:
+            continue
+        results = workspace.base / f'test_results_{name}.xml'
+        results.unlink(missing_ok=True)
+        command = ['python', '-m', 'pytest', '-q', '-c', 'pyproject.toml', '--rootdir=.']
+        command += ['--disable-warnings', '--tb=long', '--no-summary']
+        command += [f'--junit-xml={results}', '-n', str(workers), '--dist=worksteal']
+        command += ['-k', options.expression] if options.expression else []
+        done = subprocess.run([*command, *map(str, group)], cwd=ROOT, env=workspace.environment())
+        codes.append(done.returncode)
+        written += [results] if results.exists() else []
+    outcomes = read_results(written)
     # 5: no test is called as the expression says.
-    if done.returncode not in (0, 5) and not any(o.failed for o in outcomes):
-        text = f'FAILED pytest of the tests that are {name}\n{done.stdout or "see above"}'
-        outcomes.append(Outcome('pytest', failed=1, remarks=[text]))
+    if any(code not in (0, 5) for code in codes) and not any(o.failed for o in outcomes):
+        outcomes.append(Outcome('pytest', failed=1, remarks=['FAILED pytest; see above']))
     return outcomes
 
 
-def read_results(path: Path) -> list[Outcome]:
-    """Sum up a JUnit file by package."""
+def read_results(paths: list[Path]) -> list[Outcome]:
+    """Sum up JUnit files by package."""
     outcomes: dict[str, Outcome] = {}
     skips: Counter[tuple[str, str]] = Counter()
-    for case in ElementTree.parse(path).iter('testcase'):
+    cases = [case for path in paths for case in ElementTree.parse(path).iter('testcase')]
+    for case in cases:
         place = (case.get('classname') or case.get('name', '')).removeprefix('src.')
         package = place.partition('.')[0]
         outcome = outcomes.setdefault(package, Outcome(package))
@@ -221,17 +184,7 @@ def read_results(path: Path) -> list[Outcome]:
     for (place, reason), count in skips.items():
         remark = f'{place} ({count}): {reason}'
         outcomes[place.removeprefix('skipped ').partition('.')[0]].remarks.append(remark)
-    return list(outcomes.values())
-
-
-def merge(outcomes: list[Outcome]) -> list[Outcome]:
-    """Return one outcome a package."""
-    merged: dict[str, Outcome] = {}
-    for outcome in outcomes:
-        whole = merged.setdefault(outcome.name, Outcome(outcome.name))
-        for name in ('passed', 'failed', 'skipped', 'seconds', 'remarks'):
-            setattr(whole, name, getattr(whole, name) + getattr(outcome, name))
-    return [merged[name] for name in sorted(merged)]
+    return [outcomes[package] for package in sorted(outcomes)]
 
 
 def summarise(outcomes: list[Outcome]) -> int:
