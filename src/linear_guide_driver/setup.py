@@ -18,7 +18,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='Moves the linear guide (Grbl) and the tendon actuator (Dynamixel) '
     'as ROS 2 actions.',
     license='Apache-2.0',

@@ -25,7 +25,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='Bags of tactile recordings: read, write, record, play, audit, repair and replay.',
     license='Apache-2.0',
     entry_points={

@@ -25,7 +25,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='Launch files, the graph of nodes, and the trial runner.',
     license='Apache-2.0',
     entry_points={

@@ -27,7 +27,6 @@ setup(
     extras_require={'train': ['onnx', 'skl2onnx'], 'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='Datasets, training, evaluation, the ONNX model file and the classifier node.',
     license='Apache-2.0',
     entry_points={

@@ -18,7 +18,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description=(
         'Cuts the tension stream into windows and computes texture and stiffness features.'
     ),

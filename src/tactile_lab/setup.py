@@ -31,7 +31,6 @@ setup(
     extras_require={'cluster': ['dask[distributed]'], 'tables': ['pyarrow'], 'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='The tactile command: simulation, training, evaluation, reports, trials.',
     license='Apache-2.0',
     entry_points={

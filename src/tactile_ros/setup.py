@@ -18,7 +18,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='The ROS shell that all nodes share.',
     license='Apache-2.0',
 )

@@ -18,7 +18,6 @@ setup(
     extras_require={'test': ['pytest']},
     zip_safe=False,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='The palpation rig as physics, and devices that speak the real wire protocols.',
     license='Apache-2.0',
     entry_points={

@@ -18,7 +18,6 @@ setup(
     extras_require={'net_ft': ['pynetft'], 'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
-    maintainer_email='maintainers@tendon-tactile.example.org',
     description='Reads the force sensor on the tendon and publishes the tension as strain blocks.',
     license='Apache-2.0',
     entry_points={

@@ -26,7 +26,7 @@ class RecorderConfig:
         (),
         'node names of the classifiers to record',
     )
-    facts: str = parameter(
+    metadata: str = parameter(
         '{}',
         'metadata of the recording, as a JSON object',
     )

@@ -94,9 +94,9 @@ class BagRecorderNode(DataNode):
         self.is_finished = self.has_failed = False
         self.audits.clear()
         self._summary = AuditSummary()
-        metadata = json.loads(config.facts)
+        metadata = json.loads(config.metadata)
         if not isinstance(metadata, dict):
-            raise ValueError('parameter facts is no JSON object; write {"name": value}')
+            raise ValueError('parameter metadata is no JSON object; write {"name": value}')
         writer = self._writer = BagWriter(Path(config.bag), metadata)
         for namespace in config.namespaces:
             for topic in recorded_topics(config.classifiers):

@@ -310,7 +310,7 @@ def recorder_node(
         {
             'bag': str(bag),
             'namespaces': tuple(namespaces),
-            'facts': json.dumps(metadata),
+            'metadata': json.dumps(metadata),
             'rig': rig,
             # ROS cannot tell the type of an empty list.
             **({'classifiers': classifiers} if classifiers else {}),

@@ -62,10 +62,10 @@ def test_the_model_alone_is_enough(write, tmp_path):
     values = {'model': str(path), 'record': str(tmp_path / 'bag'), 'namespace': 'index'}
     for name in ('sense', 'texture'):
         nodes = by_name(plan_launch(name, values, tmp_path).nodes)
-        facts = json.loads(nodes['bag_recorder']['facts'])
+        metadata = json.loads(nodes['bag_recorder']['metadata'])
         for config in (
             FeatureConfig(**nodes['tactile_features']),
-            FeatureConfig(**facts['feature_config']),
+            FeatureConfig(**metadata['feature_config']),
         ):
             assert config == SPATIAL
         load_fitting_model(ClassifierConfig(**nodes['texture_flexion_classifier']))

@@ -211,8 +211,8 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
     source = Source(context)
     path = tmp_path / 'bag'
     program = 'from tactile_bags.nodes.bag_recorder_node import main; main()'
-    facts = '{"simulated": true, "operator": "nobody"}'
-    arguments = ['--ros-args', '-p', f'bag:={path}', '-p', f"facts:='{facts}'"]
+    metadata = '{"simulated": true, "operator": "nobody"}'
+    arguments = ['--ros-args', '-p', f'bag:={path}', '-p', f"metadata:='{metadata}'"]
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
     with subprocess.Popen([sys.executable, '-c', program, *arguments], env=environment) as process:
         try:

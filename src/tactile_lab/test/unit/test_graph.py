@@ -70,13 +70,13 @@ def test_every_described_node_can_be_created_here(models):
 
 def test_recording_notes_where_its_models_are(tmp_path):
     node = recorder_node(tmp_path / 'recording', tmp_path / 'models', (), {}, simulated=True)
-    assert '"models": "../models"' in node.parameters['facts']
+    assert '"models": "../models"' in node.parameters['metadata']
 
 
 def test_recording_notes_the_windows_and_passes_over_parameters_of_every_node(tmp_path):
     parameters = {'texture_samples': 90, 'use_sim_time': True}
     node = recorder_node(tmp_path / 'recording', None, (), parameters, simulated=True)
-    assert json.loads(node.parameters['facts'])['feature_config']['texture_samples'] == 90
+    assert json.loads(node.parameters['metadata'])['feature_config']['texture_samples'] == 90
 
 
 def test_nodes_that_can_die_alone_watch_each_other():

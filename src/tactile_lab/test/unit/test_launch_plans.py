@@ -143,8 +143,8 @@ def test_the_parameter_file_reaches_the_node_its_classifier_and_the_recording(
     _, nodes = launch('stiffness', **values)
     assert nodes['tactile_features'].parameters['stiffness_settle_s'] == 0.75
     assert nodes['stiffness_flexion_classifier'].parameters['stiffness_settle_s'] == 0.75
-    facts = json.loads(nodes['bag_recorder'].parameters['facts'])
-    assert facts['feature_config']['stiffness_settle_s'] == 0.75
+    metadata = json.loads(nodes['bag_recorder'].parameters['metadata'])
+    assert metadata['feature_config']['stiffness_settle_s'] == 0.75
     assert nodes['bag_recorder'].parameters['classifiers'] == ('stiffness_flexion_classifier',)
     assert nodes['bag_recorder'].parameters['rig'] is True
 
