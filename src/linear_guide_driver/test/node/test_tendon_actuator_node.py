@@ -104,7 +104,10 @@ def test_a_release_that_fails_is_tried_again(tendon, servo, sensor):
 
     servo.lose = lose
     sensor.tension_n = 16.0
-    wait_until(lambda: servo.position == 2048)
+    wait_until(
+        lambda: servo.position == 2048,
+        lambda: f'at {servo.position}, {len(lost)} lost: {tendon.node._health().message}',
+    )
     assert len(lost) == 4
 
 
