@@ -61,6 +61,7 @@ class Listener:
 @pytest.fixture(scope='module')
 def listener(rig):
     listener = Listener(rig.ports.sensor)
+    listener.wait_for_blocks(30)  # a board that restarts earlier only sends some late readings
     yield listener
     listener.client.close()
 
