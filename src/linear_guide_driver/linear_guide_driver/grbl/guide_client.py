@@ -275,6 +275,7 @@ class LinearGuideClient:
                     self.late_moves += 1
                     _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
             except MotionStoppedError:
+                self._gate.end()  # a further stop would hold the guide after the reset
                 self._come_to_rest(connection, position_m)
             except LinearGuideDriverError as error:
                 self._give_up(connection, str(error))

@@ -149,6 +149,20 @@ def test_a_stop_brakes_and_keeps_the_position(guide, grbl, way):
     guide.move_to(0.001, 0.1)
 
 
+def test_a_stop_right_after_the_reset_of_another_holds_nothing(guide, move, monkeypatch):
+    reset = connection.GrblConnection.reset
+
+    def reset_then_stop(link):
+        reset(link)
+        assert not guide.request_stop()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(connection.GrblConnection, 'reset', reset_then_stop)
+        assert guide.request_stop()
+        assert isinstance(move.end(), MotionStoppedError)
+    guide.move_to(0.002, 0.1)
+
+
 def test_a_stop_that_comes_first_moves_nothing(guide, grbl):
     guide.home()
     assert not guide.request_stop()

@@ -80,7 +80,7 @@ def test_a_stop_brakes_ends_the_goal_and_keeps_the_position(guide, grbl, way, en
     if way == 'deactivate':
         assert (status, 'not active' in result.message) == ('aborted', True)
     else:
-        assert status == 'succeeded'
+        assert status == 'succeeded', result.message
 
 
 @pytest.mark.parametrize('motion', ['home', 'move'])
