@@ -177,7 +177,7 @@ class Truth:
         self._thread.join()
 
     def _read(self):
-        while not self._is_over.wait(0.005):
+        while not self._is_over.wait(0.02):  # each look costs the rig some of its time
             self._samples.append((time.time_ns(), self._rig.truth()))
 
     def first_ns(self, condition):
@@ -190,8 +190,12 @@ def stamp_ns(watcher, phase):
 
 
 def test_phases_are_stamped_by_the_rigs_motion_however_late_a_server_accepts(rig, context):
-    # A driver that is busy accepting does not beat either.
-    parameters = {'heartbeat_timeout_s': 10.0}
+    # A driver that is busy accepting does not beat either. How well it moves is not asked here.
+    parameters = {
+        'heartbeat_timeout_s': 10.0,
+        'speed_tolerance': 0.1,
+        'displacement_tolerance_m': 0.002,
+    }
     with running_rig(rig, context, parameters=parameters) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')
