@@ -3,6 +3,7 @@
 
 """The node on a force that another node publishes, over real DDS."""
 
+import itertools
 import math
 import random
 import threading
@@ -23,6 +24,7 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float32, Float64
 
 from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver.topics import topic_client
 
 RELIABLE = QoSProfile(depth=1000)
 SECOND_NS = 1_000_000_000
@@ -164,6 +166,26 @@ def test_drops_reordering_and_duplicates_are_seen_at_any_rate(
     assert sum(message.lost_before for message in graph.strain) == 5
     names = ('duplicates', 'late_samples', 'lost_samples')
     graph.spin_until(lambda: [graph.values()[name] for name in names] == ['1', '1', '5'])
+
+
+def test_a_pause_of_the_thread_costs_no_sample(topic_graph, make_source, monkeypatch):
+    measure, calls = topic_client._measure_wait_ns, itertools.count()
+
+    def measure_and_pause(info):
+        pause_s = 0.15 if next(calls) == 20 else 0.0
+        time.sleep(pause_s)
+        wait_ns = measure(info)
+        time.sleep(pause_s)
+        return wait_ns
+
+    monkeypatch.setattr(topic_client, '_measure_wait_ns', measure_and_pause)
+    source = make_source(WrenchStamped)
+    graph = topic_graph(rate_hz=60.0)
+    meet(graph, source)
+    start_ns = time.time_ns() - SECOND_NS
+    send_all(graph, source, [(start_ns + i * SECOND_NS // 60, float(i)) for i in range(40)])
+    graph.spin_until(lambda: 39 in to_samples(graph.strain))
+    assert to_samples(graph.strain) == {i: float(i) for i in range(40)}
 
 
 def test_a_thousand_a_second_in_real_time_arrive_or_are_counted_as_lost(topic_graph, make_source):
