@@ -154,6 +154,7 @@ class ServoState(NamedTuple):
     is_torque_on: bool
     hardware_error: int
     watchdog: int
+    goal_counts: int
     current: int
     velocity: int
     position_counts: int
@@ -183,6 +184,7 @@ def decode_state(block: bytes) -> ServoState:
         is_torque_on=value(TORQUE_ENABLE) != 0,
         hardware_error=value(HARDWARE_ERROR),
         watchdog=value(BUS_WATCHDOG),
+        goal_counts=value(GOAL_POSITION),
         current=value(PRESENT_CURRENT),
         velocity=value(PRESENT_VELOCITY),
         position_counts=value(PRESENT_POSITION),

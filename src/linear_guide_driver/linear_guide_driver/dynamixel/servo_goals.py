@@ -362,6 +362,8 @@ class ServoGoals:
             # Off: a command that sets it anew was cut off half way.
             if polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF):
                 self._writer.recover(servo)
+            elif servo.repeat_goal(polled.goal_counts):
+                _logger.warning('the servo had missed a goal, which was written again')
             self._writer.carry_out(servo, state.displacement_m)
         return state
 

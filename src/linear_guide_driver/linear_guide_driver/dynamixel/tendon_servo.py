@@ -21,6 +21,7 @@ class TendonServo:
         self.bus = bus
         self._config = config
         self._sign = -1 if config.reverse else 1
+        self._goal_counts: int | None = None  # that the servo has acknowledged last
 
     def read_displacement_m(self) -> float:
         """Return the present displacement [m]."""
@@ -34,11 +35,22 @@ class TendonServo:
         """Wind to a displacement [m]; at ``velocity`` in the servo's units, if given."""
         if velocity is not None:
             self.bus.write(registers.PROFILE_VELOCITY, velocity)
-        self.bus.write(registers.GOAL_POSITION, self._to_counts(displacement_m))
+        self._write_counts(self._to_counts(displacement_m))
 
     def write_hold(self) -> None:
         """Hold where the servo stands."""
-        self.bus.write(registers.GOAL_POSITION, self.bus.read(registers.PRESENT_POSITION))
+        self._write_counts(self.bus.read(registers.PRESENT_POSITION))
+
+    def repeat_goal(self, goal_counts: int) -> bool:
+        """Write the last goal again if the servo has another one; return whether it had [counts].
+
+        The protocol does not number its packets: a late answer to one write looks like the answer
+        to the next, which may be lost.
+        """
+        if self._goal_counts is None or goal_counts == self._goal_counts:
+            return False
+        self._write_counts(self._goal_counts)
+        return True
 
     def unlock(self) -> None:
         """Unlock goals that the watchdog has locked, with the goal where the servo stands."""
@@ -66,6 +78,11 @@ class TendonServo:
             temperature_c=float(servo.temperature_c),
             received_at_ns=received_at_ns,
         )
+
+    def _write_counts(self, goal_counts: int) -> None:
+        self._goal_counts = None  # not known, should the servo not answer
+        self.bus.write(registers.GOAL_POSITION, goal_counts)
+        self._goal_counts = goal_counts
 
     def _to_counts(self, displacement_m: float) -> int:
         return self._sign * registers.m_to_counts(displacement_m, self._config.pulley_radius_m)

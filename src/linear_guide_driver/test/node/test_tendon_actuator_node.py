@@ -111,6 +111,25 @@ def test_a_release_that_fails_is_tried_again(tendon, servo, sensor):
     assert len(lost) == 4
 
 
+def test_a_lost_goal_that_seems_to_be_answered_is_written_again(tendon, servo, sensor):
+    lost, to_lose = [], 1
+
+    def lose(address):
+        if address == 116 and len(lost) < to_lose:
+            lost.append(address)
+            servo._answer(0)  # late, to the write before
+            return True
+        return False
+
+    servo.lose = lose
+    assert tendon.result(pull(tendon, 0.005, 0.04))[0] == 'succeeded'
+    assert len(lost) == 1
+    to_lose = 2
+    sensor.tension_n = 16.0
+    wait_until(lambda: servo.position == 2048)
+    assert len(lost) == 2
+
+
 def test_the_health_tells_of_a_dead_sensor_and_a_hot_servo(tendon, servo, sensor):
     def wait_for_health(level, sentence):
         wait_until(lambda: sentence in tendon.node._health().message)

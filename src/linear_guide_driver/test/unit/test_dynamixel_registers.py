@@ -52,13 +52,14 @@ def test_the_polled_block_by_hand():
     put(64, b'\x01')
     put(70, b'\x24')
     put(98, b'\xff')
+    put(116, b'\x00\x08\x00\x00')
     put(126, b'\xfe\xff')
     put(128, b'\x9c\xff\xff\xff')
     put(132, b'\x00\xf0\xff\xff')
     put(144, b'\x78\x00')
     put(146, b'\x2a')
     assert registers.decode_state(bytes(block)) == registers.ServoState(
-        True, 0x24, registers.WATCHDOG_TRIPPED, -2, -100, -4096, 120, 42
+        True, 0x24, registers.WATCHDOG_TRIPPED, 2048, -2, -100, -4096, 120, 42
     )
     with pytest.raises(ValueError, match='not in the block'):
         registers.decode_state(bytes(block[:-1]))
