@@ -104,6 +104,7 @@ class Ear:
             lambda: all(self.node.count_publishers(self._full(topic)) for topic in topics),
             lambda: 'nobody publishes '
             + ', '.join(t for t in topics if not self.node.count_publishers(self._full(t))),
+            timeout_s=60.0,  # a first start compiles
         )
 
     def wait_for_messages(self, topic, count=1):

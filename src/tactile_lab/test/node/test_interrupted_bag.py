@@ -40,11 +40,10 @@ def short_trials(monkeypatch):
 
 def record_until_interrupted(bag, phase):
     """Record one trial, and another one until it is in this phase."""
-    phases = []
+    phases, pool = [], ThreadPoolExecutor()
     with (
         domain_id() as domain,
         SimulatedRig(seed=3) as rig,
-        ThreadPoolExecutor() as pool,
         ros_context(int(domain)) as context,
     ):
         home_fast(rig)
@@ -68,6 +67,7 @@ def record_until_interrupted(bag, phase):
             wait_until(lambda: ('cut', phase) in phases)
         with suppress(TactileError, concurrent.futures.TimeoutError):
             trial.result(1.0)  # nobody may be left to answer
+        pool.shutdown(wait=False)
 
 
 @pytest.mark.parametrize('phase', ['hold', 'release'])
