@@ -82,6 +82,7 @@ class ServoGoals:
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
         self._slot = threading.Lock()  # held by the one pull
+        self._repeated = 0  # number of the last goal that the servo had missed
         self.safety = TendonSafety(config, watchdogs)
         self._writer = GoalWriter(config, self.safety, self._on_alarm, self._on_written)
         self.identification = ''
@@ -360,11 +361,18 @@ class ServoGoals:
         state = servo.to_state(polled, self._clock_ns())
         if polled.is_torque_on and not polled.hardware_error:
             # Off: a command that sets it anew was cut off half way.
-            if polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF):
+            is_tripped = polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF)
+            if is_tripped:
                 self._writer.recover(servo)
-            elif servo.repeat_goal(polled.goal_counts):
-                _logger.warning('the servo had missed a goal, which was written again')
+            has_missed = not is_tripped and servo.has_missed_goal(polled.goal_counts)
+            number = self._writer.number
             self._writer.carry_out(servo, state.displacement_m)
+            # Only if safety has ordered nothing else: the goal that was missed may wind in.
+            if has_missed and number == self._writer.number:
+                if number != self._repeated:
+                    _logger.warning('the servo has missed a goal; it is written again')
+                self._repeated = number
+                servo.repeat_goal()
         return state
 
     def _on_alarm(self, reason: str) -> None:

@@ -21,7 +21,7 @@ class TendonServo:
         self.bus = bus
         self._config = config
         self._sign = -1 if config.reverse else 1
-        self._goal_counts: int | None = None  # that the servo has acknowledged last
+        self._goal_counts: int | None = None  # the last one, if the servo has acknowledged it
 
     def read_displacement_m(self) -> float:
         """Return the present displacement [m]."""
@@ -41,16 +41,23 @@ class TendonServo:
         """Hold where the servo stands."""
         self._write_counts(self.bus.read(registers.PRESENT_POSITION))
 
-    def repeat_goal(self, goal_counts: int) -> bool:
-        """Write the last goal again if the servo has another one; return whether it had [counts].
+    def has_missed_goal(self, goal_counts: int) -> bool:
+        """Return whether the servo holds another goal than it has acknowledged.
 
-        The protocol does not number its packets: a late answer to one write looks like the answer
-        to the next, which may be lost.
+        The protocol does not number its packets. If the answer to one write comes late and the
+        packet of the next write is lost, the late answer seems to acknowledge that one.
+
+        Parameters
+        ----------
+        goal_counts : int
+            The goal that the servo holds, polled after the last write [counts].
         """
-        if self._goal_counts is None or goal_counts == self._goal_counts:
-            return False
-        self._write_counts(self._goal_counts)
-        return True
+        return self._goal_counts not in (None, goal_counts)
+
+    def repeat_goal(self) -> None:
+        """Write the last goal again."""
+        if self._goal_counts is not None:
+            self._write_counts(self._goal_counts)
 
     def unlock(self) -> None:
         """Unlock goals that the watchdog has locked, with the goal where the servo stands."""
@@ -80,7 +87,7 @@ class TendonServo:
         )
 
     def _write_counts(self, goal_counts: int) -> None:
-        self._goal_counts = None  # not known, should the servo not answer
+        self._goal_counts = None  # not known if the servo does not answer
         self.bus.write(registers.GOAL_POSITION, goal_counts)
         self._goal_counts = goal_counts
 

@@ -36,6 +36,22 @@ def test_connect_sets_the_servo_up_in_a_safe_order(tendon, servo):
     assert tendon.state.voltage_v == pytest.approx(12.1)
 
 
+def test_a_missed_goal_is_not_repeated_once_safety_orders_another(tendon, servo):
+    def lose(address):
+        if address != 116:
+            return False
+        servo.lose = lambda address: False
+        tendon.safety.add_samples([16.0], False, time.monotonic_ns())
+        servo._answer(0)  # late, to the write before
+        return True
+
+    servo.lose = lose
+    with pytest.raises(MotionFailedError, match='above the limit'):
+        tendon.pull_to(0.005)
+    wait_until(lambda: servo.writes.count((116, 0)) == 2)  # at the start, and let out
+    assert {value for address, value in servo.writes if address == 116} == {0}
+
+
 def test_a_lost_answer_is_asked_for_again_and_a_third_one_is_silence(config, servo):
     bus = DynamixelBus(config.port, config.baud, config.device_id)
     servo.lost_answers = 2

@@ -67,7 +67,7 @@ def record_until_interrupted(bag, phase):
             wait_until(lambda: ('cut', phase) in phases)
         with suppress(TactileError, concurrent.futures.TimeoutError):
             trial.result(1.0)  # nobody may be left to answer
-        pool.shutdown(wait=False)
+        pool.shutdown(wait=False)  # the operator waits for 20 s
 
 
 @pytest.mark.parametrize('phase', ['hold', 'release'])

@@ -200,8 +200,8 @@ class TopicClient(SensorClient):
         def on_message(message: Any, info: Any) -> None:
             if self._stop.is_set() or type_name != self._type_name:
                 return
-            # In this order: a pause of the thread between the two makes the arrival later. One
-            # that seems too early is an outlier, and the sample lost.
+            # In this order a pause of the thread makes the arrival later, which does no harm. An
+            # arrival that seems too early makes the sample an outlier, which is dropped.
             wait_ns = _measure_wait_ns(info)
             received_at_ns = self._arrivals.now_ns() - wait_ns
             step_ns = self._arrivals.take_step_ns()
