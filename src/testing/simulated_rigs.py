@@ -5,7 +5,21 @@
 
 import serial
 
+from linear_guide_driver.dynamixel import bus, servo_monitor
 from waiting import wait_until
+
+PATIENT = {'heartbeat_timeout_s': 10.0}
+"""Parameters of a trial runner that bears a computer whose cores are busy."""
+
+
+def let_servos_pause(monkeypatch):
+    """Let a simulated servo be silent for about 1 s: its process may wait for a core.
+
+    How soon a servo counts as silent is tested with the driver. Where a trial is tested, such a
+    wait is no fault. `tactile trials` runs a trial again that ended so.
+    """
+    monkeypatch.setattr(servo_monitor, 'SILENT_POLLS', 25)
+    monkeypatch.setattr(bus, 'ATTEMPTS', 20)
 
 
 def home_fast(rig):

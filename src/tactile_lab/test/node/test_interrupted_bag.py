@@ -10,7 +10,7 @@ from contextlib import suppress
 from domain_coordinator import domain_id
 import pytest
 
-from simulated_rigs import home_fast
+from simulated_rigs import home_fast, let_servos_pause, PATIENT
 from tactile_bags import EVENT, TactileBag
 from tactile_bringup.launch_config.graph import (
     feature_parameters_of,
@@ -34,6 +34,7 @@ from waiting import wait_until
 @pytest.fixture(autouse=True)
 def short_trials(monkeypatch):
     """The operator waits for an end that nobody may be left to tell."""
+    let_servos_pause(monkeypatch)
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 20.0)
     monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.5)
 
@@ -47,7 +48,7 @@ def record_until_interrupted(bag, phase):
         ros_context(int(domain)) as context,
     ):
         home_fast(rig)
-        quick = {'trial_runner': {'approach_speed_m_s': 0.1, 'hold_s': 2.8}}
+        quick = {'trial_runner': {'approach_speed_m_s': 0.1, 'hold_s': 2.8, **PATIENT}}
         graph = rig_graph(Ports(*rig.ports), {}, quick, simulated=True)
         graph.append(recorder_node(bag, None, (), feature_parameters_of(graph), simulated=True))
         operator = OperatorNode((), context)
