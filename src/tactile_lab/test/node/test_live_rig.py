@@ -99,7 +99,7 @@ def test_stiffness_trial_is_felt_and_named(rig, context, trained):
         request = TrialRequest('stiffness', 'flexion', 'none', 'first')
         assert operator.run_trial(request) == 'first'
         answer = operator.wait_for_answer('first')
-        assert answer.label == 'none'
+        assert answer.label == 'none', answer.reason
         assert answer.simulated
         watcher.wait_for_phase('done')  # the result may come before the event
         assert watcher.phases() == ['approach', 'contact', 'hold', 'release', 'done']
@@ -113,7 +113,8 @@ def test_a_rig_feels_a_force_that_another_node_publishes(rig, context, trained):
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
         operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'first'))
-        assert operator.wait_for_answer('first').label == 'none'
+        answer = operator.wait_for_answer('first')
+        assert answer.label == 'none', answer.reason
 
 
 def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(rig, context):

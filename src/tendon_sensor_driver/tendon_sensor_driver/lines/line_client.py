@@ -108,6 +108,9 @@ class TendonSensorClient(LinkClient[SerialTransport]):
         began_ns = time.monotonic_ns()
         readings = self._decoder.feed(data, received_at_ns)
         self._bursts += len(readings) >= _BURST_READINGS
+        if readings:
+            newest = readings[-1]
+            self._stream.clock.note_newest(newest.device_ticks, newest.received_at_ns)
         for reading in readings:
             self._note_samples()
             self._deliver(self._stream.add(reading))

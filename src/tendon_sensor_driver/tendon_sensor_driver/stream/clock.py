@@ -17,6 +17,7 @@ _SLEW_DIVISOR = 20
 _LATE_NS = SECOND_NS // 4
 _EARLY_NS = SECOND_NS
 _WRAP_TICKS = 1 << 32
+_MOST_WAITED_NS = 10 * SECOND_NS  # a serial port keeps 4096 bytes
 _LEAST_STEP_NS = SECOND_NS // 10
 _QUICK_NS = SECOND_NS // 1000
 _ATTEMPTS = 3
@@ -112,6 +113,12 @@ class SampleClock(ABC):
         if self._outlier is not None:
             self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
 
+    def note_newest(self, ticks: int | None, received_at_ns: int) -> None:  # noqa: B027
+        """Say which is the newest of several samples that arrive as one, before the first.
+
+        Parameters as those of `place`.
+        """
+
     @abstractmethod
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         """Return when a sample was taken, or None when its time fits nowhere.
@@ -172,6 +179,9 @@ class DeviceClock(SampleClock):
     the line may be off; in the first five seconds it is not known. It is relative to the shortest
     delay: the constant part of the way from the sensor to the host cannot be seen from here.
 
+    The first samples may have waited in the port until the host's thread ran. The newest of them
+    waited least, and gives the first offset.
+
     A tick counter of 32 bits may wrap. A reading with the device time of the one before is
     a duplicate, one up to 0.25 s before it is late; both have no place. One that is further
     back, or more than 1 s ahead of the host, is an outlier and has none either, unless the
@@ -195,6 +205,7 @@ class DeviceClock(SampleClock):
         self._last_ns = 0  # device time of the last reading
         self._wrapped_ticks = 0
         self._offset_ns = 0  # at the last reading
+        self._first_offset_ns: int | None = None  # of the newest of the first readings
         self._is_reconnected = False
 
     def note_reconnection(self) -> None:
@@ -207,6 +218,10 @@ class DeviceClock(SampleClock):
         self._offset_ns += step_ns
         if self._last is not None:
             self._last = self._last._replace(stamp_ns=self._last.stamp_ns + step_ns)
+
+    def note_newest(self, ticks: int | None, received_at_ns: int) -> None:
+        if self._last is None and ticks is not None:
+            self._first_offset_ns = received_at_ns - self._to_ns(ticks)
 
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         if ticks is None:
@@ -239,10 +254,16 @@ class DeviceClock(SampleClock):
         device_ns = self._to_ns(ticks)
         self._wrapped_ticks = 0
         self.restarts += is_restart
-        self._skew.restart(device_ns, received_at_ns - device_ns)
-        self._offset_ns = received_at_ns - device_ns
+        offset_ns = received_at_ns - device_ns
         if self._last is not None:
-            self._offset_ns = max(self._offset_ns, self._last.stamp_ns + 1 - device_ns)
+            self._skew.restart(device_ns, offset_ns)
+            offset_ns = max(offset_ns, self._last.stamp_ns + 1 - device_ns)
+        else:
+            newest_ns = self._first_offset_ns
+            if newest_ns is not None and 0 < offset_ns - newest_ns < _MOST_WAITED_NS:
+                offset_ns = newest_ns
+            self._skew.restart(device_ns, offset_ns)
+        self._offset_ns = offset_ns
         return self._stamp(device_ns, is_restart=is_restart)
 
     def _continue(self, device_ns: int, received_at_ns: int) -> Instant:

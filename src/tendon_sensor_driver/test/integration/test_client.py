@@ -3,6 +3,7 @@
 
 """The client over real ptys: silence, garbage, unplugging, slow consumers."""
 
+from itertools import pairwise
 import threading
 import time
 
@@ -52,10 +53,31 @@ def test_readings_come_out_as_blocks(sensor, make_client, blocks):
         [i / 100 * 9.80665] for i in range(10)
     ]
     assert {block.status for block in blocks} == {StrainStatus.OK}
-    assert before_ns < blocks[0].stamp_ns < time.time_ns()
+    # 150 ms of device time are written at once; the last of them was taken now, not the first.
+    assert before_ns - 150_000_000 <= blocks[0].stamp_ns < time.time_ns()
     health = client.health()
     assert health.is_connected
     assert (health.lines, health.readings, health.rejected_lines) == (10, 10, 0)
+
+
+def test_readings_that_waited_in_the_port_are_stamped_when_they_were_taken(
+    sensor, make_client, blocks, monkeypatch
+):
+    read, waiting = transport.SerialTransport.read, threading.Event()
+
+    def read_late(self, timeout_s):
+        waiting.wait(5.0)
+        return read(self, timeout_s)
+
+    monkeypatch.setattr(transport.SerialTransport, 'read', read_late)
+    make_client()
+    sensor.write(b'\n' + b''.join(encode_reading(1000 + 20 * i, 0.5) for i in range(20)))
+    time_ns = time.time_ns()
+    waiting.set()
+    wait_until(lambda: len(blocks) == 20)
+    stamps_ns = [block.stamp_ns for block in blocks]
+    assert [after - before for before, after in pairwise(stamps_ns)] == [20_000_000] * 19
+    assert time_ns <= stamps_ns[-1] < time.time_ns()
 
 
 @pytest.mark.parametrize(('name', 'reason'), [('absent', 'absent.*check the cable'), ('f', 'f: ')])

@@ -73,6 +73,29 @@ def jitter(seed, most_ns):
     return lambda _: source.randrange(most_ns)
 
 
+@pytest.mark.parametrize('newest', [18, None])
+def test_samples_that_waited_for_the_hosts_thread_do_not_make_the_stamps_late(newest):
+    model, clock = Model(), DeviceClock(0.001)
+    waited_ns = 18 * SECOND_NS // 60  # the first 19 samples arrive as one
+    if newest is not None:
+        clock.note_newest(model.ticks(newest * SECOND_NS // 60), model.true_stamp(waited_ns))
+    rows = run(model, 7, lambda elapsed_ns: max(waited_ns - elapsed_ns, 0), clock)
+    late_ns = [instant.stamp_ns - model.true_stamp(elapsed_ns) for elapsed_ns, _, instant in rows]
+    if newest is None:  # what is known too late takes six seconds to mend
+        assert late_ns[0] == waited_ns
+        assert max(instant.stamp_error_s for *_, instant in rows) > 0.03
+    else:
+        assert max(map(abs, late_ns)) <= 2 * MS_NS
+        assert max(instant.stamp_error_s for *_, instant in rows) < 0.006
+
+
+def test_a_newest_sample_of_another_time_is_not_taken():
+    for ticks in (10, WRAP - 1):
+        clock = DeviceClock(0.001)
+        clock.note_newest(ticks, EPOCH_NS)
+        assert clock.place(5000, EPOCH_NS).stamp_ns == EPOCH_NS
+
+
 @pytest.mark.parametrize('drift_ppm', [-100, -37, 0, 100])
 def test_jitter_and_drift_stay_within_the_stated_error(drift_ppm):
     model = Model(drift_ppm)
