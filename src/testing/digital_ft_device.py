@@ -9,13 +9,13 @@ from collections.abc import Callable
 import struct
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendon_sensor_driver.ati.digital_ft_protocol import (
     ACCEPTED,
     ADDRESS,
     CALIBRATION_REGISTER,
     CALIBRATION_REGISTERS,
-    encode_record,
     GAINS_REGISTER,
     LOCK_DATA,
     LOCK_STORAGE,
@@ -165,6 +165,12 @@ class DigitalFtDevice:
         gauges = self._matrix.T @ counts + self._generator.standard_normal(6)
         clipped = np.clip(np.rint(gauges), -(2**15), 2**15 - 1).astype(np.int64)
         return encode_record(clipped, has_error=self.status != 0)
+
+
+def encode_record(gauges: NDArray[np.int64], *, has_error: bool = False) -> bytes:
+    """Return one record of the stream: gauges 0, 2, 4, 1, 3, 5, and a checksum of seven bits."""
+    body = struct.pack('>6h', *gauges[[0, 2, 4, 1, 3, 5]])
+    return body + bytes(((sum(body) & 0x7F) | (0x80 if has_error else 0),))
 
 
 _SIZES = {READ_REGISTERS: 8, WRITE_REGISTERS: 0, START_STREAM: 5, LOCK_STORAGE: 5}

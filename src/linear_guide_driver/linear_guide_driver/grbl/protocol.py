@@ -158,11 +158,6 @@ class GrblDecoder:
         self._overlong = False
         self._wco_mm: tuple[float, ...] | None = None
 
-    @property
-    def buffered_bytes(self) -> int:
-        """Bytes of the line that has not ended yet; at most `MAX_LINE_BYTES`."""
-        return len(self._partial)
-
     def feed(self, data: bytes) -> list[Event]:
         """Take bytes; return the events of the lines that they complete."""
         events: list[Event] = []

@@ -25,8 +25,8 @@ def test_phases_begin_with_the_motion_and_not_with_its_command(bench):
     bench.tendon.delays = {1: 0.3}
     result = bench.end(bench.start('texture'))
     assert 'done' in result.message
-    assert result.glide_speed_m_s == pytest.approx(0.015, rel=0.01)
-    assert result.glide_lag_s < 0.02
+    assert result.glide_speed_m_s == pytest.approx(0.015, rel=1e-6)
+    assert result.glide_lag_s < 1e-6
     bench.wait_for_phase('done')
     assert bench.phases == ['approach', 'contact', 'glide', 'release', 'return', 'done']
     for name, device, goal in (
@@ -72,7 +72,7 @@ def test_a_glide_that_was_not_the_commanded_one_fails_with_the_numbers(bench, fa
 
 
 def test_a_motion_that_nobody_reports_fails(bench):
-    bench.guide.publish = lambda position_m: None
+    bench.guide.publish = lambda now: None
     bench.end(bench.start('texture'))
     wait_until(lambda: bench.phases[-1] == 'aborted')
     assert 'linear_guide/joint_states' in bench.events[-1].message
@@ -93,7 +93,7 @@ def test_a_goal_waits_for_a_driver_that_is_not_ready_yet(bench):
 def test_a_driver_that_stays_unready_ends_the_trial_with_its_sentence(bench):
     sentence = 'The position is unknown; home the guide.'
     bench.guide.say_ready(sentence)
-    for limit_s in (2.0, 0.5):  # waits server_timeout_s of 1 s once, then refuses at once
+    for limit_s in (5.0, 0.9):  # waits server_timeout_s of 1 s once, then refuses at once
         began_s = time.monotonic()
         assert bench.end(bench.start('stiffness')).message.endswith(sentence)
         assert time.monotonic() - began_s < limit_s

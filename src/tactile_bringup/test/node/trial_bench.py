@@ -5,7 +5,6 @@
 
 from dataclasses import dataclass
 import threading
-import time
 
 from rclpy.action import ActionClient
 from rclpy.node import Node
@@ -34,6 +33,27 @@ class NoConfig:
     pass
 
 
+@dataclass(frozen=True)
+class Motion:
+    """A motion as a function of time: a late report has the position of its own stamp."""
+
+    start_m: float
+    target_m: float
+    speed_m_s: float
+    began_ns: int
+    pause_s: float  # half way
+
+    def at(self, now_ns):
+        """Return the position [m], and the speed [m/s]: 0 at the target and not before."""
+        duration_s = abs(self.target_m - self.start_m) / self.speed_m_s
+        elapsed_s = (now_ns - self.began_ns) / 1e9
+        elapsed_s -= min(self.pause_s, max(0.0, elapsed_s - duration_s / 2))
+        if elapsed_s >= duration_s:
+            return self.target_m, 0.0
+        share = elapsed_s / duration_s
+        return self.start_m + share * (self.target_m - self.start_m), self.speed_m_s
+
+
 class Device(TactileNode):
     """A device that moves as it is told, unless a test has said otherwise.
 
@@ -52,13 +72,14 @@ class Device(TactileNode):
         self.moved_at_ns = {}
         self.beats = True
         self.position_m = self.velocity_m_s = 0.0
+        self._motion = None
         self.stopped = threading.Event()
         self._type = action_type
         self._runner = GoalRunner(self, action_type, f'~/{verb}', self._work)
         self.create_service(Trigger, '~/stop', self._on_stop)
         self.states = self.create_publisher(JointState, '~/joint_states', STREAM)
         self.heart = HeartbeatPublisher(self, lambda: self.beats)
-        self._timer = self.create_timer(PERIOD_S, lambda: self.publish(self.position_m))
+        self._timer = self.create_timer(PERIOD_S, self._report)
         self._ready = None
 
     def say_ready(self, *missing):
@@ -66,9 +87,17 @@ class Device(TactileNode):
             self._ready = self.create_publisher(Readiness, '~/ready', LATEST)
         self._ready.publish(Readiness(ready=not missing, missing=list(missing)))
 
-    def publish(self, position_m):
-        state = JointState(position=[position_m], velocity=[self.velocity_m_s])
-        state.header.stamp = self.get_clock().now().to_msg()
+    def _report(self):
+        now, motion = self.get_clock().now(), self._motion
+        if motion is not None:
+            self.position_m, self.velocity_m_s = motion.at(now.nanoseconds)
+        self.publish(now)
+        if motion is not None and self.velocity_m_s == 0.0:
+            self._motion = None
+
+    def publish(self, now):
+        state = JointState(position=[self.position_m], velocity=[self.velocity_m_s])
+        state.header.stamp = now.to_msg()
         self.states.publish(state)
 
     def _work(self, goal):
@@ -88,23 +117,16 @@ class Device(TactileNode):
     def _move(self, goal, number):
         request = goal.request
         target_m = getattr(request, 'position_m', getattr(request, 'displacement_m', 0.0))
-        start_m, speed_m_s = self.position_m, request.speed_m_s / self.slowness.get(number, 1.0)
-        duration_s = abs(target_m - start_m) / speed_m_s
-        self.moved_at_ns[number] = time.time_ns()
-        began_s, paused_s = time.monotonic(), 0.0
-        self.velocity_m_s = speed_m_s
-        while True:
-            share = (time.monotonic() - began_s - paused_s) / duration_s if duration_s else 1.0
-            self.position_m = start_m + min(1.0, share) * (target_m - start_m)
-            if share >= 1.0:
-                self.velocity_m_s = 0.0
-                self.publish(self.position_m)
-                return
-            if share > 0.5 and not paused_s and number in self.pauses:
-                paused_s = self.pauses[number]
-                goal.wait(paused_s)
-            goal.wait(PERIOD_S)
-            goal.check()
+        speed_m_s = request.speed_m_s / self.slowness.get(number, 1.0)
+        self.moved_at_ns[number] = began_ns = self.get_clock().now().nanoseconds
+        pause_s = self.pauses.get(number, 0.0)
+        self._motion = Motion(self.position_m, target_m, speed_m_s, began_ns, pause_s)
+        try:
+            while self._motion is not None:
+                goal.wait(PERIOD_S)
+                goal.check()
+        finally:
+            self._motion = None
 
     def _on_stop(self, _, response):
         self.stopped.set()

@@ -63,8 +63,6 @@ class WatchServer:
     ----------
     address : str
         Of the page, with the token for what moves.
-    frame_count : int
-        Frames that were made; none while no page is open.
 
     Raises
     ------
@@ -85,7 +83,6 @@ class WatchServer:
         is_everywhere = host in ('0.0.0.0', '::', '')  # noqa: S104 - asked for by the user
         shown = socket.gethostname() if is_everywhere else f'[{host}]' if ':' in host else host
         self.address = f'http://{shown}:{self.port}/#{self._access.token}'
-        self.frame_count = 0
         self._pages: set[_Page] = set()
         self._tasks: set[asyncio.Task[Any]] = set()
         self._sending: asyncio.Task[Any] | None = None
@@ -189,7 +186,6 @@ class WatchServer:
 
     def _send_to_all(self, frame: dict[str, Any], *, begin: bool) -> None:
         """Send a frame to all pages that keep up; the others begin anew when they are ready."""
-        self.frame_count += 1
         text = json.dumps(frame, separators=(',', ':'), allow_nan=False)
         for page in self._pages:
             if not page.is_ready:

@@ -177,10 +177,17 @@ def test_what_fails_and_what_is_no_command_is_said_to_all_pages(served):
     assert controls.calls == ['tare ', 'trial  texture R1']
 
 
-def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served):
+def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served, monkeypatch):
     state, _, server = served
+    frames, send = [], server._send_to_all
+
+    def count(frame, **options):
+        frames.append(frame)
+        send(frame, **options)
+
+    monkeypatch.setattr(server, '_send_to_all', count)
     state.take_block('', block(0))
-    assert server.frame_count == 0
+    assert not frames
 
     async def work():
         async with page(server) as one, page(server) as other:
@@ -194,12 +201,12 @@ def test_frames_are_made_only_while_a_page_is_open_and_never_too_many(served):
             return time.monotonic() - begun
 
     seconds = run(work())
-    assert 2 <= server.frame_count <= FRAMES_HZ * seconds + 5
+    assert 2 <= len(frames) <= FRAMES_HZ * seconds + 5
     wait_until(lambda: not server._pages)
-    count = server.frame_count
+    made = len(frames)
     state.take_block('', block(3000, rate_hz=1000.0))
     assert server._pages == set()
-    assert server.frame_count == count
+    assert len(frames) == made
 
 
 def test_a_page_that_comes_late_gets_everything(served):

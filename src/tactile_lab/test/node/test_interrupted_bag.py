@@ -32,8 +32,8 @@ from waiting import wait_until
 
 
 @pytest.fixture(autouse=True)
-def short_trials(monkeypatch):
-    """The operator waits for an end that nobody may be left to tell."""
+def patience(monkeypatch):
+    """Servos may pause; the operator waits shortly for an end that nobody may be left to tell."""
     let_servos_pause(monkeypatch)
     monkeypatch.setattr(operator_node, 'longest_trial_s', lambda *_: 20.0)
     monkeypatch.setattr(operator_node, 'END_TIMEOUT_S', 0.5)

@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from dynamixel_packets import encode_instruction
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
-from tactile_sim.devices.dynamixel.packets import encode_instruction
 from tactile_sim.errors import RigError
 from tactile_sim.physics.fast_trials import simulate_motion
 from tactile_sim.physics.scene import build_scene

@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
+from dynamixel_packets import encode_instruction
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
 from tactile_sim.devices.dynamixel.packets import (
     compute_crc,
-    encode_instruction,
     encode_status,
     InstructionParser,
 )

@@ -225,11 +225,3 @@ def _find_start(is_right: NDArray[np.bool_], begin: int) -> int:
         fits[is_seen] &= is_right[shifted[is_seen]]
     chosen = np.flatnonzero(fits)
     return int(places[chosen[0]]) if len(chosen) else len(is_right) + RECORD_BYTES - 1
-
-
-def encode_record(gauges: NDArray[np.int64], *, has_error: bool = False) -> bytes:
-    """Return one record: what a device sends."""
-    values = np.empty(6, dtype='>i2')
-    values[list(_GAUGE_ORDER)] = gauges
-    body = values.tobytes()
-    return body + bytes(((sum(body) & 0x7F) | (0x80 if has_error else 0),))

@@ -17,7 +17,7 @@ _SLEW_DIVISOR = 20
 _LATE_NS = SECOND_NS // 4
 _EARLY_NS = SECOND_NS
 _WRAP_TICKS = 1 << 32
-_MOST_WAITED_NS = 10 * SECOND_NS  # a serial port keeps 4096 bytes
+_MOST_WAITED_NS = 10 * SECOND_NS  # 4096 bytes of a port are 5 s of lines at 60 Hz
 _LEAST_STEP_NS = SECOND_NS // 10
 _QUICK_NS = SECOND_NS // 1000
 _ATTEMPTS = 3
@@ -255,14 +255,12 @@ class DeviceClock(SampleClock):
         self._wrapped_ticks = 0
         self.restarts += is_restart
         offset_ns = received_at_ns - device_ns
+        newest_ns = self._first_offset_ns if self._last is None else None
+        if newest_ns is not None and 0 < offset_ns - newest_ns < _MOST_WAITED_NS:
+            offset_ns = newest_ns
+        self._skew.restart(device_ns, offset_ns)
         if self._last is not None:
-            self._skew.restart(device_ns, offset_ns)
             offset_ns = max(offset_ns, self._last.stamp_ns + 1 - device_ns)
-        else:
-            newest_ns = self._first_offset_ns
-            if newest_ns is not None and 0 < offset_ns - newest_ns < _MOST_WAITED_NS:
-                offset_ns = newest_ns
-            self._skew.restart(device_ns, offset_ns)
         self._offset_ns = offset_ns
         return self._stamp(device_ns, is_restart=is_restart)
 

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from digital_ft_device import encode_record
 from tendon_sensor_driver import LinkError
 from tendon_sensor_driver.ati.digital_ft_protocol import (
     CALIBRATION_REGISTERS,
     decode_calibration,
     describe_status,
-    encode_record,
     StreamDecoder,
 )
 from tendon_sensor_driver.ati.modbus import (

@@ -56,16 +56,7 @@ def compute_crc(data: bytes) -> int:
 
 def encode_status(device_id: int, error: int, parameters: bytes = b'') -> bytes:
     """Encode a status packet."""
-    return _encode(device_id, bytes([_STATUS, error]) + parameters)
-
-
-def encode_instruction(device_id: int, code: int, parameters: bytes = b'') -> bytes:
-    """Encode an instruction packet."""
-    return _encode(device_id, bytes([code]) + parameters)
-
-
-def _encode(device_id: int, body: bytes) -> bytes:
-    body = body.replace(_PLAIN, _STUFFED)
+    body = (bytes([_STATUS, error]) + parameters).replace(_PLAIN, _STUFFED)
     packet = HEADER + bytes([device_id]) + (len(body) + 2).to_bytes(2, 'little') + body
     return packet + compute_crc(packet).to_bytes(2, 'little')
 
