@@ -73,7 +73,7 @@ def use(python: Path, folder: Path) -> None:
         run([tactile, *arguments], folder, code=2, says='source a ROS 2 workspace')
     cluster = ROOT / 'src' / 'tactile_lab' / 'test' / 'integration' / 'test_cluster.py'
     options = ['-c', os.devnull, '--noconftest', '-p', 'no:cacheprovider', '--rootdir', folder]
-    options += ['-o', f'pythonpath={ROOT / "src" / "testing"}']
+    options += ['-o', f'pythonpath={ROOT / "src" / "tactile_lab" / "test"}']
     run([python, '-m', 'pytest', *options, cluster], folder)
     for example in sorted((ROOT / 'docs' / 'examples').glob('*.py')):
         run([python, example], folder)

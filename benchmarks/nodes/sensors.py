@@ -30,7 +30,7 @@ from tactile_ros.qos import STREAM
 from tendon_sensor_driver.lines.line_protocol import encode_reading
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
 
-sys.path.append(str(Path(__file__).parents[2] / 'src/testing'))
+sys.path.append(str(Path(__file__).parents[2] / 'src/tendon_sensor_driver/test/peers'))
 from net_ft_box import NetFtBox
 from net_ft_device import HOST, NetFtDevice
 

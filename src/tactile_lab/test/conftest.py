@@ -3,6 +3,9 @@
 
 """A small recording, made once a test run."""
 
+from pathlib import Path
+import sys
+
 import pytest
 
 from tactile_bags import BagWriter, RecordedTopic, TactileBag
@@ -10,6 +13,9 @@ from tactile_bringup.records import TrialConfig
 from tactile_features.config import FeatureConfig
 from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
+
+# What several test files share lies beside them and is no part of the package.
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture(scope='session')

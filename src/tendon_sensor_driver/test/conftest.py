@@ -4,12 +4,17 @@
 """A sensor on a real pty, and waiting on conditions."""
 
 import os
+from pathlib import Path
 import select
+import sys
 import tty
 
 import pytest
 
 from tendon_sensor_driver import encode_reading
+
+# The simulated Net F/T lies beside the tests and is no part of the package.
+sys.path.insert(0, str(Path(__file__).parent / 'peers'))
 
 
 class PtySensor:

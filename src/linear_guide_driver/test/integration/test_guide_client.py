@@ -20,7 +20,7 @@ from linear_guide_driver import (
     MotionStoppedError,
 )
 from linear_guide_driver.grbl import connection
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 @pytest.fixture

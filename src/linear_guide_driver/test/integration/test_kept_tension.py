@@ -8,7 +8,7 @@ import pytest
 
 from linear_guide_driver.dynamixel import tension_keeper
 from linear_guide_driver.dynamixel.bus import DynamixelBus
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 TARGET_N = 3.0
 

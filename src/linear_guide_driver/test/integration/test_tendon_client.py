@@ -19,7 +19,7 @@ from linear_guide_driver import (
 )
 from linear_guide_driver.dynamixel import registers, servo_goals, tendon_client, tendon_setup
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 def test_the_peers_checksum_is_the_documented_one():

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from topic_peers import Peers
 
 from tactile_ros.node.requests import send
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 

@@ -11,7 +11,7 @@ from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import Readiness
 from tactile_ros.qos import LATEST
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 @pytest.fixture

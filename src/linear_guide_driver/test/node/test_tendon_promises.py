@@ -11,7 +11,7 @@ from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import PullTendon
 from tactile_msgs.msg import Readiness
 from tactile_ros.qos import LATEST
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 SLACK = 2048
 """Counts of the shaft at which the peer begins."""

@@ -6,7 +6,7 @@
 from background import Background
 
 from linear_guide_driver import MotionFailedError
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 def begin_pull(tendon, servo, *arguments):

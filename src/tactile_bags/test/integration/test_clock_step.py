@@ -10,9 +10,9 @@ import pytest
 
 from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
 from tactile_features.conversions import strain_block_from_msg
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import encode_reading, TendonSensorClient, TendonSensorConfig
 from tendon_sensor_driver.conversions import to_strain_msg
-from waiting import wait_until
 
 SECOND_NS = 1_000_000_000
 CONFIG = FeatureConfig(texture_samples=30, texture_crop_start_s=0.1, texture_crop_end_s=0.0)

@@ -17,7 +17,7 @@ from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
 from tactile_ros.node.requests import send
 from tactile_ros.qos import STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 LOSS_S = 1.0
 """A trial whose driver has died must end within this."""

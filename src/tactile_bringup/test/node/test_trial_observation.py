@@ -10,7 +10,7 @@ import time
 import pytest
 from trial_bench import stamp_ns
 
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 STAMP_BOUND_NS = 50_000_000
 

@@ -22,7 +22,7 @@ from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, LATEST, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 PERIOD_S = 0.01

@@ -18,7 +18,7 @@ from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome
 from tactile_msgs.msg import TactileFeatures
 from tactile_ros.qos import RESULTS
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 HAS_VISION = importlib.util.find_spec('vision_msgs') is not None
 

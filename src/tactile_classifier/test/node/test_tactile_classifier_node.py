@@ -22,7 +22,7 @@ from tactile_features.conversions import feature_window_to_msg
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_ros.qos import RESULTS
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 

@@ -15,7 +15,7 @@ from rclpy.qos import ReliabilityPolicy
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.qos import STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from tactile_features.slip import SlipConfig, SlipDetector
 from tactile_features.slip_detector_node import SlipDetectorNode
 from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 PERIOD_NS = 16_666_667
 START_NS = 1_760_000_000_123_456_789

@@ -26,7 +26,7 @@ from tactile_features.conversions import (
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 PERIOD_NS = 16_666_667
 START_NS = 1_760_000_000_123_456_789

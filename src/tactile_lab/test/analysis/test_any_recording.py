@@ -11,10 +11,10 @@ import pyarrow.parquet
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
+from tactile_command import ask_tactile, hear_tactile, tactile
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_command import ask_tactile, hear_tactile, tactile
 
 RATE_HZ = 100.0
 SLOPES = {'rubber': -0.9, 'pla': -0.5}

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tactile_command import hear_tactile
 
 from tactile_classifier.datasets.archive import load_archive
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.evaluation.cross_validation import evaluate
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_command import hear_tactile
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
 from tactile_lab.commands.analysis.evaluate import _read_sets, run_evaluate

@@ -9,12 +9,12 @@ import threading
 import joblib
 import numpy as np
 import pytest
+from tactile_command import tactile
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_command import tactile
 from tactile_features.config import FeatureConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_lab.commands import simulate

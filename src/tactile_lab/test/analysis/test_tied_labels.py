@@ -6,9 +6,9 @@
 import json
 
 import pytest
+from tactile_command import ask_tactile, tactile
 
 from tactile_bags import EVENT
-from tactile_command import ask_tactile, tactile
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan

@@ -7,7 +7,6 @@ import hashlib
 import json
 
 import pytest
-
 from tactile_command import tactile
 
 distributed = pytest.importorskip(

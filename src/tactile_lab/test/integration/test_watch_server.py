@@ -17,7 +17,7 @@ from tactile_lab.watch.server import FILES, FRAMES_HZ, MOST_PAGES, WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_ros.errors import TactileError
 from tactile_ros.strain import StrainBlock
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 TRIAL = {'do': 'trial', 'protocol': 'texture', 'contact': 'flexion', 'object': 'R1'}

@@ -28,7 +28,7 @@ from tactile_lab.simulation.simulated_bags import write_simulated_bag
 from tactile_lab.simulation.simulated_trials import SimulationPlan
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import RESULTS
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 120.0
 """Far more than anything needs: the computer may be busy with other tests."""

@@ -7,7 +7,7 @@ import unittest
 
 import pytest
 
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 pytest.importorskip(
     'launch_testing.actions', reason='launch_testing comes with an ordinary ROS 2, not from PyPI'

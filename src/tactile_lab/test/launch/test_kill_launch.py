@@ -20,8 +20,8 @@ import time
 from domain_coordinator import domain_id
 import pytest
 
-from simulated_rigs import advance_rig
-from waiting import wait_until
+from tactile_testing.simulated_rigs import advance_rig
+from tactile_testing.waiting import wait_until
 
 pytest.importorskip('launch', reason='launch comes with an ordinary ROS 2, not from PyPI')
 

@@ -20,13 +20,13 @@ import launch_testing.asserts
 import launch_testing.markers
 from launched import Ear, launched, new_folder, trained_model, until_end
 
-from simulated_rigs import advance_rig
 from tactile_bringup.launch_config.graph import Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_msgs.msg import Classification, TactileFeatures
 from tactile_sim.rig_process import SimulatedRig
+from tactile_testing.simulated_rigs import advance_rig
 
 FEATURES = 'index/tactile_features/features'
 ANSWERS = 'index/stiffness_flexion_classifier/classification'

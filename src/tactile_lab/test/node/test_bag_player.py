@@ -18,7 +18,7 @@ from tactile_msgs.msg import StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, EVENTS, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 60.0
 

@@ -9,13 +9,13 @@ import signal
 
 import numpy as np
 import pytest
+from tactile_command import program, QUICK, tactile
 
 from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
-from tactile_command import program, QUICK, tactile
 from tactile_lab.cli.main import app
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 @pytest.fixture

@@ -7,13 +7,14 @@ import json
 import signal
 import time
 
+from tactile_command import program, SHORT_HOLD, tactile
+
 from tactile_bags import EVENT, TactileBag
 from tactile_bags.message_records import read_records
-from tactile_command import program, SHORT_HOLD, tactile
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.journal import read_journal
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 def run_until_done(folder, quick, count, signal_number):

@@ -10,7 +10,6 @@ from contextlib import suppress
 from domain_coordinator import domain_id
 import pytest
 
-from simulated_rigs import home_fast, let_servos_pause, PATIENT
 from tactile_bags import EVENT, TactileBag
 from tactile_bringup.launch_config.graph import (
     feature_parameters_of,
@@ -28,7 +27,8 @@ from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
-from waiting import wait_until
+from tactile_testing.simulated_rigs import home_fast, let_servos_pause, PATIENT
+from tactile_testing.waiting import wait_until
 
 
 @pytest.fixture(autouse=True)

@@ -14,7 +14,6 @@ from rclpy.task import Future
 from rclpy.time import Time
 
 from linear_guide_driver.grbl import guide_client
-from simulated_rigs import home_fast, let_servos_pause, PATIENT, truth_at_rest
 from tactile_bringup.launch_config.graph import NodeDescription, Ports, rig_graph
 from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
@@ -26,7 +25,8 @@ from tactile_ros.errors import TactileError
 from tactile_ros.node.requests import send
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
-from waiting import wait_until
+from tactile_testing.simulated_rigs import home_fast, let_servos_pause, PATIENT, truth_at_rest
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 20.0
 

@@ -16,7 +16,7 @@ from ament_index_python.packages import get_package_prefix
 import pytest
 
 from tactile_ros.programs.node_program import find_node_class, GROUP
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 60.0
 HEAP_BYTES = 64 * 2**20

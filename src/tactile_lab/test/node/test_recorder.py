@@ -36,7 +36,7 @@ from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 

@@ -23,7 +23,7 @@ from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, Trial
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 CLASSIFIER = 'stiffness_flexion_classifier'
 

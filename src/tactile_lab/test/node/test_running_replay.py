@@ -12,7 +12,6 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from simulated_rigs import home_fast
 from tactile_bags import TactileBag
 from tactile_bags.replaying.replay import recorded_config, recorded_results
 from tactile_bringup.launch_config.graph import Ports
@@ -26,6 +25,7 @@ from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.reread import read_partial_tables
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
+from tactile_testing.simulated_rigs import home_fast
 
 QUICK = {'trial_runner': {'approach_speed_m_s': 0.1}}
 """Shortens what no test here looks at."""

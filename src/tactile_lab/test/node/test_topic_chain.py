@@ -21,7 +21,7 @@ from tactile_features.conversions import event_to_msg
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_msgs.msg import Classification, TrialEvent
 from tactile_ros.qos import EVENTS, RESULTS
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
 ANSWERS = 'stiffness_flexion_classifier/classification'

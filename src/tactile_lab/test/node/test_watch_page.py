@@ -9,7 +9,6 @@ import threading
 from chromium import Chromium, find_chromium
 import pytest
 
-from simulated_rigs import home_fast, truth_at_rest
 from tactile_bringup.launch_config.graph import Ports, rig_graph
 from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
@@ -21,7 +20,8 @@ from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.watching import watching
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_sim.rig_process import SimulatedRig
-from waiting import wait_until
+from tactile_testing.simulated_rigs import home_fast, truth_at_rest
+from tactile_testing.waiting import wait_until
 
 needs_chromium = pytest.mark.skipif(
     find_chromium() is None, reason='no Chromium is installed; apt install chromium'

@@ -15,7 +15,7 @@ from tactile_ros.node.goals import GoalAborted, GoalRunner
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 

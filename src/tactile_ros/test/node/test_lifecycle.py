@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.node.parameters import read_config
 from tactile_ros.programs.node_group import NodeGroup
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from tactile_ros.bus.local_bus import BUS
 from tactile_ros.errors import MessageError
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 OVERRIDE = 'qos_overrides./numbers.publisher.reliability'

@@ -19,7 +19,7 @@ from tactile_ros.node import message_guard
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import CLOCK, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 

@@ -14,7 +14,7 @@ from std_msgs.msg import Empty
 from tactile_ros.health.heartbeat import HeartbeatPublisher
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.qos import STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 @dataclass(frozen=True)

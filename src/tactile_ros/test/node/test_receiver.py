@@ -19,7 +19,7 @@ from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.receiver import NotOnExecutor, receiver_of
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
 

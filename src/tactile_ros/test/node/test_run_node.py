@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 PROGRAM = """
 import ctypes

@@ -6,10 +6,10 @@
 import copy
 from functools import lru_cache
 
+from dynamixel_packets import encode_instruction
 import numpy as np
 import pytest
 
-from dynamixel_packets import encode_instruction
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.errors import RigError

@@ -13,9 +13,9 @@ import pytest
 import serial
 
 from tactile_sim import RigError, SimulatedRig
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver.lines.line_protocol import LineDecoder
 from tendon_sensor_driver.records import TendonSensorConfig
-from waiting import wait_until
 
 DEADLINE_S = 20.0
 

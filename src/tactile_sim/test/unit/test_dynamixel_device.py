@@ -1,12 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from dynamixel_packets import encode_instruction
 import dynamixel_sdk
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from dynamixel_packets import encode_instruction
 from linear_guide_driver.dynamixel import registers as known
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice

@@ -5,12 +5,12 @@
 
 from pathlib import Path
 
+from dynamixel_packets import encode_instruction
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from dynamixel_packets import encode_instruction
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.dynamixel.dynamixel_device import DynamixelDevice
 from tactile_sim.devices.dynamixel.packets import encode_status

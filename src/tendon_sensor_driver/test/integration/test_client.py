@@ -10,6 +10,7 @@ import time
 import pytest
 
 from tactile_ros.strain import StrainStatus
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import (
     encode_reading,
     LinkError,
@@ -18,7 +19,6 @@ from tendon_sensor_driver import (
     TendonSensorError,
     transport,
 )
-from waiting import wait_until
 
 
 @pytest.fixture

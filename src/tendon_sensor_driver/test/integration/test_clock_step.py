@@ -6,8 +6,8 @@
 import pytest
 
 from tactile_ros.strain import StrainStatus
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import TendonSensorClient, TendonSensorConfig
-from waiting import wait_until
 
 SECOND_NS = 1_000_000_000
 MS_NS = 1_000_000

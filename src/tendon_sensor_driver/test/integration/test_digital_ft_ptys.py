@@ -10,14 +10,14 @@ import threading
 import time
 import tty
 
+from digital_ft_device import DigitalFtDevice
 import numpy as np
 import pytest
 
-from digital_ft_device import DigitalFtDevice
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.ati import digital_ft, digital_ft_link, digital_ft_stream
 from tendon_sensor_driver.ati.digital_ft import DigitalFtClient
-from waiting import wait_until
 
 
 class Port:

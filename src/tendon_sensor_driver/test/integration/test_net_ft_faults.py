@@ -7,15 +7,15 @@ from itertools import pairwise
 import threading
 import time
 
+from net_ft_box import NetFtBox
+from net_ft_device import NetFtDevice
 import numpy as np
 import pytest
 
-from net_ft_box import NetFtBox
-from net_ft_device import NetFtDevice
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.ati import net_ft_links
 from tendon_sensor_driver.ati.net_ft import NetFtClient
-from waiting import wait_until
 
 INTERNAL_HZ = 7000
 STEP_N = 1e-4  # of the force from one tick to the next

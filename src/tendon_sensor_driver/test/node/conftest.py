@@ -16,8 +16,8 @@ from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros.qos import STREAM
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver.tendon_sensor_node import TendonSensorNode
-from waiting import wait_until
 
 
 class Graph:

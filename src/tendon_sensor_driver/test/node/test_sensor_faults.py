@@ -11,8 +11,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 
 from tactile_ros.strain import StrainStatus
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import encode_reading
-from waiting import wait_until
 
 PERIOD_S = 1 / 60
 ANSWER_S = 5.0  # generous: other work may share the machine

@@ -3,11 +3,10 @@
 
 """The node with a simulated Net F/T over real UDP and HTTP."""
 
-import numpy as np
-import pytest
-
 from net_ft_box import NetFtBox
 from net_ft_device import HOST, NetFtDevice
+import numpy as np
+import pytest
 
 
 @pytest.fixture

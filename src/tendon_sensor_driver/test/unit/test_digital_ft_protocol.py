@@ -3,12 +3,12 @@
 
 import struct
 
+from digital_ft_device import encode_record
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from digital_ft_device import encode_record
 from tendon_sensor_driver import LinkError
 from tendon_sensor_driver.ati.digital_ft_protocol import (
     CALIBRATION_REGISTERS,

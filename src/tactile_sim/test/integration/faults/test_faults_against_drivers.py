@@ -16,11 +16,11 @@ from linear_guide_driver import (
     TendonActuatorClient,
     TendonActuatorConfig,
 )
-from simulated_rigs import advance_rig, home_fast, truth_at_rest
 from tactile_sim.devices.faults import KINDS
+from tactile_testing.simulated_rigs import advance_rig, home_fast, truth_at_rest
+from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import StrainStatus, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
-from waiting import wait_until
 
 # -- sensor --------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ import pytest
 import serial
 
 from tactile_sim import RigError
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 
 def test_bad_requests_are_answered_with_a_sentence(rig):

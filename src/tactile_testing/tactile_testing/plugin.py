@@ -1,15 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all tests share: helpers in ``testing``, and how programs that they start are run.
+"""Plugin of pytest: fixtures of several packages, and the surroundings of programs under test.
 
+Each package names it in ``setup.cfg``, so that ``colcon test`` and ``pytest`` load it alike.
 Programs have a ROS domain of this process's own, and hear Ctrl-C.
 """
 
 import os
-from pathlib import Path
 import signal
-import sys
 
 from hypothesis import settings
 import pytest
@@ -17,8 +16,6 @@ import pytest
 # An example that takes long on a busy computer is not wrong.
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
-
-sys.path.insert(0, str(Path(__file__).parent / 'testing'))
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A script's background ignores Ctrl-C, and so would the programs that are started there.

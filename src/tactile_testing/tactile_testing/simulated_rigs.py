@@ -1,12 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What tests ask of a simulated rig."""
+"""Requests of tests to a simulated rig."""
 
 import serial
 
-from linear_guide_driver.dynamixel import bus, servo_monitor
-from waiting import wait_until
+from tactile_testing.waiting import wait_until
 
 PATIENT = {'heartbeat_timeout_s': 10.0}
 """Parameters of a trial runner that bears a computer whose cores are busy."""
@@ -18,8 +17,8 @@ def let_servos_pause(monkeypatch):
     How soon a servo counts as silent is tested with the driver. Where a trial is tested, such a
     wait is no fault. `tactile trials` runs a trial again that ended so.
     """
-    monkeypatch.setattr(servo_monitor, 'SILENT_POLLS', 25)
-    monkeypatch.setattr(bus, 'ATTEMPTS', 20)
+    monkeypatch.setattr('linear_guide_driver.dynamixel.servo_monitor.SILENT_POLLS', 25)
+    monkeypatch.setattr('linear_guide_driver.dynamixel.bus.ATTEMPTS', 20)
 
 
 def home_fast(rig):

@@ -14,6 +14,7 @@ import threading
 import time
 
 from net_ft_box import NetFtBox
+
 from tendon_sensor_driver.ati.net_ft_protocol import Command
 
 HOST = '127.0.0.1'
