@@ -88,6 +88,11 @@ class TrainTest:
             select_trials(columns, self.test_where, 'test-where'),
         )
 
+    def training(self, table: FeatureTable) -> FeatureTable:
+        """Return the trials to train on; all where none are stated."""
+        chosen = self.select(table.columns)
+        return table if chosen is None else table.take(chosen[0])
+
     def keep(self, trials: Trials) -> Trials:
         """Return the trials that are in either; all where none are stated."""
         chosen = self.select(trials.columns)
