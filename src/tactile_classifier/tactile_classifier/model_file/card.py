@@ -151,10 +151,12 @@ def _tell_sessions(manifest: Manifest) -> str:
         return (
             f'{groups} sessions were held out in turn. The threshold for unknown objects {holds}.'
         )
+    if 'reason' in calibration:
+        return f'No session was held out: {calibration["reason"]}. A new session may do worse.'
     if manifest.training.sessions > 1:
         return (
-            'No session was held out: the trials do not allow it, for example because a label '
-            'occurs in one session only. A new session may do worse.'
+            'No session was held out: the trials do not allow it, because a label occurs in one '
+            'session only. A new session may do worse.'
         )
     return 'No session was held out: a new session may do worse.'
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.datasets.archive import LabelledTrials
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.datasets.splits import Split, stated_split
 from tactile_ros.errors import TactileError
 
@@ -30,6 +30,7 @@ def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]
         When there is no such column or no such trial, or the text is no value of the column.
     """
     name, equals, values = text.partition('=')
+    name = find_column(columns, name)
     if name not in columns:
         raise TactileError(
             f'--{option}: there is no column "{name}"; there are: {", ".join(columns) or "none"}'
