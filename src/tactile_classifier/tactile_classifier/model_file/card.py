@@ -41,7 +41,7 @@ def describe_model(manifest: Manifest) -> dict[str, str]:
     """
     try:
         return _describe(manifest)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise ModelFileError(f'its manifest has a damaged entry: {error!r}') from error
 
 

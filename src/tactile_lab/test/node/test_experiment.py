@@ -62,7 +62,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path
     folder = ExperimentFolder(tmp_path / 'soft')
     done = tactile('experiment', plan, '--yes')
     assert (done.returncode, '--yes is for --simulated' in done.stderr) == (2, True)
-    assert not folder.list_bags()
+    assert not folder.path.exists()
 
     out, errors, code = run_until_done(folder, quick, 0, signal.SIGINT)
     assert code == 130, errors
