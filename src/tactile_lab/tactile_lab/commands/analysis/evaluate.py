@@ -121,7 +121,7 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
         named = replace(request, features=None)
         prepared = prepare_trials(leaves, named, folds=request.folds)
         key = (prepared.task, '')
-        table, *choice = _choose(
+        table, candidate, choice = _choose(
             lambda fields: BagTables({key: prepared.compute_table(fields)}, ()),
             {},
             request,
@@ -129,7 +129,7 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
         )[key]
         title = f'{prepared.title}, {AUTO}: {table.spec.feature_set}'
         found = _prepared_set(replace(prepared, title=title, table=table), named)
-        return [replace(found, choice=tuple(choice))]
+        return [replace(found, choice=(candidate, choice))]
     request.check_for_bags()
     automatic = request.features == AUTO
     if automatic:

@@ -219,4 +219,5 @@ def _texts_to_numpy(path: Path, name: str, column: Any, pyarrow: Any) -> NDArray
             f'{path}: column {name} has a text of {longest} characters, and {len(codes)} rows as '
             'wide as that are too large; leave the column out'
         )
-    return np.array([*known, ''])[codes.indices.fill_null(len(known)).to_numpy()]
+    rows = codes.indices.fill_null(len(known)).to_numpy()
+    return np.asarray(np.array([*known, ''])[rows])
