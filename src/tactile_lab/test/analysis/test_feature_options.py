@@ -157,6 +157,17 @@ def test_trials_to_test_on_do_not_choose(tmp_path):
     assert choices[0] == choices[1]
 
 
+def test_few_trials_to_train_on_choose_by_fewer_folds(tmp_path):
+    label = np.tile(['a', 'b'], 12)
+    x = np.random.default_rng(1).normal(size=(24, 1, 60)) + (label == 'a')[:, None, None]
+    archive = save_glides(tmp_path / 'few.npz', x, label, part=np.arange(24) // 8)
+    said = hear_tactile(
+        *('evaluate', archive, '--task', 'texture', '--features', 'auto', '--repetitions', 1),
+        *('--train-where', 'part=0', '--test-where', 'part=1,2'),
+    )
+    assert 'chosen inside the folds (stratified 4-fold, once' in said
+
+
 def test_folds_choose_among_sets_over_the_surface_where_speeds_are_stated(tmp_path):
     rng = np.random.default_rng(2)
     label, speed = np.tile(['a', 'b'], 12), np.repeat([10.0, 15.0, 20.0], 8)

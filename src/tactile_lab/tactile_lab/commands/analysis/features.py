@@ -67,7 +67,7 @@ def choose_automatically(
     chosen : mapping
         Fields of `FeatureConfig`, such as the window over the surface.
     folds, random_state : int
-        Of random folds, where there is nothing to hold out.
+        Of random folds, where there is nothing to hold out; no more than a label has trials.
     output : Output
     columns : sequence of str
         What each fold holds out.
@@ -139,7 +139,8 @@ def _divide(
     try:
         return grouped_split(table, columns)
     except (DatasetError, EvaluationError):  # one session only, or none is stated
-        return stratified_split(table, folds, 1, random_state)
+        fewest = int(np.unique(table.labels, return_counts=True)[1].min())
+        return stratified_split(table, max(2, min(folds, fewest)), 1, random_state)
 
 
 def _read_all(
