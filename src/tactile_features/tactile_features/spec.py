@@ -91,10 +91,13 @@ class FeatureSpec:
             }
             if not float(parameters.get('max_gap_samples', 0.0)).is_integer():
                 raise ValueError(f'max_gap_samples is {parameters["max_gap_samples"]}')
+            rate_hz = float(data['rate_hz'])
+            if not 0.0 < rate_hz < math.inf:
+                raise ValueError(f'rate_hz is {rate_hz:g}')
             return cls(
                 feature_set=str(data['feature_set']),
                 version=int(data['version']),
-                rate_hz=float(data['rate_hz']),
+                rate_hz=rate_hz,
                 sample_count=int(data['sample_count']),
                 names=tuple(str(name) for name in data['names']),
                 units=tuple(str(unit) for unit in data['units']),
@@ -102,7 +105,7 @@ class FeatureSpec:
             )
         except KeyError as error:
             raise FeatureError(f'the feature specification has no entry {error}') from error
-        except (AttributeError, TypeError, ValueError) as error:
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
             raise FeatureError(f'the feature specification cannot be read: {error}') from error
 
     def config_values(self) -> dict[str, Any]:

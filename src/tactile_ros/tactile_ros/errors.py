@@ -11,9 +11,18 @@ class TactileError(Exception):
     """
 
 
+LONGEST_REASON = 300
+"""Characters of the reason of a `MessageError`; the rest is cut off."""
+
+
 class MessageError(ValueError):
     """A message holds a value that it must not hold, or that is not known here.
 
     A conversion raises it. The node refuses that message and runs on; see
-    `tactile_ros.node.message_guard`.
+    `tactile_ros.node.message_guard`. The reason goes into logs, so what others sent stands in it
+    without what a terminal would obey, and shortened.
     """
+
+    def __init__(self, reason: str) -> None:
+        text = ''.join(c if c.isprintable() else '?' for c in reason[: LONGEST_REASON + 1])
+        super().__init__(text if len(text) <= LONGEST_REASON else f'{text[:LONGEST_REASON]}...')

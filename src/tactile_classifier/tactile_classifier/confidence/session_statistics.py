@@ -97,7 +97,7 @@ class SessionStatistics:
         try:
             means, share = (np.array(entry[name], dtype=np.float64) for name in ('means', 'share'))
             rest = [float(entry[name]) for name in ('weight', 'centre', 'log_threshold')]
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ModelFileError(f'its statistics of sessions are damaged: {error}') from error
         fits = means.shape == (labels, features) and share.shape == (features,)
         if not fits or not all(np.isfinite(item).all() for item in (means, share, rest)):

@@ -42,7 +42,8 @@ class FeatureTable:
     spec : FeatureSpec
     columns : mapping of str to ndarray of shape (trials,)
         What else is known of each trial, such as ``trial_id``, ``session_id``,
-        ``contact`` and ``simulated``.
+        ``contact`` and ``simulated``. A column ``session`` becomes ``session_id``, and
+        ``mounting`` ``mounting_id``, unless the table has both.
 
     Raises
     ------
@@ -60,7 +61,11 @@ class FeatureTable:
         object.__setattr__(self, 'values', values)
         labels = np.asarray(self.labels).astype(str)
         object.__setattr__(self, 'labels', labels)
-        columns = {name: np.asarray(column) for name, column in self.columns.items()}
+        names = {name: _OUR_NAMES.get(name, name) for name in self.columns}
+        columns = {
+            name if names[name] in self.columns else names[name]: np.asarray(column)
+            for name, column in self.columns.items()
+        }
         object.__setattr__(self, 'columns', columns)
         if values.ndim != 2 or values.shape[1] != len(self.spec.names) or not len(values):
             raise DatasetError(
@@ -105,13 +110,14 @@ class FeatureTable:
         return found is not None and found.is_waveform
 
     def column(self, name: str) -> npt.NDArray[Any]:
-        """Return a column.
+        """Return a column; ``session`` and ``mounting`` name those with ``_id``, too.
 
         Raises
         ------
         DatasetError
             When there is none of that name.
         """
+        name = find_column(self.columns, name)
         if name not in self.columns:
             raise DatasetError(
                 f'there is no column "{name}"; there are: {", ".join(self.columns) or "none"}'
@@ -140,6 +146,15 @@ def divide_groups(group: npt.NDArray[np.intp], column: npt.NDArray[Any]) -> npt.
     """Return the group of each trial, numbered from 0, after a column has divided the groups."""
     codes = np.unique(column, return_inverse=True)[1]
     return np.asarray(np.unique(group * (codes.max() + 1) + codes, return_inverse=True)[1])
+
+
+_OUR_NAMES = {'session': 'session_id', 'mounting': 'mounting_id'}
+"""Names that recordings of others have for our columns."""
+
+
+def find_column(columns: Mapping[str, Any], name: str) -> str:
+    """Return the name under which a column stands among some, if it is there."""
+    return name if name in columns else _OUR_NAMES.get(name, name)
 
 
 _TITLES = {

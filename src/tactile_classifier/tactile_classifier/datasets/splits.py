@@ -64,28 +64,41 @@ class Split:
     ) -> list[Fold]:
         """Divide the trials of one fold's training once more, to choose something on them.
 
-        Groups stay whole where the split holds groups out and two are left; three folds
-        at most. Indices are into the table, not into ``train``.
+        Groups stay whole where the split holds groups out and each part then has trials of all
+        classes to train on; otherwise trials are divided at random. Three folds at most. Indices
+        are into the table, not into ``train``.
 
         Raises
         ------
         EvaluationError
             When too few trials of a class are left.
         """
-        inner: list[Fold] = []
-        left = np.unique(self.groups[train]) if self.groups is not None else np.empty(0)
-        if self.groups is not None and len(left) > 1:
-            folds = GroupKFold(min(_INNER_FOLDS, len(left)))
-            inner = [(a, b) for a, b in folds.split(train, groups=self.groups[train])]
-        else:
-            fewest = int(np.unique(labels[train], return_counts=True)[1].min())
+        inner = self._divide_groups_again(train, labels)
+        if not inner:
+            names, counts = np.unique(labels[train], return_counts=True)
+            fewest = int(counts.min())
             if fewest < 2:
-                raise EvaluationError('a class has one trial to train on: nothing to choose by')
+                raise EvaluationError(
+                    f'one trial of class "{names[counts.argmin()]}" is left to train on, so '
+                    'nothing can be chosen by it: record more of it'
+                )
             stratified = StratifiedKFold(
                 min(_INNER_FOLDS, fewest), shuffle=True, random_state=random_state
             )
             inner = [(a, b) for a, b in stratified.split(train, labels[train])]
+        _check_training_size(inner)
         return [(train[a], train[b]) for a, b in inner]
+
+    def _divide_groups_again(self, train: IndexArray, labels: npt.NDArray[np.str_]) -> list[Fold]:
+        """Return folds of whole groups, as indices into ``train``; empty: some lack a class."""
+        if self.groups is None:
+            return []
+        groups, known = self.groups[train], np.unique(labels[train])
+        count = min(_INNER_FOLDS, len(np.unique(groups)))
+        if count < 2:
+            return []
+        inner = list(GroupKFold(count).split(train, groups=groups))
+        return inner if all(set(labels[train[a]]) == set(known) for a, _ in inner) else []
 
 
 LARGE_TABLE = 2_000_000_000
@@ -223,9 +236,13 @@ def _check_classes(table: FeatureTable) -> None:
 
 
 def _checked(split: Split) -> Split:
-    smallest = min(len(train) for folds in split.repeats for train, _ in folds)
+    _check_training_size([fold for folds in split.repeats for fold in folds])
+    return split
+
+
+def _check_training_size(folds: Sequence[Fold]) -> None:
+    smallest = min(len(train) for train, _ in folds)
     if smallest < 3:
         raise EvaluationError(
             f'{smallest} trials would be left to train on; three neighbours need three'
         )
-    return split

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-import contextlib
 import dataclasses
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.datasets.conditions import find_cells, find_tied_labels
+from tactile_classifier.datasets.conditions import Cells, find_cells, find_tied_labels
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import (
     Fold,
@@ -148,6 +147,11 @@ class AccuracyPlan:
     random_state : int or None
         Of the folds inside the folds for the nested choice; None: no such choice.
 
+    Attributes
+    ----------
+    no_choice : str
+        Why there is no nested choice although it was asked for; empty otherwise.
+
     Raises
     ------
     ValueError
@@ -165,14 +169,17 @@ class AccuracyPlan:
         self._table = table
         self._split = split
         self._inner: list[list[Fold]] = []
+        self.no_choice = ''
         if random_state is not None:
-            with contextlib.suppress(EvaluationError):  # too few trials: no choice
+            try:
                 self._inner = [
                     split.divide_again(train, table.labels, random_state)
                     for train, _ in split.repeats[0]
                 ]
+            except EvaluationError as error:
+                self.no_choice = str(error)
         self._tested = split.tested
-        self._cells = find_cells(table.take(self._tested)) if split.groups is None else None
+        self._cells = find_tested_cells(table, split)
         self._pairs = list_pairs(table, classifiers, scalings)
         for pair in self._pairs:
             build_estimator(*pair)  # a wrong name fails here, not in a worker
@@ -192,7 +199,6 @@ class AccuracyPlan:
         """Return the scores."""
         table, repeats = self._table, len(self._split.repeats)
         labels = tuple(str(name) for name in np.unique(table.labels))
-        counts = np.unique(table.labels[self._tested], return_counts=True)[1]
         scores = [
             self._score(*pair, labels, answers[i * repeats : (i + 1) * repeats])
             for i, pair in enumerate(self._pairs)
@@ -204,7 +210,7 @@ class AccuracyPlan:
             labels,
             len(self._tested),
             table.spec.feature_set,
-            float(counts.max() / counts.sum()),
+            chance_level(table, self._split),
             tuple(scores),
             (*near_copies, *find_tied_labels(table)),
             self._choose(answers) if self._inner else None,
@@ -229,19 +235,8 @@ class AccuracyPlan:
         return NestedChoice(
             tuple((*pair, folds) for pair, folds in Counter(picks).most_common()),
             float(np.mean(accuracies)),
-            self._interval(right, np.array(accuracies)),
+            split_interval(self._split, self._cells, right, np.array(accuracies)),
         )
-
-    def _interval(
-        self, right: npt.NDArray[np.float64], accuracies: npt.NDArray[np.float64]
-    ) -> Interval:
-        """Return the interval of a mean, from the trials' accuracies or those of the groups."""
-        if self._split.groups is not None:
-            return accuracy_interval(accuracies, 'groups')
-        if self._cells is not None:
-            share, sizes = self._cells.average(right[self._tested])
-            return accuracy_interval(share, 'groups of repeats', sizes)
-        return accuracy_interval(right[self._tested], 'trials')
 
     def _score(
         self, classifier: str, scaling: str, labels: tuple[str, ...], answers: Sequence[Answers]
@@ -267,9 +262,46 @@ class AccuracyPlan:
             float(accuracies.mean()),
             float(parts.std(ddof=1)) if len(parts) > 1 else 0.0,
             split.spread_of,
-            self._interval(right / len(split.repeats), accuracies[0]),
+            split_interval(split, self._cells, right / len(split.repeats), accuracies[0]),
             confusion,
         )
+
+
+def find_tested_cells(table: FeatureTable, split: Split) -> Cells | None:
+    """Return the cells of repeats that a split tests; None where it holds groups out."""
+    return find_cells(table.take(split.tested)) if split.groups is None else None
+
+
+def chance_level(table: FeatureTable, split: Split) -> float:
+    """Return the accuracy of always naming the commonest label that a split tests [1]."""
+    counts = np.unique(table.labels[split.tested], return_counts=True)[1]
+    return float(counts.max() / counts.sum())
+
+
+def split_interval(
+    split: Split,
+    cells: Cells | None,
+    right: npt.NDArray[np.float64],
+    accuracies: npt.NDArray[np.float64],
+) -> Interval:
+    """Return the interval of a mean accuracy under a split.
+
+    Parameters
+    ----------
+    split : Split
+    cells : Cells or None
+        See `find_tested_cells`.
+    right : ndarray of shape (trials,)
+        How often each trial of the table was named correctly [1].
+    accuracies : ndarray of shape (folds,)
+        Where groups are held out: the interval is over these [1].
+    """
+    if split.groups is not None:
+        return accuracy_interval(accuracies, 'groups')
+    if cells is not None:
+        share, sizes = cells.average(right[split.tested])
+        return accuracy_interval(share, 'groups of repeats', sizes)
+    return accuracy_interval(right[split.tested], 'trials')
 
 
 def evaluate(

@@ -171,7 +171,7 @@ def _answer(
     table: FeatureTable, test: Flags, classifier: str, scaling: str
 ) -> tuple[Matrix, Flags]:
     """Return scores, and which answers are wrong, of the trials that are held out."""
-    estimator = build_estimator(classifier, scaling)
+    estimator = build_estimator(classifier, scaling, table.channels)
     estimator.fit(table.values[~test], table.labels[~test])
     scores = compute_raw_scores(estimator, table.values[test])
     return scores, estimator.classes_[scores.argmax(axis=1)] != table.labels[test]

@@ -122,8 +122,24 @@ def _shares(
 def _spread(
     values: npt.NDArray[np.float64], share: npt.NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return the variance of the weighted mean, from the parts, and Student's quantile."""
-    count = len(values)
-    residuals = share * (values - share @ values)
-    variance = float(residuals @ residuals) * count / (count - 1)
-    return variance, float(stdtrit(count - 1, 0.5 * (1.0 + LEVEL)))
+    """Return the variance of the weighted mean, from the parts, and Student's quantile.
+
+    Without bias, and with Satterthwaite's degrees of freedom, for parts of equal variance (Bell
+    and McCaffrey 2002). With equal shares these are Student's. A part with a large share pulls
+    the mean towards itself, so its residual alone would say too little.
+    """
+    residuals = values - share @ values
+    squares = float(share @ share)
+    factor = share**2 / (1.0 - 2.0 * share + squares)
+    # Trace of the square of the quadratic form's matrix, D - d w' - w d' + sum(d) w w'.
+    total, cross = float(factor.sum()), float(factor @ share)
+    trace = (
+        float(factor @ factor)
+        + 2.0 * float(factor @ (total * share**2 - 2.0 * factor * share))
+        + 2.0 * float(factor @ factor) * squares
+        + 2.0 * cross**2
+        + (total * squares) ** 2
+        - 4.0 * total * cross * squares
+    )
+    freedom = squares**2 / trace
+    return float(factor @ residuals**2), float(stdtrit(freedom, 0.5 * (1.0 + LEVEL)))

@@ -195,7 +195,8 @@ def _evaluate_fold(
     inner = make_group_folds(train, columns)
     stage = calibrate_stage(train, classifier, scaling, inner, rate)
     keeps_raw = stage.choice.keeps_raw
-    estimator = build_estimator(classifier, scaling).fit(train.values, train.labels)
+    estimator = build_estimator(classifier, scaling, table.channels)
+    estimator.fit(train.values, train.labels)
     scores = compute_raw_scores(estimator, test.values)
     true = np.searchsorted(classes, test.labels)
     before = compute_uncalibrated(scores, SCORE_KINDS[classifier])

@@ -41,7 +41,7 @@ def describe_model(manifest: Manifest) -> dict[str, str]:
     """
     try:
         return _describe(manifest)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise ModelFileError(f'its manifest has a damaged entry: {error!r}') from error
 
 
@@ -151,10 +151,12 @@ def _tell_sessions(manifest: Manifest) -> str:
         return (
             f'{groups} sessions were held out in turn. The threshold for unknown objects {holds}.'
         )
+    if 'reason' in calibration:
+        return f'No session was held out: {calibration["reason"]}. A new session may do worse.'
     if manifest.training.sessions > 1:
         return (
-            'No session was held out: the trials do not allow it, for example because a label '
-            'occurs in one session only. A new session may do worse.'
+            'No session was held out: the trials do not allow it, because a label occurs in one '
+            'session only. A new session may do worse.'
         )
     return 'No session was held out: a new session may do worse.'
 

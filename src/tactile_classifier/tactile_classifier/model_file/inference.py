@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tactile_classifier.errors import ModelFileError
+from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.manifest import Manifest
 from tactile_classifier.model_file.onnx_container import open_container
 from tactile_classifier.model_file.onnx_session import open_session
@@ -191,8 +191,17 @@ class TactileModel:
         ------
         KeyError
             When the model has no answers for windows of that length.
+        DatasetError
+            When the values have another shape.
         """
-        rows = np.ascontiguousarray(values, dtype=np.float64)
+        rows = np.asarray(values, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] != len(self.spec.names):
+            remedy = '; one window is values[np.newaxis]' if rows.ndim == 1 else ''
+            raise DatasetError(
+                f'the values have shape {rows.shape}; model {self.model_id} takes '
+                f'(windows, {len(self.spec.names)}){remedy}'
+            )
+        rows = np.ascontiguousarray(rows)
         if sample_count in self._offsets:
             rows = rows - self._offsets[sample_count]
         if sample_count not in self._stages:
@@ -355,7 +364,7 @@ def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
     entry = manifest.calibration.get('recalibrated', {'offsets': []})
     try:
         offsets = [np.array(offset, dtype=np.float64) for offset in entry['offsets']]
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ModelFileError(f'its recalibration is damaged: {error}') from error
     shape = (len(manifest.spec.names),)
     if any(offset.shape != shape or not np.isfinite(offset).all() for offset in offsets):

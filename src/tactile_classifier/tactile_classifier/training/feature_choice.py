@@ -18,7 +18,14 @@ from tactile_classifier.datasets.splits import Split
 from tactile_classifier.errors import DatasetError
 from tactile_classifier.estimators.classifiers import RANDOM_STATE
 from tactile_classifier.estimators.threads import on_one_thread
-from tactile_classifier.evaluation.cross_validation import check_folds, list_pairs
+from tactile_classifier.evaluation.cross_validation import (
+    chance_level,
+    check_folds,
+    find_tested_cells,
+    list_pairs,
+    split_interval,
+)
+from tactile_classifier.evaluation.intervals import Interval
 from tactile_classifier.records import ROCKET
 
 
@@ -59,6 +66,10 @@ class FeatureChoice:
         All candidates, the best first; of equals the one that was named first.
     nested_accuracy : float
         When each fold's training trials choose, and its tests only judge [1].
+    interval : Interval
+        Of ``nested_accuracy``.
+    chance : float
+        Accuracy of always naming the commonest label [1].
     picks : tuple of (Candidate, int)
         What the folds chose, and how many of them.
     """
@@ -66,6 +77,8 @@ class FeatureChoice:
     split: str
     ranking: tuple[CandidateScore, ...]
     nested_accuracy: float
+    interval: Interval
+    chance: float
     picks: tuple[tuple[Candidate, int], ...]
 
     @property
@@ -82,6 +95,8 @@ class FeatureChoice:
                 for s in self.ranking
             ],
             'nested_accuracy': self.nested_accuracy,
+            'interval': self.interval.to_dict(),
+            'chance': self.chance,
             'picks': [{**c._asdict(), 'folds': count} for c, count in self.picks],
         }
 
@@ -133,11 +148,16 @@ def choose_candidate(
             [sum(int(e.sum()) for e in check_folds(*asked, f, table.channels)) for f in inner]
         )
     picked = np.argmax(counts, axis=0)
-    nested = [right[pick][i].mean() for i, pick in enumerate(picked)]
+    named = np.zeros(len(first))
+    for i, pick in enumerate(picked):
+        named[folds[i][1]] = right[pick][i]
+    nested = np.array([named[test].mean() for _, test in folds])
     return FeatureChoice(
         split.once().name,
         tuple(sorted(scores, key=lambda score: -score.accuracy)),
-        float(np.mean(nested)),
+        float(nested.mean()),
+        split_interval(split, find_tested_cells(first, split), named, nested),
+        chance_level(first, split),
         tuple(Counter(candidates[pick] for pick in picked).most_common()),
     )
 

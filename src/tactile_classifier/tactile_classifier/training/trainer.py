@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import contextlib
 import dataclasses
 import datetime
@@ -249,11 +249,11 @@ def _fit_stop_threshold(
 
 def describe_training(table: FeatureTable) -> TrainingTrials:
     """Return under how many conditions the trials were recorded, as their columns say."""
-    speeds = _different(table, ('glide_speed_m_s',))
+    speeds = _different(table, 'glide_speed_m_s')
     speeds = [speed for speed in speeds if np.isfinite(speed) and speed > 0.0]
     return TrainingTrials(
-        sessions=len(_different(table, ('session_id', 'session'))),
-        mountings=len(_different(table, ('mounting_id', 'mounting'))),
+        sessions=len(_different(table, 'session_id')),
+        mountings=len(_different(table, 'mounting_id')),
         speeds=len(speeds),
         slowest_m_s=float(min(speeds, default=-1.0)),
         fastest_m_s=float(max(speeds, default=-1.0)),
@@ -261,9 +261,9 @@ def describe_training(table: FeatureTable) -> TrainingTrials:
     )
 
 
-def _different(table: FeatureTable, names: Sequence[str]) -> list[Any]:
-    """Return the values of the first of some columns that the table has; no empty text."""
-    found = next((table.columns[name] for name in names if name in table.columns), np.empty(0))
+def _different(table: FeatureTable, name: str) -> list[Any]:
+    """Return the values of a column, none where there is no such column; no empty text."""
+    found = table.columns.get(name, np.empty(0))
     return [value for value in np.unique(found).tolist() if value != '']
 
 

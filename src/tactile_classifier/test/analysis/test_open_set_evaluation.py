@@ -6,9 +6,19 @@ import json
 import numpy as np
 import pytest
 
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.confidence.calibration import (
+    compute_calibration_error,
+    compute_uncalibrated,
+    hold_out_scores,
+    make_group_folds,
+)
+from tactile_classifier.datasets.archive import LabelledTrials
+from tactile_classifier.datasets.dataset import ALL, FeatureTable, table_from_trials
 from tactile_classifier.errors import EvaluationError
+from tactile_classifier.estimators import random_convolution_classifier
 from tactile_classifier.evaluation.open_set import evaluate_open_set
+from tactile_classifier.records import MARGIN
+from tactile_features.config import FeatureConfig
 from tactile_features.spec import array_spec
 
 
@@ -76,6 +86,23 @@ def test_calibration_says_each_way_it_held_out(three_features):
     assert found.split == 'session held out in 6 folds'
     assert 'stratified' in found.calibration_split
     assert 'one session held out' in found.calibration_split
+
+
+def test_random_convolutions_of_several_channels_are_those_of_the_model_file(monkeypatch):
+    monkeypatch.setattr(random_convolution_classifier, 'FEATURES', 168)
+    generator = np.random.default_rng(2)
+    label, session = np.tile(['a', 'b', 'c'], 20), np.repeat([0, 1], 30)
+    level = 0.4 * np.tile([0.0, 1.0, 2.0], 20)[:, None]
+    x = generator.normal(size=(60, 3, 40))
+    x[:, 1] += level
+    trials = LabelledTrials(x, label, 60.0, {'session_id': session})
+    config = FeatureConfig(texture_features='glide_waveform')
+    table = table_from_trials('texture', trials, ALL, config=config)
+    assert table.channels == 3
+    found = evaluate_open_set(table, 'rocket', false_alarm_rate=0.1)
+    scores, true = hold_out_scores(table, 'rocket', 'none', make_group_folds(table).fold)
+    stated = compute_calibration_error(compute_uncalibrated(scores, MARGIN), true)
+    assert found.calibration_error_before == pytest.approx(stated, rel=1e-12)
 
 
 def test_too_few_labels_or_trials_are_refused(small_table):

@@ -57,6 +57,23 @@ def test_conditions_come_from_the_training_trials(small_table):
     assert describe_training(with_columns(small_table, session=[1, 2])).sessions == 2
 
 
+def test_a_column_session_is_held_out_for_calibration(small_table):
+    day = np.arange(len(small_table)) % 3
+    columns = {'session': day}
+    table = FeatureTable(small_table.values, small_table.labels, small_table.spec, columns)
+    limits = list_limits(train(table, 'knn', false_alarm_rate=0.1).manifest)
+    assert any(limit.startswith('3 sessions were held out in turn.') for limit in limits)
+    assert not any('No session was held out' in limit for limit in limits)
+
+
+def test_why_no_session_was_held_out_is_the_true_reason(small_table):
+    # Sessions could be held out, but too few trials are left for a threshold at this rate.
+    manifest = train(small_table, 'knn', false_alarm_rate=0.001).manifest
+    (limit,) = (limit for limit in list_limits(manifest) if 'No session was held out' in limit)
+    assert manifest.calibration['reason'] in limit
+    assert 'one session only' not in limit
+
+
 def test_sessions_are_counted_where_none_can_be_held_out(small_table):
     # Each label in a session of its own: calibration divides trials, not sessions.
     tied = with_columns(small_table, session_id=small_table.labels)

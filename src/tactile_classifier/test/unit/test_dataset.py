@@ -8,6 +8,7 @@ import pytest
 
 from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import FeatureTable, table_from_trials
+from tactile_classifier.datasets.splits import grouped_split
 from tactile_classifier.errors import DatasetError
 from tactile_features.config import FeatureConfig
 from tactile_features.feature_sets.texture_spatial import compute_spatial, SpatialWindow
@@ -35,8 +36,23 @@ def test_take_keeps_columns_in_step(small_table):
     part = small_table.take(small_table.column('session_id') == 's1')
     assert len(part) == 12
     assert set(part.columns['session_id']) == {'s1'}
-    with pytest.raises(DatasetError, match='no column "session"; there are: contact, simulated'):
-        small_table.column('session')
+    with pytest.raises(DatasetError, match='no column "weekday"; there are: contact, simulated'):
+        small_table.column('weekday')
+
+
+def test_columns_of_others_get_our_names(small_table):
+    day = np.arange(36) % 3
+    table = FeatureTable(
+        small_table.values, small_table.labels, small_table.spec, {'session': day, 'mounting': day}
+    )
+    assert sorted(table.columns) == ['mounting_id', 'session_id']
+    np.testing.assert_array_equal(table.column('session'), day)
+    assert grouped_split(table, ['session']).name == 'one session held out'
+    # The session that is stated as ours stays, and the other one beside it.
+    both = {'session': day, 'session_id': day // 2}
+    table = FeatureTable(small_table.values, small_table.labels, small_table.spec, both)
+    assert list(table.columns) == list(both)
+    np.testing.assert_array_equal(table.column('session_id'), day // 2)
 
 
 def test_digest_depends_on_values_labels_and_specification(small_table):

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_classifier.errors import ModelFileError
+from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
@@ -38,6 +38,16 @@ def test_classification_repeats_the_window_and_names_the_model(model, make_windo
     assert 0.0 <= result.novelty < result.novelty_threshold
     assert (result.running, result.decided, result.error_rate) == (False, True, -1.0)
     assert result.simulated  # the model was trained on simulated trials
+
+
+def test_values_of_another_shape_are_refused(model, small_table):
+    one = small_table.values[30]
+    with pytest.raises(DatasetError, match=r'shape \(91,\); model .* takes \(windows, 91\); one'):
+        model.predict(one)
+    for wrong in (small_table.values[:, 1:], 3.0, small_table.values[np.newaxis]):
+        with pytest.raises(DatasetError, match=r'takes \(windows, 91\)'):
+            model.predict(wrong)
+    assert model.predict(one[np.newaxis]) == [small_table.labels[30]]
 
 
 def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path):

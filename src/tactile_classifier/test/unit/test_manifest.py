@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_classifier.errors import ModelFileError
+from tactile_classifier.model_file.card import render_card
 from tactile_classifier.model_file.manifest import FULL_WINDOW, Manifest, TrainingTrials
 from tactile_features.config import FeatureConfig
 from tactile_features.spec import spec_for
@@ -91,7 +92,12 @@ def test_missing_entry_is_named(field):
 
 
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.sampled_from([10**400, -(10**400)])
+    | st.floats()
+    | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
     max_leaves=5,
 )
@@ -101,7 +107,14 @@ JSON = st.recursive(
 @given(st.sampled_from(sorted(json.loads(GOOD.to_json()))), JSON)
 def test_any_entry_may_hold_anything(field, value):
     with contextlib.suppress(ModelFileError):
-        Manifest.from_json(changed(**{field: value}))
+        render_card(Manifest.from_json(changed(**{field: value})))
+
+
+@pytest.mark.parametrize('entry', sorted(GOOD.spec.to_dict()))
+def test_no_entry_of_the_specification_may_be_a_number_without_end(entry):
+    spec = {**GOOD.spec.to_dict(), entry: 10**400}
+    with pytest.raises(ModelFileError):
+        Manifest.from_json(changed(spec=spec))
 
 
 @pytest.mark.parametrize('text', ['', '[]', '3', '{"format_version": 1', '[' * 100_000])

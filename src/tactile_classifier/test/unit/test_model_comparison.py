@@ -4,10 +4,12 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binom, binomtest, ttest_rel
+from scipy.optimize import minimize_scalar
+from scipy.special import xlogy
+from scipy.stats import binom, chi2, ttest_rel
 
 from tactile_classifier.errors import EvaluationError
-from tactile_classifier.evaluation.model_comparison import compare_answers, discordant_interval
+from tactile_classifier.evaluation.model_comparison import compare_answers, paired_interval
 from tactile_classifier.records import NO_ANSWER, UNKNOWN
 
 
@@ -39,54 +41,93 @@ def test_interval_over_sessions_is_that_of_the_paired_t_test():
     assert compare_answers(labels, b, a, session).better == 'A'
 
 
-def test_sessions_weigh_by_their_trials():
-    # 30 trials of one session and 10 of another: the difference is over trials.
+def test_each_session_counts_once():
+    # 30 trials of one session and 10 of another: half of the first is gained, none of the other.
     labels = np.full(40, 'a')
     a = np.where(np.arange(40) % 2 == 0, 'a', 'b')
     b = np.where(np.arange(40) < 30, 'a', a)
     found = compare_answers(labels, a, b, np.repeat([0, 1], [30, 10]))
-    assert found.difference == pytest.approx(15 / 40)
-    assert (found.interval.low + found.interval.high) / 2 == pytest.approx(15 / 40)
+    assert found.difference == pytest.approx((15 / 30 + 0) / 2)
+    assert (found.interval.low + found.interval.high) / 2 == pytest.approx(found.difference)
+    assert found.a.accuracy == pytest.approx(0.5)
+    assert found.b.accuracy == pytest.approx((1.0 + 0.5) / 2)
+    assert found.agreement == pytest.approx((0.5 + 1.0) / 2)
 
 
-@pytest.mark.parametrize(('only_a', 'only_b'), [(0, 5), (0, 6), (40, 22), (1, 0)])
-def test_one_session_takes_mcnemar_exactly(only_a, only_b):
-    trials = 100
+def compare_counts(only_a, only_b, trials):
+    """Return the comparison of two models on one session with so many one-sided trials."""
     kinds = np.repeat([0, 1, 2], [only_a, only_b, trials - only_a - only_b])
     labels = np.full(trials, 'a')
     a, b = np.where(kinds == 1, 'b', 'a'), np.where(kinds == 0, 'b', 'a')
-    found = compare_answers(labels, a, b, np.full(trials, 'monday'))
+    return compare_answers(labels, a, b, np.full(trials, 'monday'))
+
+
+def score_statistic(only_a, only_b, trials, difference):
+    """Return the score statistic of a difference, its likelihood maximised by SciPy."""
+
+    def loss(share):  # of trials that only A names; only B: share + difference
+        cells = np.array([share, share + difference, 1.0 - 2.0 * share - difference])
+        return -xlogy([only_a, only_b, trials - only_a - only_b], np.maximum(cells, 1e-300)).sum()
+
+    ends = max(0.0, -difference), (1.0 - difference) / 2.0
+    share = minimize_scalar(loss, bounds=ends, method='bounded', options={'xatol': 1e-12}).x
+    variance = trials * (2.0 * share + difference - difference**2)
+    return (only_b - only_a - trials * difference) / np.sqrt(variance)
+
+
+@pytest.mark.parametrize(('only_a', 'only_b'), [(0, 5), (0, 3), (40, 22), (1, 0), (7, 0), (9, 9)])
+def test_one_session_takes_the_score_interval(only_a, only_b):
+    found = compare_counts(only_a, only_b, 100)
     assert (found.only_a, found.only_b, found.groups) == (only_a, only_b, 0)
-    # Independently: twice the tail of the binomial distribution with one half.
-    n, fewer = only_a + only_b, min(only_a, only_b)
-    p_value = min(1.0, 2.0 * binom.cdf(fewer, n, 0.5))
+    for end in (found.interval.low, found.interval.high):
+        assert abs(score_statistic(only_a, only_b, 100, end)) == pytest.approx(1.96, abs=2e-3)
+    assert found.interval.low < found.difference < found.interval.high
+    # The test of the same kind: McNemar's, a chi-squared of one degree of freedom.
+    p_value = chi2.sf((only_a - only_b) ** 2 / (only_a + only_b), 1)
     assert found.p_value == pytest.approx(p_value, rel=1e-9)
-    assert found.p_value == pytest.approx(binomtest(only_b, n).pvalue)
     assert bool(found.better) == (p_value < 0.05)
-    # At each end, the tail beyond what was seen has 2.5 %.
-    low, high = ((end * trials / n + 1) / 2 for end in (found.interval.low, found.interval.high))
-    if only_b:
-        assert binom.sf(only_b - 1, n, low) == pytest.approx(0.025, rel=1e-6)
-    if only_a:
-        assert binom.cdf(only_b, n, high) == pytest.approx(0.025, rel=1e-6)
-    assert found.interval.low <= found.difference <= found.interval.high
+
+
+@pytest.mark.parametrize(
+    ('counts', 'low', 'high'),
+    [
+        # Fagerland, Lydersen and Laake (2014), Statistics in Medicine 33, 2850: 21 children.
+        ((7, 1, 21), -0.517, -0.026),
+        # No discordant trial: z^2 / (n + z^2) on both sides.
+        ((0, 0, 30), -3.8414588 / 33.8414588, 3.8414588 / 33.8414588),
+    ],
+)
+def test_score_interval_is_that_of_the_literature(counts, low, high):
+    found = paired_interval(*counts)
+    assert (found.low, found.high) == pytest.approx((low, high), abs=5e-4)
+
+
+def test_score_interval_ends_at_the_estimate_only_where_nothing_lies_beyond():
+    # Nothing says that seven of 17 trials are the most that ever differ.
+    found = paired_interval(0, 7, 17)
+    assert found.low < 7 / 17 < found.high < 1.0
+    assert paired_interval(0, 17, 17).high == 1.0
+    assert paired_interval(17, 0, 17).low == -1.0
+    for only_a, only_b in ((0, 7), (3, 9), (17, 0), (0, 0)):
+        there, back = paired_interval(only_a, only_b, 17), paired_interval(only_b, only_a, 17)
+        assert (there.low, there.high) == pytest.approx((-back.high, -back.low), abs=1e-9)
 
 
 def test_models_that_are_right_on_the_same_trials_are_not_told_apart():
     labels = np.array(['a', 'b', 'a', 'b'])
     found = compare_answers(labels, labels, labels)
     assert found.better == ''
-    assert found.interval.reason == 'both are right on the same of the 4 trials'
+    assert found.interval.low == -found.interval.high < 0.0
     assert found.p_value == 1.0
     assert found.agreement == 1.0
-    assert found.to_dict()['interval'] == {'reason': found.interval.reason}
+    assert found.to_dict()['interval']['method'] == 'Tango score interval over 4 paired trials'
 
 
 def test_sessions_with_one_difference_fall_back_on_the_trials():
     labels = np.full(40, 'a')
     a = np.where(np.arange(40) % 2 == 0, 'a', 'b')
     found = compare_answers(labels, a, labels, np.repeat([0, 1], 20))
-    assert found.interval == discordant_interval(0, 20, 40)
+    assert found.interval == paired_interval(0, 20, 40)
     assert found.better == 'B'
     assert found.groups == 2
 

@@ -34,6 +34,12 @@ def test_no_trial_is_trained_on_and_tested(classes, each, folds, seed):
     split = stratified_split(make_table(labels.astype(str)), folds, 2, seed)
     check_each_trial_is_tested_once_and_never_trained_on(split, len(labels))
     for train, _ in split.repeats[0]:
+        if (
+            len(train) < 6 and len(set(labels)) == 2
+        ):  # halves of which three neighbours cannot be fitted
+            with pytest.raises(EvaluationError, match='2 trials would be left to train on'):
+                split.divide_again(train, np.array(labels.astype(str)), seed)
+            continue
         for a, b in split.divide_again(train, np.array(labels.astype(str)), seed):
             assert sorted([*a, *b]) == sorted(train)
 
@@ -59,12 +65,25 @@ def test_groups_stay_whole_in_folds_and_in_folds_of_folds(data, groups, seed):
                 assert not {*a, *b} & set(test)
 
 
+def test_inner_folds_of_groups_that_lack_a_class_are_drawn_at_random():
+    # Each class in two groups of its own: without one, a fold of groups may have one class alone.
+    labels, group = np.repeat(['a', 'b'], 8), np.repeat([0, 1, 2, 3], 4)
+    split = grouped_split(make_table(labels, group=group), ['group'])
+    for train, test in split.repeats[0]:
+        inner = split.divide_again(train, labels, 0)
+        assert len(inner) == 3
+        for a, b in inner:
+            assert set(labels[a]) == {'a', 'b'}
+            assert sorted([*a, *b]) == sorted(train)
+            assert not {*a, *b} & set(test)
+
+
 def test_one_group_left_is_divided_at_random():
     labels = np.array(list('aaabbb') * 2)
     split = grouped_split(make_table(labels, day=np.repeat([0, 1], 6)), ['day'])
     train, _ = split.repeats[0][0]
     assert len(split.divide_again(train, labels, 0)) == 3
-    with pytest.raises(EvaluationError, match='one trial to train on'):
+    with pytest.raises(EvaluationError, match='one trial of class "a" is left to train on'):
         split.divide_again(train[[0, 3]], labels, 0)
 
 

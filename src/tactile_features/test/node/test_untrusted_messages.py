@@ -131,6 +131,14 @@ def test_a_message_is_refused_or_converted_and_can_be_sent_on(make, convert, con
     serialize_message(convert_back(record))
 
 
+def test_a_refusal_says_nothing_that_a_terminal_obeys():
+    phase = '\x1b[2J\x1b]0;owned\x07\nhold\u202e' + 'x' * 100_000
+    with pytest.raises(MessageError, match=r'phase is "\?\[2J\?\]0;owned\?\?hold\?xxx') as refusal:
+        event_from_msg(TrialEvent(phase=phase))
+    assert str(refusal.value).isprintable()
+    assert len(str(refusal.value)) < 400
+
+
 @pytest.mark.parametrize(
     'config',
     [

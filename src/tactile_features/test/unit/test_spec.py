@@ -48,6 +48,11 @@ def test_names_are_distinct_in_the_longest_window_that_a_config_allows():
     [
         (lambda d: d.pop('names'), "no entry 'names'"),
         (lambda d: d.update(rate_hz='fast'), 'cannot be read'),
+        (lambda d: d.update(rate_hz=10**400), 'cannot be read'),
+        (lambda d: d.update(rate_hz=float('inf')), 'rate_hz is inf'),
+        (lambda d: d.update(rate_hz=-60.0), 'rate_hz is -60'),
+        (lambda d: d.update(version=float('inf')), 'cannot be read'),
+        (lambda d: d['parameters'].update(max_gap_samples=10**400), 'cannot be read'),
         (lambda d: d.update(parameters=[1]), 'cannot be read'),
         (lambda d: d.update(names=3), 'cannot be read'),
     ],

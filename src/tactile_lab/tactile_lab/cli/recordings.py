@@ -129,10 +129,10 @@ def compare(request: CompareRequest, as_json: JsonOption = False) -> None:
     As in: tactile compare old/texture_flexion.onnx new/texture_flexion.onnx bags/new_session
 
     Each model classifies every trial with its own features. "unknown" counts as wrong. The
-    difference of the accuracies has a paired 95 % interval: Student's t over the sessions, or
-    with one session that of McNemar's exact test over the trials. The table also shows rejected
-    trials and file sizes. Below it are the confusions in which the models differ most, and the
-    time of one classification by B against that by A.
+    difference of the accuracies has a paired 95 % interval: Student's t over the sessions, each of
+    which counts once, or with one session Tango's score interval over the trials. The table also
+    shows rejected trials and file sizes. Below it are the confusions in which the models differ
+    most, and the time of one classification by B against that by A.
 
     Use trials that neither model was trained on. The command warns of others: most model files
     state which trials they were trained on. Two folders of models are compared file by file, for

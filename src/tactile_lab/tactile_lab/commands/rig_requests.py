@@ -113,7 +113,8 @@ class ExperimentRequest:
     append: Annotated[
         str,
         typer.Option(
-            help='Append a block to this session: each object once more, in each contact.'
+            help='Append a block to this session: each object once more, in each contact. '
+            'While an appended block of it has trials left, that one goes on instead.'
         ),
     ] = ''
     models: ModelOption = None

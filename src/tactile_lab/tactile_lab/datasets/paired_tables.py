@@ -28,8 +28,7 @@ Key = tuple[str, str]
 Reader = Callable[[TactileModel], BagTables]
 """Returns the tables of some recordings, with the features that a model takes."""
 
-SESSIONS = ('session_id', 'session')
-"""Columns with the session of a trial, the first that is there."""
+SESSION = 'session_id'
 
 
 @dataclass(frozen=True)
@@ -177,7 +176,7 @@ def _pair(
         return np.array([both[side][row] for side, row in sources])
 
     groups = None
-    present = [name for name in SESSIONS if name in tables[0].columns][:1]
+    present = [SESSION] if SESSION in tables[0].columns else []
     for name in columns or present:
         values = join(*(table.column(name).astype(str) for table in tables))
         groups = values if groups is None else np.char.add(np.char.add(groups, '/'), values)

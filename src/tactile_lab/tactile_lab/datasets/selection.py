@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_classifier.datasets.archive import LabelledTrials
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable, find_column
 from tactile_classifier.datasets.splits import Split, stated_split
 from tactile_ros.errors import TactileError
 
@@ -30,6 +30,7 @@ def select_trials(columns: Columns, text: str, option: str) -> NDArray[np.bool_]
         When there is no such column or no such trial, or the text is no value of the column.
     """
     name, equals, values = text.partition('=')
+    name = find_column(columns, name)
     if name not in columns:
         raise TactileError(
             f'--{option}: there is no column "{name}"; there are: {", ".join(columns) or "none"}'
@@ -87,6 +88,11 @@ class TrainTest:
             select_trials(columns, self.train_where, 'train-where'),
             select_trials(columns, self.test_where, 'test-where'),
         )
+
+    def training(self, table: FeatureTable) -> FeatureTable:
+        """Return the trials to train on; all where none are stated."""
+        chosen = self.select(table.columns)
+        return table if chosen is None else table.take(chosen[0])
 
     def keep(self, trials: Trials) -> Trials:
         """Return the trials that are in either; all where none are stated."""

@@ -12,6 +12,7 @@ from rich.table import Table
 from tactile_classifier.evaluation.cross_validation import Evaluation
 from tactile_classifier.evaluation.intervals import Interval
 from tactile_classifier.names import CLASSIFIER_TITLES, SCALING_TITLES, short_scaling
+from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 
 
 def tell_interval(interval: Interval) -> str:
@@ -19,6 +20,22 @@ def tell_interval(interval: Interval) -> str:
     if interval.reason:
         return f'none: {interval.reason}'
     return f'{100 * interval.low:.1f} to {100 * interval.high:.1f}'
+
+
+def name_candidate(candidate: Candidate) -> str:
+    """Return a set of features with its classifier and scaling, for people."""
+    title = CLASSIFIER_TITLES[candidate.classifier]
+    return f'{candidate.feature_set} with {title}, {short_scaling(candidate.scaling)}'
+
+
+def tell_nested(choice: FeatureChoice) -> str:
+    """Return the accuracy of a choice of features that is made inside the folds."""
+    interval = choice.interval
+    span = tell_interval(interval) if interval.reason else f'{tell_interval(interval)} %'
+    return (
+        f'accuracy {100 * choice.nested_accuracy:.1f} % with set and classifier chosen inside the '
+        f'folds ({choice.split}; 95 % interval {span}); chance {100 * choice.chance:.1f} %'
+    )
 
 
 def accuracy_table(evaluation: Evaluation, title: str, *, intervals: bool = False) -> Table:

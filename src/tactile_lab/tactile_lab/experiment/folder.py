@@ -95,24 +95,44 @@ class ExperimentFolder:
         if plan != old:
             write_atomically(self.path / PLAN, format_plan(plan))
 
-    def append(self, session_id: str) -> int:
-        """Append a block to a session, each object once in each contact; return its trials.
+    def draw_block(self, session_id: str) -> list[PlannedTrial]:
+        """Return one more block of a session, each object once in each contact; nothing changes.
 
         Raises
         ------
         ExperimentError
             When there is no such session.
         """
-        plan, order = self.read_plan(), self.read_order()
+        last = self._last_mounting(session_id)
+        return list_order(replace(self.read_plan(), mountings=1), session_id, last + 1)
+
+    def append(self, block: Sequence[PlannedTrial]) -> None:
+        """Append a block from `draw_block` to the order; the caller holds the journal."""
+        write_atomically(self.path / ORDER, format_order([*self.read_order(), *block]))
+
+    def appended_left(self, session_id: str) -> int:
+        """Return how many trials are left of blocks that were appended to a session.
+
+        Raises
+        ------
+        ExperimentError
+            When there is no such session.
+        """
+        self._last_mounting(session_id)
+        plan = self.read_plan()
+        planned = len(plan.objects) * len(plan.contacts) * plan.mountings
+        left = self.read_progress().left(session_id)
+        return sum(trial.mounting > planned for trial in left)
+
+    def _last_mounting(self, session_id: str) -> int:
+        order = self.read_order()
         numbers = [trial.mounting for trial in order if trial.session_id == session_id]
         if not numbers:
             raise ExperimentError(
                 f'no session "{session_id}"; there are '
                 f'{", ".join(dict.fromkeys(trial.session_id for trial in order))}'
             )
-        added = list_order(replace(plan, mountings=1), session_id, max(numbers) + 1)
-        write_atomically(self.path / ORDER, format_order([*order, *added]))
-        return len(added)
+        return max(numbers)
 
     def read_plan(self) -> ExperimentPlan:
         return read_plan(self.path / PLAN)

@@ -8,7 +8,7 @@ Plain Python: the rig is a `Bench`, the person an `Operator`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -108,18 +108,24 @@ def run_experiment(
     bench: Bench,
     operator: Operator,
     journal: Journal,
+    appended: Sequence[PlannedTrial] = (),
 ) -> Progress:
     """Run all trials that are left, unless the operator stops.
 
     Before anything happens, and after, it stands in the journal. A trial counts once its entry
     is on the disk, which it is after the recording. So no trial is lost, and none counts twice.
 
+    Parameters
+    ----------
+    appended : sequence of PlannedTrial
+        A block that is not in the order yet. It is appended once the rig has started.
+
     Raises
     ------
     TactileError
         When the rig cannot be started, or the recording fails.
     """
-    progress = Progress(folder.read_order(), journal.entries)
+    progress = Progress([*folder.read_order(), *appended], journal.entries)
     run = _Run(progress, operator, journal)
     for session_id in progress.sessions_left():
         if not operator.begin_session(session_id, len(progress.left(session_id))):
@@ -127,6 +133,10 @@ def run_experiment(
         bag = folder.bag_path(session_id, progress.runs.get(session_id, 0) + 1)
         run.note(RUN, session_id=session_id, bag=bag.name)
         with bench.session(bag) as run_trial:
+            if appended:
+                folder.append(appended)
+                operator.say(f'{appended[0].session_id}: {len(appended)} trials appended')
+                appended = ()
             if not run.run_session(session_id, run_trial):
                 break
     return progress

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tactile_classifier.datasets.conditions import find_strata
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import (
     choose_repetitions,
     grouped_split,
@@ -73,7 +73,7 @@ class SetResult:
 
     @property
     def plain(self) -> Evaluation:
-        """The evaluation by random folds."""
+        """The evaluation by random folds; the first other one where these cannot be made."""
         return self.evaluations[0]
 
     def to_dict(self) -> dict[str, Any]:
@@ -88,6 +88,9 @@ class SetResult:
             'feature_set': recordings.table.spec.feature_set,
             'feature_parameters': dict(recordings.table.spec.parameters),
             'features': list(recordings.table.spec.names),
+            'feature_choice': None
+            if recordings.choice is None
+            else recordings.choice[1].to_dict(),
             'evaluations': [evaluation.to_dict() for evaluation in self.evaluations],
             'learning_curves': [curve.to_dict() for curve in self.curves],
             'feature_selection': [selection.to_dict() for selection in self.selections],
@@ -121,13 +124,22 @@ def _plan_set(
     """Return the work on one set, and what is left out of it."""
     table = recordings.table
     repetitions, saving = choose_repetitions(table, repetitions)
-    not_done = [saving] if saving else []
-    splits = [stratified_split(table, folds, repetitions, random_state)]
-    splits += [grouped_split(table, columns) for columns in recordings.hold_out]
+    not_done = [*([saving] if saving else []), *recordings.not_done]
+    splits, impossible = _divide(recordings, folds, repetitions, random_state)
+    not_done += impossible
+    evaluated = (*splits, *recordings.splits)
+    if not evaluated:
+        raise EvaluationError(f'{recordings.title}: {"; ".join(impossible)}')
     plans: Plans = defaultdict(list)
-    plans['evaluations'] = [
+    accuracies = [
         AccuracyPlan(table, split, random_state=None if saving else random_state)
-        for split in (*splits, *recordings.splits)
+        for split in evaluated
+    ]
+    plans['evaluations'] = [*accuracies]
+    not_done += [
+        f'choice of the classifier inside the folds, {split.name}: {plan.no_choice}'
+        for split, plan in zip(evaluated, accuracies, strict=True)
+        if plan.no_choice
     ]
     if details and saving:
         not_done.append(
@@ -140,16 +152,35 @@ def _plan_set(
         plans['selections'] = _plan_selection(table, splits, random_state, not_done)
     if details and table.task == PROTOCOL_STIFFNESS:
         plans['units'] = [
-            AccuracyPlan(in_unit(table, factor), splits[0].once(), ['svm_rbf'], ['none'])
+            AccuracyPlan(in_unit(table, factor), evaluated[0].once(), ['svm_rbf'], ['none'])
             for factor in FORCE_UNITS.values()
         ]
     if details and recordings.published is not None:
         plans['published'] = [
-            AccuracyPlan(recordings.published, splits[0], random_state=random_state)
+            AccuracyPlan(recordings.published, evaluated[0], random_state=random_state)
         ]
     if answers:
         plans['answers'] = [AnswersPlan(table, next(iter(recordings.hold_out), ()))]
     return plans, not_done
+
+
+def _divide(
+    recordings: RecordingSet, folds: int, repetitions: int, random_state: int
+) -> tuple[list[Split], list[str]]:
+    """Return random folds and grouped splits, and a sentence for each that cannot be done."""
+    table = recordings.table
+    splits, impossible = [], []
+    try:
+        splits.append(stratified_split(table, folds, repetitions, random_state))
+    except EvaluationError as error:
+        impossible.append(f'random folds: {error}')
+    for columns in recordings.hold_out:
+        try:
+            splits.append(grouped_split(table, columns))
+        except EvaluationError as error:  # noqa: PERF203 - a few splits
+            name = ' and '.join(map(plain_name, columns))
+            impossible.append(f'one {name} held out: {error}')
+    return splits, impossible
 
 
 def _plan_selection(
@@ -224,10 +255,12 @@ def analyse(
     Without ``details`` accuracies alone: no learning curves, no feature selection, nothing in
     other units or with the features that the paper computes.
 
+    Splits that the trials do not allow are left out, and told in ``not_done``.
+
     Raises
     ------
     EvaluationError
-        When the trials do not allow a split.
+        When the trials of a set allow no split.
     """
     planned = [
         _plan_set(each, folds, repetitions, random_state, answers=answers, details=details)

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_classifier.datasets.archive import Skipped
-from tactile_classifier.datasets.dataset import FeatureTable
+from tactile_classifier.datasets.dataset import FeatureTable, plain_name
 from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
+from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 from tactile_features.records import PROTOCOL_STIFFNESS
 from tactile_lab.datasets.traces import read_spans, read_trace, TrialTrace
 
@@ -73,6 +74,10 @@ class RecordingSet:
         Trials that could not be used.
     steps : tuple of str
         What was done to the signals first, in words.
+    choice : (Candidate, FeatureChoice) or None
+        Set of features and classifier that folds chose, and from what; None where they did not.
+    not_done : tuple of str
+        One sentence for each usual split that the trials do not allow.
     """
 
     title: str
@@ -87,6 +92,8 @@ class RecordingSet:
     splits: tuple[Split, ...] = ()
     skipped: tuple[Skipped, ...] = ()
     steps: tuple[str, ...] = ()
+    choice: tuple[Candidate, FeatureChoice] | None = None
+    not_done: tuple[str, ...] = ()
 
     def tell_preparation(self, most: int | None = None) -> list[str]:
         """Return what was done to the signals and which trials were skipped, ``most`` of them."""
@@ -137,7 +144,7 @@ def bag_sets(
     sets = []
     for (task, contact), table in tables.items():
         simulated = bool(table.column('simulated').any())
-        chosen = _usual_split(table, also) if hold_out is None else hold_out
+        chosen, not_done = _usual_splits(table, also) if hold_out is None else (hold_out, [])
         sets.append(
             RecordingSet(
                 title=f'{task}, {contact}' + (', simulated' if simulated else ''),
@@ -145,6 +152,7 @@ def bag_sets(
                 simulated=simulated,
                 table=table,
                 hold_out=tuple(tuple(columns) for columns in chosen),
+                not_done=tuple(not_done),
                 unit='N',
                 examples=_bag_examples(table),
                 trial=_bag_trial(table) if task == PROTOCOL_STIFFNESS else None,
@@ -153,16 +161,22 @@ def bag_sets(
     return sets
 
 
-def _usual_split(table: FeatureTable, also: Sequence[str]) -> list[tuple[str, ...]]:
+def _usual_splits(
+    table: FeatureTable, also: Sequence[str]
+) -> tuple[list[tuple[str, ...]], list[str]]:
+    """Return the columns of each split, and a sentence for each that cannot be done."""
+    not_done: list[str] = []
+
     def can_hold_out(column: str) -> bool:
         try:
             grouped_split(table, [column])
-        except EvaluationError:
+        except EvaluationError as error:
+            not_done.append(f'one {plain_name(column)} held out: {error}')
             return False
         return True
 
     first = next(filter(can_hold_out, ('session_id', 'trial_block')), None)
-    return [(column,) for column in (first, *filter(can_hold_out, also)) if column]
+    return [(column,) for column in (first, *filter(can_hold_out, also)) if column], not_done
 
 
 def _bag_examples(table: FeatureTable) -> tuple[Example, ...]:

@@ -3,8 +3,8 @@
 
 """The summary of one set of trials: its accuracy in one line, its answers in rows.
 
-The accuracy is that of the classifier that `tactile train` writes by default, so it was not
-chosen by the accuracies that are shown.
+The accuracy is that of the classifier that `tactile train` writes: by default, so it was not
+chosen by the accuracies that are shown; or the chosen one, with the accuracy of such a choice.
 """
 
 from __future__ import annotations
@@ -15,28 +15,45 @@ from numpy.typing import NDArray
 from tactile_classifier.estimators.classifiers import default_scaling
 from tactile_classifier.evaluation.cross_validation import Evaluation, Score
 from tactile_classifier.names import CLASSIFIER_TITLES
-from tactile_lab.datasets.tables import tell_interval
+from tactile_lab.datasets.tables import name_candidate, tell_interval, tell_nested
 from tactile_lab.report.analysis import SetResult
 from tactile_lab.report.answers import Answers, CLASSIFIER
 
 
-def default_score(result: SetResult, evaluation: Evaluation) -> Score:
-    """Return the score of the classifier that `tactile train` writes by default."""
+def shown_score(result: SetResult, evaluation: Evaluation) -> Score:
+    """Return the score of the classifier that `tactile train` writes for these features."""
+    if result.recordings.choice is not None:
+        candidate, _ = result.recordings.choice
+        return evaluation.score(candidate.classifier, candidate.scaling)
     return evaluation.score(CLASSIFIER, default_scaling(result.recordings.table.task, CLASSIFIER))
 
 
-def hardest_score(result: SetResult) -> Score:
-    """Return that classifier's score under the split in which it does worst; of equals, the last.
+def hardest_evaluation(result: SetResult) -> Evaluation:
+    """Return the split in which that classifier does worst; of equals, the last.
 
-    Random folds come first, so a held-out group counts before them.
+    Random folds come first, so a held-out group counts before them. Where features were chosen on
+    stated trials to train on, it is the split that tests on the others: these did not choose.
     """
-    scores = [default_score(result, evaluation) for evaluation in reversed(result.evaluations)]
-    return min(scores, key=lambda score: score.mean)
+    if result.recordings.choice is not None and result.recordings.splits:
+        return result.evaluations[-1]
+    return min(reversed(result.evaluations), key=lambda each: shown_score(result, each).mean)
 
 
 def tell_accuracy(result: SetResult) -> str:
     """Return accuracy, split, interval, chance and the most frequent confusion in one line."""
-    score = hardest_score(result)
+    evaluation = hardest_evaluation(result)
+    score = shown_score(result, evaluation)
+    confusion = f'most frequent confusion: {tell_confusion(score)}'
+    chosen = ''
+    if result.recordings.choice is not None:
+        candidate, choice = result.recordings.choice
+        chosen = f'{name_candidate(candidate)} was chosen'
+        if not result.recordings.splits:
+            return (
+                f'{tell_nested(choice)}; {chosen}, whose own accuracy is too high on average, '
+                f'since these trials chose it; {confusion} ({score.split})'
+            )
+        chosen = f'; {chosen} on trials that are not tested'
     split = score.split if len(result.evaluations) > 1 else f'{score.split}, the only split'
     interval = (
         f'no interval: {score.interval.reason}'
@@ -45,8 +62,7 @@ def tell_accuracy(result: SetResult) -> str:
     )
     return (
         f'accuracy {100 * score.mean:.1f} % ({split}; {interval}); '
-        f'chance {100 * result.plain.chance:.1f} %; '
-        f'most frequent confusion: {tell_confusion(score)}'
+        f'chance {100 * evaluation.chance:.1f} %{chosen}; {confusion}'
     )
 
 

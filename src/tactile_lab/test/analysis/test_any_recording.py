@@ -282,8 +282,26 @@ def test_a_rate_that_does_not_fit_the_stamps_is_refused(tmp_path):
     folder = write_lines(tmp_path / 'a', EVEN_S, EVEN_S)
     assert 'say 100 Hz' in refusal(tmp_path, folder, '--rate-hz', 60)
     assert import_json(tmp_path, folder, '--rate-hz', 100.2)[1].rate_hz == 100.2
+    assert '--resample-hz' in refusal(tmp_path, folder, '--rate-hz', 60)
+
+
+def test_each_rate_is_named_with_its_files(tmp_path):
     slow = write_lines(tmp_path / 'b', EVEN_S, 2.0 * EVEN_S)
-    assert 'different rates' in refusal(tmp_path, slow)
+    said = refusal(tmp_path, slow)
+    for rate, label in ((100, 'pla'), (50, 'rubber')):
+        files = ', '.join(f'b/{label}/{i}.csv' for i in range(3))
+        assert f'{rate} Hz ({files})' in said
+    assert 'take the recordings of one rate at a time' in said
+    assert '75 Hz' not in said  # which no file has
+    assert '--resample-hz' not in said  # which `import` does not have
+
+
+def test_rates_of_trials_in_one_file_are_named_with_the_trials(tmp_path):
+    lines = ['label,trial,time_s,force_n']
+    for trial, step_s in enumerate((0.01, 0.01, 0.02)):
+        lines += [f'pla,{trial},{i * step_s!r},{i % 7}' for i in range(50)]
+    said = refusal(tmp_path, save_rows(tmp_path / 'rates.csv', lines))
+    assert 'different rates: 100 Hz (trial 0, trial 1), 50 Hz (trial 2); take' in said
 
 
 def test_oddities_are_said(tmp_path):

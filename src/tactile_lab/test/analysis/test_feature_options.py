@@ -35,7 +35,7 @@ def test_automatic_features_are_chosen_and_the_runner_up_is_named(bag, tmp_path)
     evaluated = hear_tactile('evaluate', bag, '--features', 'auto', *CHEAP)
     for text in (said, evaluated):
         assert f'texture, flexion: {name} with' in text
-        assert 'chosen inside the folds' in text
+        assert 'with set and classifier chosen inside the folds (one session held out' in text
         assert 'the runner-up is' in text
 
 
@@ -94,6 +94,78 @@ def test_folds_choose_the_set_for_an_archive(tmp_path):
     assert 'auto: glide_waveform' in said
     assert 'one part held out' in said
     assert 'left out: no features from these trials: texture_spatial needs the' in said
+
+
+def test_of_noise_the_accuracy_of_the_choice_is_told_with_its_own_chance(tmp_path):
+    # One label has most trials of two parts and few of the third: chance differs by split.
+    rng = np.random.default_rng(4)
+    label = np.repeat(['a', 'b'], [20, 10])
+    archive = save_glides(
+        tmp_path / 'noise.npz', rng.normal(size=(30, 1, 60)), label, part=np.arange(30) % 3
+    )
+    asked = ('evaluate', archive, '--task', 'texture', '--features', 'auto', *CHEAP)
+    said = hear_tactile(*asked, '--group', 'part')
+    (found,) = ask_tactile(*asked, '--group', 'part')['sets']
+    choice = found['feature_choice']
+    nested = f'accuracy {100 * choice["nested_accuracy"]:.1f} % with set and classifier chosen'
+    assert choice['ranking'][0]['accuracy'] > choice['nested_accuracy']
+    assert choice['interval']['method'] == 'Wilson with t over 3 groups'
+    # First where it is chosen, and last of all, with the classifier that was chosen.
+    assert said.count(nested) == 2
+    assert said.count('chance 66.7 %') >= 2
+    best = found['feature_choice']['ranking'][0]
+    assert f'{best["feature_set"]} with ' in said.split(nested)[-1]
+    assert 'was chosen, whose own accuracy is too high' in said.split(nested)[-1]
+    too_good = f'{100 * best["accuracy"]:.1f} %'
+    assert too_good not in said
+
+
+def test_trials_to_test_on_do_not_choose(tmp_path):
+    # What tells the labels apart: the level of the first 12 trials, the frequency of the others.
+    label = np.tile(['a', 'b'], 18)
+    is_b, later = label == 'b', np.arange(36) >= 12
+    rng, time_s = np.random.default_rng(6), np.arange(60) / 60.0
+    hz = np.where(later & is_b, 20.0, 10.0)
+    x = np.sin(2 * np.pi * hz[:, None] * time_s + rng.uniform(0, 6, (36, 1)))
+    x += np.where(~later & is_b, 2.0, 0.0)[:, None]
+    choices = []
+    for number, later_label in enumerate((label, label[::-1])):
+        labels = np.where(later, later_label, label)
+        archive = tmp_path / f'{number}.npz'
+        save_glides(archive, x[:, None], labels, later=later.astype(int))
+        asked = ('--task', 'texture', '--features', 'auto', *CHEAP)
+        stated = ('--train-where', 'later=0', '--test-where', 'later=1')
+        (found,) = ask_tactile('evaluate', archive, *asked, *stated)['sets']
+        ranking = [
+            {k: v for k, v in each.items() if k != 'fold_s'}
+            for each in found['feature_choice']['ranking']
+        ]
+        choices.append(ranking)
+        said = hear_tactile('evaluate', archive, *asked, *stated)
+        assert 'chosen on trials with later=0' in said
+        last = said[said.rindex('accuracy ') :]
+        assert 'trained on later=0 (12 trials), tested on later=1' in last
+        assert 'was chosen on trials that are not tested' in last
+        stated_scores = found['evaluations'][-1]['scores']
+        best = ranking[0]
+        (mean,) = (
+            s['mean']
+            for s in stated_scores
+            if (s['classifier'], s['scaling']) == (best['classifier'], best['scaling'])
+        )
+        assert last.startswith(f'accuracy {100 * mean:.1f} %')
+    assert choices[0] == choices[1]
+
+
+def test_few_trials_to_train_on_choose_by_fewer_folds(tmp_path):
+    label = np.tile(['a', 'b'], 12)
+    x = np.random.default_rng(1).normal(size=(24, 1, 60)) + (label == 'a')[:, None, None]
+    archive = save_glides(tmp_path / 'few.npz', x, label, part=np.arange(24) // 8)
+    said = hear_tactile(
+        *('evaluate', archive, '--task', 'texture', '--features', 'auto', '--repetitions', 1),
+        *('--train-where', 'part=0', '--test-where', 'part=1,2'),
+    )
+    assert 'chosen inside the folds (stratified 4-fold, once' in said
 
 
 def test_folds_choose_among_sets_over_the_surface_where_speeds_are_stated(tmp_path):

@@ -24,7 +24,7 @@ from tactile_lab.report.figures.drawing import INK, render
 from tactile_lab.report.page import Page
 from tactile_lab.report.published import compare_with_paper, tell_design
 from tactile_lab.report.recordings import array_examples, bag_sets, RecordingSet
-from tactile_lab.report.summary import hardest_score, tell_accuracy, tell_confusion
+from tactile_lab.report.summary import hardest_evaluation, tell_accuracy, tell_confusion
 from tactile_ros.errors import TactileError
 
 
@@ -190,7 +190,7 @@ def test_summary_states_the_hardest_split_in_one_line(textures, easy_holds):
     line = tell_accuracy(textures)
     held_out = textures.evaluations[1].score('knn', 'none')
     assert held_out.mean <= textures.plain.score('knn', 'none').mean
-    assert hardest_score(textures).mean == held_out.mean
+    assert hardest_evaluation(textures).score('knn', 'none').mean == held_out.mean
     assert line.startswith(f'accuracy {100 * held_out.mean:.1f} % (one day held out; ')
     assert f'chance {100 * textures.plain.chance:.1f} %; most frequent confusion: ' in line
     assert 'the only split' in tell_accuracy(easy_holds)

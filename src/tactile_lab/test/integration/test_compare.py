@@ -84,7 +84,11 @@ def test_the_worse_model_is_found_on_new_sessions(bags, models):
 def test_a_model_is_not_told_apart_from_itself(bags, models):
     found = compare(models[0], models[0], bags[1])
     assert (found['better'], found['difference'], found['agreement']) == ('', 0.0, 1.0)
-    assert found['verdict'].startswith('Not told apart: both are right on the same')
+    low, high = found['interval']['low'], found['interval']['high']
+    assert low == -high < 0.0
+    assert found['verdict'].startswith(
+        f'Not told apart: B less A is +0.0 points ({100 * low:+.1f} to {100 * high:+.1f}), '
+    )
 
 
 def test_trials_of_the_training_are_counted_and_left_out(bags, models):
@@ -156,7 +160,7 @@ def test_each_model_has_features_of_its_own(bags, models, tmp_path):
 def test_one_session_is_said_and_groups_may_be_others(bags, models):
     said = tactile(*models, bags[1], '--group', 'bag')
     assert 'of one session, or it is not stated' in said
-    assert 'exact McNemar' in said
+    assert 'Tango score interval over 120 paired trials; p ' in said
     assert 'SIMULATED' in said
     found = compare(*models, bags[1], '--group', 'session_id,mounting_id')
     assert found['parts_are'] == 'groups of session_id and mounting_id'

@@ -22,7 +22,8 @@ def run_until_done(folder, quick, count, signal_number):
 
     On a busy machine a trial may fail, and is then run again.
     """
-    with program('experiment', folder.path, '--simulated', '--yes', *quick) as process:
+    plan = folder.path if folder.path.exists() else folder.path.with_suffix('.yaml')
+    with program('experiment', plan, '--simulated', '--yes', *quick) as process:
         wait_beside(process, lambda: is_in_hold(folder, count))
         process.send_signal(signal_number)
         out, errors = process.communicate(timeout=60)
@@ -63,7 +64,7 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path
     folder = ExperimentFolder(tmp_path / 'soft')
     done = tactile('experiment', plan, '--yes')
     assert (done.returncode, '--yes is for --simulated' in done.stderr) == (2, True)
-    assert not folder.list_bags()
+    assert not folder.path.exists()
 
     out, errors, code = run_until_done(folder, quick, 0, signal.SIGINT)
     assert code == 130, errors
@@ -99,3 +100,9 @@ def test_an_experiment_survives_ctrl_c_and_kill_and_its_trials_are_read(tmp_path
     (table,) = read_tables(folder.list_bags()).tables.values()
     assert set(table.column('trial_id')) == set(kept)
     assert len(table) == 2
+
+    # One more block of a session, from the rig's start on.
+    more = ('--append', 'soft-s01', '--simulated', '--yes', '--json', *quick)
+    done = tactile('experiment', folder.path, *more)
+    assert done.returncode == 0, done.stderr
+    assert (json.loads(done.stdout)['done'], len(folder.read_order())) == (3, 3)

@@ -125,6 +125,27 @@ def test_no_trial_is_lost_or_counts_twice_whatever_interrupts(
     check_complete(folder, world)
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.sampled_from([False, False, False, True]), max_size=60))
+def test_a_repeated_call_goes_on_with_the_block_that_was_appended(tmp_path_factory, cuts):
+    folder = ExperimentFolder(tmp_path_factory.mktemp('x') / 'experiment')
+    run(folder, World([], []))
+    planned = len(folder.read_order())
+    world = World(cuts, [])
+    session_id = PLAN.session_ids[0]
+    block = folder.draw_block(session_id)
+    for _ in range(len(cuts) + 1):
+        try:
+            with folder.open_journal() as journal:
+                added = [] if folder.appended_left(session_id) else folder.draw_block(session_id)
+                run_experiment(folder, Bench(world), Person(world), journal, added)
+            break
+        except PowerCut:
+            assert len(folder.read_order()) in (planned, planned + len(block))
+    assert folder.read_order()[planned:] == block
+    assert not folder.read_progress().left()
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.integers(1, 25), max_size=12), st.booleans())
 def test_a_program_killed_between_any_two_writes_goes_on(tmp_path_factory, kills, after):

@@ -204,12 +204,32 @@ def test_sessions_may_grow_and_the_rest_may_not_change(tmp_path):
 def test_a_block_is_appended_to_a_session(tmp_path):
     folder = ExperimentFolder(tmp_path / 'grooves')
     folder.set_up(PLAN)
-    assert folder.append('grooves-s01') == 6
+    block = folder.draw_block('grooves-s01')
+    assert len(block) == 6
+    assert len(folder.read_order()) == 12
+    folder.append(block)
     order = folder.read_order()
     assert len(order) == 18
     assert {t.mounting for t in order if t.session_id == 'grooves-s01'} == set(range(1, 7))
     with pytest.raises(ExperimentError, match='no session "other"'):
-        folder.append('other')
+        folder.draw_block('other')
+
+
+def test_trials_left_of_appended_blocks_are_counted(tmp_path):
+    folder = ExperimentFolder(tmp_path / 'grooves')
+    folder.set_up(PLAN)
+    assert folder.appended_left('grooves-s01') == 0  # the plan's own trials are left
+    folder.append(folder.draw_block('grooves-s01'))
+    assert folder.appended_left('grooves-s01') == 6
+    assert folder.appended_left('grooves-s02') == 0
+    result = {'verdict': 'good', 'sentence': '', 'statistics': {}, 'seconds': 1}
+    with folder.open_journal() as journal:
+        for number, trial in enumerate(folder.read_order()[-6:], 1):
+            journal.append('began', key=trial.key, trial_id=trial.key, mounting_id='m')
+            journal.append('ended', trial_id=trial.key, **result)
+            assert folder.appended_left('grooves-s01') == 6 - number
+    with pytest.raises(ExperimentError, match='no session "other"'):
+        folder.appended_left('other')
 
 
 def test_a_folder_with_other_things_is_left_alone(tmp_path):

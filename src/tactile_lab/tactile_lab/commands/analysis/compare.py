@@ -351,8 +351,9 @@ def _tell_difference(comparison: Comparison) -> str:
     if comparison.interval.reason:
         return f'difference: no interval, {comparison.interval.reason}'
     over = comparison.interval.method
-    p = '' if over.startswith('t over') else f', p {comparison.p_value:.2g} (exact McNemar)'
-    return f'difference: 95 % interval of paired trials, {over}{p}'
+    if over.startswith('t over'):
+        return f'difference: 95 % interval, {over}; shares are means over these'
+    return f'difference: 95 % interval, {over}; p {comparison.p_value:.2g} (McNemar)'
 
 
 def _tell_accuracy(side: Answered) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tactile_classifier.datasets.dataset import ALL, FeatureTable
 from tactile_classifier.names import describe_features
+from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 from tactile_features.feature_sets.stiffness_regression import StiffnessRegression
 from tactile_features.feature_sets.stiffness_relaxation import StiffnessRelaxation
 from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
@@ -120,28 +121,33 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
         named = replace(request, features=None)
         prepared = prepare_trials(leaves, named, folds=request.folds)
         key = (prepared.task, '')
-        table = _choose(
+        table, candidate, choice = _choose(
             lambda fields: BagTables({key: prepared.compute_table(fields)}, ()),
             {},
             request,
             output,
         )[key]
         title = f'{prepared.title}, {AUTO}: {table.spec.feature_set}'
-        return [_prepared_set(replace(prepared, title=title, table=table), named)]
+        found = _prepared_set(replace(prepared, title=title, table=table), named)
+        return [replace(found, choice=(candidate, choice))]
     request.check_for_bags()
     automatic = request.features == AUTO
     if automatic:
         request = replace(request, features=None)
     chosen = choose_features(request.over, request.detrend, request.features)
     read = partial(read_tables, own)
-    found = _choose(read, chosen, request, output) if automatic else read(chosen).tables
+    choices = _choose(read, chosen, request, output) if automatic else {}
+    tables = {key: table for key, (table, *_) in choices.items()} or read(chosen).tables
     tables = {
         key: select_features(request.train_test.keep(table), request.features)
-        for key, table in keep_task(found, request.task).items()
+        for key, table in keep_task(tables, request.task).items()
     }
     sets = bag_sets(
         tables, request.hold_out or None, also=('mounting_id',) if request.is_experiment else ()
     )
+    if choices:
+        chosen_for = [choices[key][1:] for key in tables]
+        sets = [replace(e, choice=choice) for e, choice in zip(sets, chosen_for, strict=True)]
     if request.report is None or not any(map(_is_unlike_paper, tables.values())):
         return sets
     published = read_tables(own, PAPER).tables
@@ -157,13 +163,18 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
 
 def _choose(
     read: Reader, chosen: Mapping[str, Any], request: EvaluateRequest, output: Output
-) -> dict[tuple[str, str], FeatureTable]:
+) -> dict[tuple[str, str], tuple[FeatureTable, Candidate, FeatureChoice]]:
     """Return the tables with the set of features that folds choose, and say why."""
     columns = next(iter(request.hold_out), ('session_id',))
-    found = choose_automatically(
-        read, chosen, request.folds, request.seed, output, columns=columns
+    return choose_automatically(
+        read,
+        chosen,
+        request.folds,
+        request.seed,
+        output,
+        columns=columns,
+        train_test=request.train_test,
     )
-    return {key: table for key, (table, _) in found.items()}
 
 
 def _is_unlike_paper(table: FeatureTable) -> bool:

@@ -27,8 +27,6 @@ from tactile_ros.errors import TactileError
 KEY = b'tactile'
 """Of the schema's metadata that holds the specification of the features, as JSON."""
 
-_SESSIONS = ('session_id', 'session')
-
 
 def run_features(request: FeaturesRequest, *, as_json: bool) -> None:
     """Compute features and write one file for each task and contact of the recordings.
@@ -109,7 +107,7 @@ def _columns(table: FeatureTable, group: str | None) -> dict[str, NDArray[Any]]:
     """Return what is known of each trial: source, trial, label, session, group."""
     known = table.columns
     blank = np.full(len(table), '')
-    session = next((known[name] for name in _SESSIONS if name in known), blank)
+    session = known.get('session_id', blank)
     if group is None:
         groups = known.get('mounting_id', blank)
     else:

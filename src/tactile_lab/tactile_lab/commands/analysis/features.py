@@ -14,12 +14,13 @@ import numpy as np
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import grouped_split, Split, stratified_split
 from tactile_classifier.errors import DatasetError, EvaluationError
-from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_classifier.training.feature_choice import Candidate, choose_candidate, FeatureChoice
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 from tactile_lab.commands.output import Output
 from tactile_lab.datasets.bag_tables import BagTables
+from tactile_lab.datasets.selection import TrainTest
+from tactile_lab.datasets.tables import name_candidate, tell_nested
 from tactile_ros.errors import TactileError
 
 AUTO = 'auto'
@@ -52,7 +53,8 @@ def choose_automatically(
     random_state: int,
     output: Output,
     columns: Sequence[str] = ('session_id',),
-) -> dict[Key, tuple[FeatureTable, Candidate]]:
+    train_test: TrainTest | None = None,
+) -> dict[Key, tuple[FeatureTable, Candidate, FeatureChoice]]:
     """Choose set of features and classifier for each task and contact, and say why.
 
     Models of one task share a feature node, so the contacts of a task share a set: that whose best
@@ -65,21 +67,28 @@ def choose_automatically(
     chosen : mapping
         Fields of `FeatureConfig`, such as the window over the surface.
     folds, random_state : int
-        Of random folds, where there is nothing to hold out.
+        Of random folds, where there is nothing to hold out; no more than a label has trials.
     output : Output
     columns : sequence of str
         What each fold holds out.
+    train_test : TrainTest, optional
+        Where trials to train on are stated, these alone choose.
 
     Returns
     -------
     dict
-        By task and contact: the table of the chosen set, and what was chosen.
+        By task and contact: the table of the chosen set, what was chosen, and from what.
     """
     tables = _read_all(read, chosen, output)
-    choices = {
-        key: choose_candidate(found, _divide(found, columns, folds, random_state), random_state)
-        for key, found in tables.items()
-    }
+    choices = {}
+    train_test = train_test or TrainTest()
+    for key, found in tables.items():
+        parts = {name: train_test.training(table) for name, table in found.items()}
+        split = _divide(parts, columns, folds, random_state)
+        choices[key] = choose_candidate(parts, split, random_state)
+    of_these = (
+        f'; chosen on trials with {train_test.train_where}' if train_test.train_where else ''
+    )
     picked = {}
     for (task, contact), choice in choices.items():
         same = [other for key, other in choices.items() if key[0] == task]
@@ -87,20 +96,22 @@ def choose_automatically(
         name = max(shared, key=lambda n: sum(_best(each, n).accuracy for each in same))
         best = _best(choice, name)
         kind = f'{task}, {contact}' if contact else task
-        output.say(f'{kind}: {describe_choice(choice, name)}')
-        picked[task, contact] = tables[task, contact][name], best.candidate
+        output.say(f'{kind}: {describe_choice(choice, name)}{of_these}')
+        picked[task, contact] = tables[task, contact][name], best.candidate, choice
     return picked
 
 
 def describe_choice(choice: FeatureChoice, name: str) -> str:
-    """Return what was chosen, and what the runner-up would have cost."""
+    """Return what was chosen, how good such a choice is, and what the runner-up would cost.
+
+    The accuracy of the best on the folds that chose it is too good on average, and not told.
+    """
     best = _best(choice, name)
     picks = sum(count for candidate, count in choice.picks if candidate[0] == name)
     folds = sum(count for _, count in choice.picks)
     text = (
-        f'{_name(best.candidate)}, {100 * best.accuracy:.1f} % ({choice.split}); {picks} of '
-        f'{folds} folds choose this set, too; chosen inside the folds '
-        f'{100 * choice.nested_accuracy:.1f} %'
+        f'{name_candidate(best.candidate)}; {tell_nested(choice)}; {picks} of {folds} folds '
+        'choose this set, too'
     )
     others = [score for score in choice.ranking if score.candidate[0] != name]
     if not others:
@@ -108,14 +119,9 @@ def describe_choice(choice: FeatureChoice, name: str) -> str:
     other = others[0]
     points = 100 * (other.accuracy - best.accuracy)
     return (
-        f'{text}; the runner-up is {_name(other.candidate)}: {points:+.1f} points, and '
+        f'{text}; the runner-up is {name_candidate(other.candidate)}: {points:+.1f} points, and '
         f'{other.fold_s / best.fold_s:.2g} times the time of training and tests'
     )
-
-
-def _name(candidate: Candidate) -> str:
-    title = CLASSIFIER_TITLES[candidate.classifier]
-    return f'{candidate.feature_set} with {title}, {short_scaling(candidate.scaling)}'
 
 
 def _best(choice: FeatureChoice, name: str) -> Any:
@@ -133,7 +139,8 @@ def _divide(
     try:
         return grouped_split(table, columns)
     except (DatasetError, EvaluationError):  # one session only, or none is stated
-        return stratified_split(table, folds, 1, random_state)
+        fewest = int(np.unique(table.labels, return_counts=True)[1].min())
+        return stratified_split(table, max(2, min(folds, fewest)), 1, random_state)
 
 
 def _read_all(

@@ -164,7 +164,7 @@ class CompareRequest(TrialOptions):
         Optional[str],
         typer.Option(
             help='Columns that make a group of trials, with commas, for the interval. '
-            'Default: session_id, or session.'
+            'Default: session_id.'
         ),
     ] = None
     unseen: Annotated[

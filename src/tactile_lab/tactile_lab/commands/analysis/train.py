@@ -127,7 +127,8 @@ def _train_automatically(
 ) -> list[TrainedModel]:
     folds, seed = request.folds, request.seed
     models = []
-    for key, (table, candidate) in choose_automatically(read, chosen, folds, seed, output).items():
+    found = choose_automatically(read, chosen, folds, seed, output)
+    for key, (table, candidate, _) in found.items():
         wanted = replace(request, classifier=candidate.classifier, scaling=candidate.scaling)
         models += train_models(BagTables({key: table}, ()), wanted, output)
     return models

@@ -123,33 +123,42 @@ def run_status(path: Path, *, as_json: bool) -> None:
 
 
 def run_plan(request: ExperimentRequest, *, as_json: bool) -> bool:
-    """Run what is left of an experiment; return whether it did not give up."""
+    """Run what is left of an experiment; return whether it did not give up.
+
+    The order changes under the lock of the journal alone. A block is appended once the rig runs,
+    so a call that is refused appends nothing.
+    """
     output = Output(as_json)
-    folder, plan = _set_up(request)
-    if request.append:
-        count = folder.append(request.append)
-        output.say(f'{request.append}: {count} trials appended')
     if request.yes and not request.ports.simulated:
         raise ExperimentError('--yes is for --simulated: a real plate is put there by a person')
+    folder, plan = _find_folder(request)
+    if not is_experiment(folder.path):
+        folder.set_up(plan)
     operator = Nobody(output) if request.yes else Terminal(output)
     with folder.open_journal() as journal:
+        folder.set_up(plan)
+        block = _draw_block(folder, request.append, output) if request.append else []
         try:
-            if folder.read_progress().left():
-                _run(request, folder, plan, operator, journal, output)
+            if block or folder.read_progress().left():
+                _run(request, folder, plan, operator, journal, output, block)
         finally:
             _summarise(folder, folder.read_progress(), output)
     return not operator.has_given_up
 
 
-def _set_up(request: ExperimentRequest) -> tuple[ExperimentFolder, ExperimentPlan]:
+def _draw_block(folder: ExperimentFolder, session_id: str, output: Output) -> list[PlannedTrial]:
+    """Return the block to append; empty while an earlier one of the session has trials left."""
+    if left := folder.appended_left(session_id):
+        output.say(f'{session_id}: the appended block goes on, {left} trials are left')
+        return []
+    return folder.draw_block(session_id)
+
+
+def _find_folder(request: ExperimentRequest) -> tuple[ExperimentFolder, ExperimentPlan]:
     if is_experiment(request.plan):
-        folder = ExperimentFolder(request.plan)
-        plan = read_plan(request.plan / PLAN)
-    else:
-        plan = read_plan(request.plan)
-        folder = ExperimentFolder(request.folder or request.plan.with_suffix(''))
-    folder.set_up(plan)
-    return folder, plan
+        return ExperimentFolder(request.plan), read_plan(request.plan / PLAN)
+    plan = read_plan(request.plan)
+    return ExperimentFolder(request.folder or request.plan.with_suffix('')), plan
 
 
 def _run(
@@ -159,13 +168,14 @@ def _run(
     operator: Terminal,
     journal: Any,
     output: Output,
+    block: list[PlannedTrial],
 ) -> None:
     with ExitStack() as stack:
         setup = open_rig(request, folder.bags, output, stack)
         if setup.simulated_rig is not None:
             for label, contact in product(plan.objects, plan.contacts):
                 setup.simulated_rig.check_mount(plan.protocol, label, contact)
-        run_experiment(folder, LiveBench(setup, plan, output), operator, journal)
+        run_experiment(folder, LiveBench(setup, plan, output), operator, journal, block)
 
 
 def _summarise(folder: ExperimentFolder, progress: Progress, output: Output) -> None:

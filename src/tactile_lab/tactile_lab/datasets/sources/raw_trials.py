@@ -112,36 +112,56 @@ def arrays_from_trials(
 
 
 def _choose_rate(trials: Sequence[RawTrial], rate_hz: float | None, questions: Questions) -> float:
-    found = {}
-    for trial in trials:
-        period_s = _period_s(trial.time_s)
-        if period_s > 0.0:
-            found[trial.name] = 1.0 / period_s
+    found = [(1.0 / period_s, t) for t in trials if (period_s := _period_s(t.time_s)) > 0.0]
     if not found:
         if rate_hz is None:
             raise SourceError(
                 'the recordings have no times, so the sample rate is not known: --rate-hz'
             )
         return rate_hz
-    rates = np.array(list(found.values()))
-    usual = float(np.median(rates))
-    expected = usual if rate_hz is None else rate_hz
-    worst = max(found, key=lambda name: abs(math.log(found[name] / expected)))
-    if abs(found[worst] / expected - 1.0) > RATE_TOLERANCE:
-        if rate_hz is not None:
+    rates = np.array([rate for rate, _ in found])
+    if rate_hz is not None:
+        worst = int(np.argmax(np.abs(np.log(rates / rate_hz))))
+        if abs(rates[worst] / rate_hz - 1.0) > RATE_TOLERANCE:
             raise SourceError(
-                f'--rate-hz says {rate_hz:g} Hz, and the stamps of trial {worst} say '
-                f'{found[worst]:.6g} Hz; leave the option out, or state the unit of the times '
-                '(--column time=NAME:ms). To change the rate, use --resample-hz'
+                f'--rate-hz says {rate_hz:g} Hz, and the stamps of trial {found[worst][1].name} '
+                f'say {rates[worst]:.6g} Hz; leave the option out, or state the unit of the times '
+                '(--column time=NAME:ms). `tactile evaluate`, `train`, `compare` and `features` '
+                'change the rate with --resample-hz'
             )
+        return rate_hz
+    groups = _group_by_rate(rates)
+    if len(groups) > 1:
+        told = _tell_rates([(rate, [found[i][1] for i in rows]) for rate, rows in groups])
         raise SourceError(
-            f'the trials have different rates: {found[worst]:.6g} Hz (trial {worst}) and '
-            f'{usual:.6g} Hz; import them apart, each with --resample-hz'
+            f'the trials have different rates: {told}; take the recordings of one rate at a time'
         )
-    if rate_hz is None:
-        rate_hz = _round_rate(usual)
-        questions.note(f'rate: {rate_hz:g} Hz, from the stamps')
+    rate_hz = _round_rate(float(np.median(rates)))
+    questions.note(f'rate: {rate_hz:g} Hz, from the stamps')
     return rate_hz
+
+
+def _group_by_rate(rates: Floats) -> list[tuple[float, NDArray[np.intp]]]:
+    """Return each rate that some trials have [Hz], and which these are; the commonest first."""
+    left, groups = np.arange(len(rates)), []
+    while len(left):
+        usual = np.sort(rates[left])[len(left) // 2]  # that of a trial, not a mean of two
+        is_same = np.abs(rates[left] / usual - 1.0) <= RATE_TOLERANCE
+        groups.append((_round_rate(float(np.median(rates[left[is_same]]))), left[is_same]))
+        left = left[~is_same]
+    return sorted(groups, key=lambda group: -len(group[1]))
+
+
+def _tell_rates(groups: Sequence[tuple[float, Sequence[RawTrial]]]) -> str:
+    """Return each rate with its files; with its trials where one file has several rates."""
+    sources = [{str(t.columns.get('source', '')) for t in trials} for _, trials in groups]
+    is_of_one_rate = len(set().union(*sources)) == sum(map(len, sources))
+    parts = []
+    for (rate_hz, trials), files in zip(groups, sources, strict=True):
+        names = sorted(files) if is_of_one_rate else [f'trial {t.name}' for t in trials]
+        more = f' and {len(names) - 3} more' if len(names) > 3 else ''
+        parts.append(f'{rate_hz:g} Hz ({", ".join(names[:3])}{more})')
+    return ', '.join(parts)
 
 
 def _period_s(time_s: Floats | None) -> float:

@@ -38,6 +38,8 @@ def read_table_trials(
     columns: tuple[str, ...] = ()
     for i, leaf in enumerate(leaves):
         table = read_table(leaf.path)
+        if table.nested:
+            questions.note(f'left out, they hold lists: {", ".join(table.nested)}')
         if roles is None or tuple(table.columns) != columns:  # asked once for equal files
             roles, columns = assign_roles(table, options.roles, questions), tuple(table.columns)
         known: Mapping[str, str] = {}

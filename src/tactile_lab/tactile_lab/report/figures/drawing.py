@@ -22,6 +22,7 @@ CLASSIFIER_COLOURS = {
     'svm_linear': '#d98c00',
     'svm_rbf': '#c0392b',
     'tree': '#3a9d5d',
+    'rocket': '#7b5aa6',
 }
 """Told apart with red-green blindness, too, and on white as on black."""
 

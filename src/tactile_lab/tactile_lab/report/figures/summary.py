@@ -9,16 +9,15 @@ from matplotlib.figure import Figure
 
 from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
 from tactile_lab.report.analysis import SetResult
-from tactile_lab.report.answers import CLASSIFIER
 from tactile_lab.report.figures.accuracy import draw_matrix
 from tactile_lab.report.figures.drawing import CLASSIFIER_COLOURS, Drawing, INK, render
-from tactile_lab.report.summary import confusion_shares, default_score, hardest_score
+from tactile_lab.report.summary import confusion_shares, hardest_evaluation, shown_score
 
 
 def draw_summary(result: SetResult) -> Drawing:
     """Draw accuracy by split with its interval, and the confusion matrix of the hardest split."""
-    score = hardest_score(result)
-    scores = [default_score(result, evaluation) for evaluation in result.evaluations]
+    score = shown_score(result, hardest_evaluation(result))
+    scores = [shown_score(result, evaluation) for evaluation in result.evaluations]
     size_in = max(1.6, 0.28 * len(score.labels))
 
     def draw(figure: Figure) -> None:
@@ -27,10 +26,12 @@ def draw_summary(result: SetResult) -> Drawing:
             mean = 100 * each.mean
             if not each.interval.reason:
                 span = (100 * each.interval.low, 100 * each.interval.high)
-                left.plot(span, (y, y), '-', color=CLASSIFIER_COLOURS[CLASSIFIER], lw=2)
-            left.plot(mean, y, 'o', color=CLASSIFIER_COLOURS[CLASSIFIER], ms=6)
+                left.plot(span, (y, y), '-', color=CLASSIFIER_COLOURS[score.classifier], lw=2)
+            left.plot(mean, y, 'o', color=CLASSIFIER_COLOURS[score.classifier], ms=6)
             left.text(mean, y + 0.12, f'{mean:.1f}', ha='center', va='bottom')
-        left.axvline(100 * result.plain.chance, ls=':', color=INK, lw=1)
+        for y, evaluation in enumerate(result.evaluations):
+            chance = 100 * evaluation.chance
+            left.plot((chance, chance), (y - 0.3, y + 0.3), ':', color=INK, lw=1)
         left.set_yticks(range(len(scores)), [s.split.replace(' ', '\n', 1) for s in scores])
         left.set(xlim=(0, 104), ylim=(-0.5, len(scores) - 0.3), xlabel='accuracy [%]')
         draw_matrix(right, confusion_shares(score), score.labels)
@@ -39,8 +40,8 @@ def draw_summary(result: SetResult) -> Drawing:
     return render(
         draw,
         (6.4, 1.2 + size_in),
-        f'{CLASSIFIER_TITLES[CLASSIFIER]}, {short_scaling(score.scaling)}. Left: accuracy by '
-        'split, with its 95 % interval; dots are chance. Right: answers in % of each true label, '
-        f'{score.split}.',
+        f'{CLASSIFIER_TITLES[score.classifier]}, {short_scaling(score.scaling)}. '
+        'Left: accuracy by split, with its 95 % interval; dots are chance. '
+        f'Right: answers in % of each true label, {score.split}.',
         simulated=result.recordings.simulated,
     )
