@@ -161,10 +161,11 @@ class OperatorNode(Node):  # type: ignore[misc]
                 self._arrived.wait(left_s)
 
     def _call(self, client: ActionClient, what: str, goal: Any, timeout_s: float) -> Any:
-        if not client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S):
-            raise TactileError(f'{what}: the action server does not answer; is the rig running?')
+        is_there = client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S)
         if self._stopped.is_set():
             raise StoppedError(f'{what}: stopped from a live page')
+        if not is_there:
+            raise TactileError(f'{what}: the action server does not answer; is the rig running?')
         answer = send(self, lambda: client.send_goal_async(goal))
         try:
             handle = answer.result(ANSWER_TIMEOUT_S)

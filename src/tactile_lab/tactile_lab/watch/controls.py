@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+import time
 from typing import Any
 
 from rclpy.context import Context
@@ -19,7 +20,8 @@ from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
 
 ANSWER_TIMEOUT_S = 5.0
-READY_POLL_S = 0.02
+FIND_TIMEOUT_S = 0.5
+POLL_S = 0.02
 REMEDY = 'bring the rig to rest with its switch'
 
 
@@ -68,18 +70,20 @@ class WatchControls:
         for operator, _ in self._operators.values():
             operator.stop()
         clients = self._node.stop_clients()
-        if not clients:
-            raise TactileError(f'stop: no node that moves anything is known here; {REMEDY}')
         # The cancellation goes first: a trial that is cancelled is not repeated.
         order = sorted(clients, key=lambda path: not path.endswith(CANCEL))
         answers = await asyncio.gather(
-            *(self._call(clients[path], path) for path in order), return_exceptions=True
+            *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
         confirmed: list[str] = []
         silent: list[str] = []
         for path, answer in zip(order, answers, strict=True):
+            if answer is None:
+                continue
             is_bad = isinstance(answer, BaseException) or getattr(answer, 'success', True) is False
             (silent if is_bad else confirmed).append(_node_name(path))
+        if not silent and not confirmed:
+            raise TactileError(f'stop: no node that moves anything is known here; {REMEDY}')
         if silent:
             raise TactileError(f'stop: no confirmation from {", ".join(silent)}; {REMEDY}')
         return f'stop: confirmed by {", ".join(confirmed)}'
@@ -121,10 +125,15 @@ class WatchControls:
         operator.resume()
         return operator
 
+    async def _stop_one(self, client: Any, path: str) -> Any:
+        """Return a service's answer; None where there is no server, and none is missed."""
+        if not self._node.must_confirm(path) and not await _is_there(client, FIND_TIMEOUT_S):
+            return None
+        return await self._call(client, path)
+
     async def _call(self, client: Any, path: str) -> Any:
         async def call() -> Any:
-            while not client.service_is_ready():  # of a client that has just been made
-                await asyncio.sleep(READY_POLL_S)
+            await _is_there(client, ANSWER_TIMEOUT_S)
             request = client.srv_type.Request()
             return await asyncio.wrap_future(send(self._node, lambda: client.call_async(request)))
 
@@ -132,6 +141,16 @@ class WatchControls:
             return await asyncio.wait_for(call(), ANSWER_TIMEOUT_S)
         except asyncio.TimeoutError:
             raise TactileError(f'{path} does not answer within {ANSWER_TIMEOUT_S:g} s') from None
+
+
+async def _is_there(client: Any, timeout_s: float) -> bool:
+    """Wait for the server of a client, which finds it a moment after it is made."""
+    deadline_s = time.monotonic() + timeout_s
+    while not client.service_is_ready():
+        if time.monotonic() > deadline_s:
+            return False
+        await asyncio.sleep(POLL_S)
+    return True
 
 
 def _node_name(path: str) -> str:

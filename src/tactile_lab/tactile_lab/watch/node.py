@@ -49,12 +49,11 @@ POLL_S = 0.04
 """How often samples of other processes are taken; a page gets fewer frames a second."""
 
 SESSION_STOP = 'operator/stop'
-DRIVER_STOPS = ('linear_guide/stop', 'tendon_actuator/stop')
 CANCEL = 'trial_runner/run_trial/_action/cancel_goal'
 TARE = 'tendon_sensor/tare'
 HOME = 'linear_guide/home/_action/send_goal'
 TRIAL = 'trial_runner/run_trial/_action/send_goal'
-ASKED = (SESSION_STOP, *DRIVER_STOPS, CANCEL, TARE)
+ASKED = (SESSION_STOP, 'linear_guide/stop', 'tendon_actuator/stop', CANCEL, TARE)
 CONTROLS = {'tare': TARE, 'home': HOME, 'trial': TRIAL}
 
 TYPES = {Trigger: 'std_srvs/srv/Trigger', CancelGoal: 'action_msgs/srv/CancelGoal'}
@@ -114,6 +113,7 @@ class WatchNode(Node):  # type: ignore[misc]
         self._closables: list[RecordSubscription] = []
         self._topics: set[str] = set()
         self._service_clients: dict[str, Any] = {}
+        self._heard: set[str] = set()  # services that have had a server
         self._looking = threading.Lock()
         if not answers_only:
             self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
@@ -160,9 +160,12 @@ class WatchNode(Node):  # type: ignore[misc]
         with self._looking:
             for path, types in services.items():
                 kind = CancelGoal if path.endswith(f'/{CANCEL}') else Trigger
-                is_ours = path.endswith(tuple(f'/{name}' for name in ASKED))
-                if is_ours and path not in self._service_clients and TYPES[kind] in types:
+                is_asked = path.endswith(tuple(f'/{name}' for name in ASKED))
+                if is_asked and path not in self._service_clients and TYPES[kind] in types:
                     self._service_clients[path] = self.create_client(kind, path)
+            for path, client in self._service_clients.items():
+                if client.service_is_ready():
+                    self._heard.add(path)
         return services
 
     def client_of(self, path: str) -> Any:
@@ -173,19 +176,17 @@ class WatchNode(Node):  # type: ignore[misc]
     def stop_clients(self) -> dict[str, Any]:
         """Return clients by name for all that can move, whether or not it has sent samples.
 
-        A driver that is gone stays: its device may still move. A session that is gone starts no
-        further trial.
+        Some may have no server: clients of other pages bear the same names.
         """
         self._look_for_services()
-        nodes = {
-            f'{place.rstrip("/")}/{name}' for name, place in self.get_node_names_and_namespaces()
-        }
-        return {
-            path: client
-            for path, client in self._service_clients.items()
-            if path.endswith((f'/{CANCEL}', *(f'/{name}' for name in DRIVER_STOPS)))
-            or (path.endswith(f'/{SESSION_STOP}') and path.removesuffix('/stop') in nodes)
-        }
+        return {p: c for p, c in self._service_clients.items() if not p.endswith(f'/{TARE}')}
+
+    def must_confirm(self, path: str) -> bool:
+        """Return whether a stop without this service's answer is not confirmed.
+
+        The device of a driver that is gone may still move. A session that is gone starts no trial.
+        """
+        return path in self._heard and not path.endswith(f'/{SESSION_STOP}')
 
     # -- what comes ------------------------------------------------------------------------
 

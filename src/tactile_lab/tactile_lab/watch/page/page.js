@@ -321,10 +321,11 @@
   /* The bar stays in sight above the keyboard of a phone, and when the page is zoomed in. */
   function keepBarInSight() {
     const seen = visualViewport;
-    Object.assign($('bar').style, {
-      left: `${seen.offsetLeft}px`, top: `${seen.offsetTop + seen.height}px`, width: `${seen.width}px`,
-      maxHeight: `${seen.height}px`,
-    });
+    const isCovered = seen.scale > 1.01 || seen.height < innerHeight - 1;
+    Object.assign($('bar').style, isCovered ? {
+      inset: `${seen.offsetTop + seen.height}px auto auto ${seen.offsetLeft}px`, width: `${seen.width}px`,
+      maxHeight: `${seen.height}px`, transform: 'translateY(-100%)',
+    } : { inset: '', width: '', maxHeight: '', transform: '' });
   }
 
   function draw() {
