@@ -161,7 +161,7 @@ class OperatorNode(Node):  # type: ignore[misc]
                 self._arrived.wait(left_s)
 
     def _call(self, client: ActionClient, what: str, goal: Any, timeout_s: float) -> Any:
-        is_there = client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S)
+        is_there = not self._stopped.is_set() and client.wait_for_server(ANSWER_TIMEOUT_S)
         if self._stopped.is_set():
             raise StoppedError(f'{what}: stopped from a live page')
         if not is_there:
