@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 import time
 from typing import Any
 
@@ -68,7 +69,8 @@ class WatchControls:
         """
         self._node.state.was_stopped = True
         for operator, _ in self._operators.values():
-            operator.stop()
+            with suppress(RuntimeError):  # its executor has ended
+                operator.stop()
         clients = self._node.stop_clients()
         # The cancellation goes first: a trial that is cancelled is not repeated.
         order = sorted(clients, key=lambda path: not path.endswith(CANCEL))
