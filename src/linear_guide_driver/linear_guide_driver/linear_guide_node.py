@@ -131,12 +131,13 @@ class LinearGuideNode(MotionNode):
     # -- the rest ----------------------------------------------------------------------------
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
-        response.message = (
-            'The guide brakes; the running goal ends when it is at rest.'
-            if self.is_busy
-            else 'The guide was not moving.'
-        )
+        response.success = not self._client.is_lost
+        if not response.success:
+            response.message = 'The connection to the guide is lost: it may still move.'
+        elif self.is_busy:
+            response.message = 'The guide brakes; the running goal ends when it is at rest.'
+        else:
+            response.message = 'The guide was not moving.'
         self.stop()
         return response
 

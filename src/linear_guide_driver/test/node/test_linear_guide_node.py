@@ -102,6 +102,14 @@ def test_a_fault_right_after_the_last_report_is_told(guide, monkeypatch, motion)
     assert result.message.endswith('lost: the controller restarted by itself; home the guide.')
 
 
+def test_a_stop_of_a_guide_that_is_unplugged_is_not_confirmed(guide, grbl):
+    assert guide.call('/linear_guide/stop').success
+    grbl.close()
+    wait_until(lambda: not guide.node.is_well())
+    answer = guide.call('/linear_guide/stop')
+    assert (answer.success, 'connection to the guide is lost' in answer.message) == (False, True)
+
+
 def test_bad_goals_are_aborted_with_a_sentence(guide, grbl):
     status, result = guide.result(move(guide, 0.1, 0.05))
     assert (status, 'home the guide' in result.message) == ('aborted', True)

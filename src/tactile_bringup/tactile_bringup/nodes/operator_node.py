@@ -15,6 +15,7 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from tactile_bags.recorded_topics import classification_topic
 from tactile_bringup.nodes.trial_devices import cancel_late_goal
@@ -45,6 +46,8 @@ class StoppedError(TactileError):
 class OperatorNode(Node):  # type: ignore[misc]
     """Blocking calls for a thread that does not spin; the executor runs elsewhere.
 
+    Service ``~/stop`` ends the session: the goal that runs is cancelled, and no other one is sent.
+
     Attributes
     ----------
     trial_config : TrialConfig
@@ -65,6 +68,9 @@ class OperatorNode(Node):  # type: ignore[misc]
         self._diagnostics: Diagnostics | None = None
         self._home = ActionClient(self, HomeGuide, 'linear_guide/home')
         self._run = ActionClient(self, RunTrial, 'trial_runner/run_trial')
+        self._stopped = threading.Event()
+        self._handles: list[Any] = []  # of goals that run
+        self.create_service(Trigger, '~/stop', self._on_stop)
         self._arrived = threading.Condition()
         self._answers: list[ClassificationResult] = []
         guard = MessageGuard(self)
@@ -72,6 +78,22 @@ class OperatorNode(Node):  # type: ignore[misc]
             topic = classification_topic(name).name
             on_message = guard.wrap(topic, self._on_classification)
             self.create_subscription(Classification, topic, on_message, RESULTS)
+
+    def stop(self) -> None:
+        """Cancel the goal that runs, and send none until `resume`."""
+        self._stopped.set()
+        for handle in list(self._handles):
+            send(self, handle.cancel_goal_async)
+
+    def resume(self) -> None:
+        """Take goals again after a stop."""
+        self._stopped.clear()
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.stop()
+        response.success = True
+        response.message = 'No further goal is sent.'
+        return response
 
     def tell_progress(self, number: int, count: int, request: TrialRequest) -> None:
         """Say on ``/diagnostics`` that this is trial ``number`` of ``count``."""
@@ -97,6 +119,8 @@ class OperatorNode(Node):  # type: ignore[misc]
         ------
         TactileError
             When it does not end as asked.
+        StoppedError
+            When somebody has stopped it, or this operator.
         """
         end = self._call(self._home, 'homing the guide', HomeGuide.Goal(), HOMING_TIMEOUT_S)
         return str(end.message)
@@ -108,6 +132,8 @@ class OperatorNode(Node):  # type: ignore[misc]
         ------
         TactileError
             When it does not end as planned.
+        StoppedError
+            When somebody has stopped it, or this operator.
         """
         goal = RunTrial.Goal(**dataclasses.asdict(request))
         timeout_s = longest_trial_s(self.trial_config, request) + END_TIMEOUT_S
@@ -135,7 +161,10 @@ class OperatorNode(Node):  # type: ignore[misc]
                 self._arrived.wait(left_s)
 
     def _call(self, client: ActionClient, what: str, goal: Any, timeout_s: float) -> Any:
-        if not client.wait_for_server(timeout_sec=ANSWER_TIMEOUT_S):
+        is_there = not self._stopped.is_set() and client.wait_for_server(ANSWER_TIMEOUT_S)
+        if self._stopped.is_set():
+            raise StoppedError(f'{what}: stopped from a live page')
+        if not is_there:
             raise TactileError(f'{what}: the action server does not answer; is the rig running?')
         answer = send(self, lambda: client.send_goal_async(goal))
         try:
@@ -145,6 +174,9 @@ class OperatorNode(Node):  # type: ignore[misc]
             raise TactileError(f'{what}: the goal was not taken') from None
         if not handle.accepted:
             raise TactileError(f'{what}: the goal was rejected')
+        self._handles.append(handle)
+        if self._stopped.is_set():  # while the goal was on its way
+            send(self, handle.cancel_goal_async)
         result = send(self, handle.get_result_async)
         try:
             reply = result.result(timeout_s)
@@ -159,11 +191,12 @@ class OperatorNode(Node):  # type: ignore[misc]
             send(self, handle.cancel_goal_async)
             self._wait_for_rest(result, INTERRUPT_TIMEOUT_S)
             raise
-        if reply.status == GoalStatus.STATUS_CANCELED:
-            raise StoppedError(f'{what}: {reply.result.message}')
-        if reply.status != GoalStatus.STATUS_SUCCEEDED:
-            raise TactileError(f'{what}: {reply.result.message}')
-        return reply.result
+        finally:
+            self._handles.remove(handle)
+        if reply.status == GoalStatus.STATUS_SUCCEEDED:
+            return reply.result
+        is_stop = reply.status == GoalStatus.STATUS_CANCELED or self._stopped.is_set()
+        raise (StoppedError if is_stop else TactileError)(f'{what}: {reply.result.message}')
 
     def _wait_for_rest(self, result: concurrent.futures.Future[Any], timeout_s: float) -> str:
         """Wait for the end of a cancelled goal; return a sentence about it."""

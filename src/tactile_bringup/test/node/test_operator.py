@@ -6,12 +6,15 @@
 import threading
 
 import pytest
+from std_srvs.srv import Trigger
 
 from tactile_bringup.nodes import operator_node
-from tactile_bringup.nodes.operator_node import OperatorNode
+from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_ros.errors import TactileError
+from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
+from waiting import DEADLINE_S, wait_until
 
 
 @pytest.fixture
@@ -43,3 +46,54 @@ def test_a_rig_that_does_not_come_to_rest_is_said(operated, monkeypatch):
     with pytest.raises(TactileError, match='later; bring the rig to rest by hand'):
         operator.run_trial(TrialRequest('stiffness', 'flexion'))
     stuck.set()
+
+
+def ask_to_stop(operator):
+    client = operator.create_client(Trigger, 'operator/stop')
+    wait_until(client.service_is_ready)
+    request = Trigger.Request()
+    return send(operator, lambda: client.call_async(request)).result(DEADLINE_S)
+
+
+def test_a_session_that_was_stopped_between_two_trials_moves_nothing(operated):
+    bench, operator = operated
+    assert ask_to_stop(operator).success
+    with pytest.raises(StoppedError, match='stopped from a live page'):
+        operator.run_trial(TrialRequest('stiffness', 'flexion', hold_s=0.5))
+    assert not bench.tendon.goals
+    operator.resume()
+    request = TrialRequest('stiffness', 'flexion', trial_id='second', hold_s=0.5)
+    assert operator.run_trial(request) == 'second'
+
+
+def test_a_stop_while_the_goal_is_on_its_way_cancels_the_trial(operated, monkeypatch):
+    bench, operator = operated
+    bench.guide.waits_in = (1,)
+    send_goal = operator._run.send_goal_async
+
+    def send_goal_before_stop(goal):
+        answer = send_goal(goal)
+        operator.stop()
+        return answer
+
+    monkeypatch.setattr(operator._run, 'send_goal_async', send_goal_before_stop)
+    with pytest.raises(StoppedError, match='cancelled'):
+        operator.run_trial(TrialRequest('texture', 'flexion'))
+
+
+def test_a_stop_cancels_the_trial_that_runs(operated):
+    bench, operator = operated
+    bench.guide.waits_in = (1,)
+    ends = []
+
+    def run():
+        with pytest.raises(StoppedError, match='cancelled') as end:
+            operator.run_trial(TrialRequest('texture', 'flexion'))
+        ends.append(end)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    wait_until(lambda: bench.guide.goals)
+    assert ask_to_stop(operator).success
+    thread.join(DEADLINE_S)
+    assert ends

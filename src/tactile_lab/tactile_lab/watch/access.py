@@ -38,13 +38,15 @@ class CommandError(TactileError):
 class Command:
     """What a page asks for: one of `ACTIONS`, for a finger by its namespace.
 
-    A stop is for all fingers. The page knows the token from its address.
+    A stop is for all fingers. The page knows the token from its address. The sentence about the
+    command's end has its ``id``.
     """
 
     action: str
     finger: str = ''
     trial: TrialRequest | None = None
     token: str = ''
+    id: str = ''
 
 
 def read_command(text: str) -> Command:
@@ -85,7 +87,7 @@ def read_command(text: str) -> Command:
             )
         except ProtocolError as error:
             raise CommandError(str(error)) from error
-    return Command(action, text_of('finger'), trial, text_of('token'))
+    return Command(action, text_of('finger'), trial, text_of('token'), text_of('id'))
 
 
 @dataclass(frozen=True)
@@ -134,8 +136,10 @@ class Access:
 
         A stop needs no token: whoever can see that something goes wrong must be able to stop it.
         """
-        if command.action == 'stop' or secrets.compare_digest(
-            command.token.encode(), self.token.encode()
-        ):
+        if command.action == 'stop' or self.is_token(command.token):
             return ''
         return 'this page may look and stop only; open the full address that the command printed'
+
+    def is_token(self, text: str) -> bool:
+        """Return whether a text is the token, in constant time."""
+        return secrets.compare_digest(text.encode(), self.token.encode())

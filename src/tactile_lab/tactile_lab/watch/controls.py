@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
+import time
 from typing import Any
 
 from rclpy.context import Context
@@ -19,6 +21,9 @@ from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
 
 ANSWER_TIMEOUT_S = 5.0
+FIND_TIMEOUT_S = 0.5
+POLL_S = 0.02
+REMEDY = 'bring the rig to rest with its switch'
 
 
 class WatchControls:
@@ -50,7 +55,12 @@ class WatchControls:
         self._operators = {}
 
     async def stop(self) -> str:
-        """Cancel the trial, and stop guide and tendon, of every finger; all at the same time.
+        """End sessions, cancel trials, stop guides and tendons; all at the same time.
+
+        Returns
+        -------
+        str
+            The nodes that have confirmed it.
 
         Raises
         ------
@@ -58,30 +68,32 @@ class WatchControls:
             When there is nothing to stop, or something has not confirmed it.
         """
         self._node.state.was_stopped = True
-        clients = {p: c for p, c in self._node.control_clients.items() if not p.endswith(TARE)}
-        if not clients:
-            raise TactileError('stop: nothing is known here that moves')
+        for operator, _ in self._operators.values():
+            with suppress(RuntimeError):  # its executor has ended
+                operator.stop()
+        clients = self._node.stop_clients()
         # The cancellation goes first: a trial that is cancelled is not repeated.
         order = sorted(clients, key=lambda path: not path.endswith(CANCEL))
         answers = await asyncio.gather(
-            *(self._call(clients[path], path) for path in order), return_exceptions=True
+            *(self._stop_one(clients[path], path) for path in order), return_exceptions=True
         )
-        silent = [
-            path
-            for path, answer in zip(order, answers, strict=True)
-            if isinstance(answer, BaseException) or getattr(answer, 'success', True) is False
-        ]
+        confirmed: list[str] = []
+        silent: list[str] = []
+        for path, answer in zip(order, answers, strict=True):
+            if answer is None:
+                continue
+            is_bad = isinstance(answer, BaseException) or getattr(answer, 'success', True) is False
+            (silent if is_bad else confirmed).append(_node_name(path))
+        if not silent and not confirmed:
+            raise TactileError(f'stop: no node that moves anything is known here; {REMEDY}')
         if silent:
-            names = ', '.join(path.strip('/') for path in silent)
-            raise TactileError(
-                f'stop: no confirmation from {names}; bring the rig to rest with its switch'
-            )
-        return 'stopped'
+            raise TactileError(f'stop: no confirmation from {", ".join(silent)}; {REMEDY}')
+        return f'stop: confirmed by {", ".join(confirmed)}'
 
     async def tare(self, finger: str) -> str:
         """Set the tension to zero."""
         path = place_of(finger, TARE)
-        client = self._node.control_clients.get(path)
+        client = self._node.client_of(path)
         if client is None:
             raise TactileError(f'tare: there is no service {path}')
         answer = await self._call(client, path)
@@ -111,12 +123,38 @@ class WatchControls:
             group = NodeGroup([operator], self._context)
             group.__enter__()
             self._operators[finger] = (operator, group)
-        return self._operators[finger][0]
+        operator = self._operators[finger][0]
+        operator.resume()
+        return operator
+
+    async def _stop_one(self, client: Any, path: str) -> Any:
+        """Return a service's answer; None where there is no server, and none is missed."""
+        if not self._node.must_confirm(path) and not await _is_there(client, FIND_TIMEOUT_S):
+            return None
+        return await self._call(client, path)
 
     async def _call(self, client: Any, path: str) -> Any:
-        request = client.srv_type.Request()
-        answer = asyncio.wrap_future(send(self._node, lambda: client.call_async(request)))
+        async def call() -> Any:
+            await _is_there(client, ANSWER_TIMEOUT_S)
+            request = client.srv_type.Request()
+            return await asyncio.wrap_future(send(self._node, lambda: client.call_async(request)))
+
         try:
-            return await asyncio.wait_for(answer, ANSWER_TIMEOUT_S)
+            return await asyncio.wait_for(call(), ANSWER_TIMEOUT_S)
         except asyncio.TimeoutError:
             raise TactileError(f'{path} does not answer within {ANSWER_TIMEOUT_S:g} s') from None
+
+
+async def _is_there(client: Any, timeout_s: float) -> bool:
+    """Wait for the server of a client, which finds it a moment after it is made."""
+    deadline_s = time.monotonic() + timeout_s
+    while not client.service_is_ready():
+        if time.monotonic() > deadline_s:
+            return False
+        await asyncio.sleep(POLL_S)
+    return True
+
+
+def _node_name(path: str) -> str:
+    """Return a node's name with its namespace, from the name of one of its services."""
+    return path.strip('/').removesuffix('/stop').removesuffix('/run_trial/_action/cancel_goal')

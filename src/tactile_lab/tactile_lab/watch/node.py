@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import functools
+import threading
 from typing import Any, cast
 
 from action_msgs.srv import CancelGoal
@@ -47,12 +48,15 @@ LOOK_PERIOD_S = 0.5
 POLL_S = 0.04
 """How often samples of other processes are taken; a page gets fewer frames a second."""
 
-STOPS = ('linear_guide/stop', 'tendon_actuator/stop')
+SESSION_STOP = 'operator/stop'
 CANCEL = 'trial_runner/run_trial/_action/cancel_goal'
 TARE = 'tendon_sensor/tare'
 HOME = 'linear_guide/home/_action/send_goal'
 TRIAL = 'trial_runner/run_trial/_action/send_goal'
-CONTROLS = {'tare': (TARE,), 'home': (HOME,), 'trial': (TRIAL,), 'stop': (CANCEL, *STOPS)}
+ASKED = (SESSION_STOP, 'linear_guide/stop', 'tendon_actuator/stop', CANCEL, TARE)
+CONTROLS = {'tare': TARE, 'home': HOME, 'trial': TRIAL}
+
+TYPES = {Trigger: 'std_srvs/srv/Trigger', CancelGoal: 'action_msgs/srv/CancelGoal'}
 
 MOST_SUBSCRIPTIONS = 20 * MOST_FINGERS
 
@@ -108,7 +112,9 @@ class WatchNode(Node):  # type: ignore[misc]
         self.state = state
         self._closables: list[RecordSubscription] = []
         self._topics: set[str] = set()
-        self.control_clients: dict[str, Any] = {}
+        self._service_clients: dict[str, Any] = {}
+        self._heard: set[str] = set()  # services that have had a server
+        self._looking = threading.Lock()
         if not answers_only:
             self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self._answers_only = answers_only
@@ -141,23 +147,46 @@ class WatchNode(Node):  # type: ignore[misc]
                 self._topics.add(topic)
                 self._listen(topic, kind)
         if not self._answers_only:
-            self._look_for_services()
+            services = self._look_for_services()
+            for finger in self.state.fingers:
+                can = [
+                    do for do, name in CONTROLS.items() if place_of(finger.name, name) in services
+                ]
+                self.state.set_controls(finger.name, can)
 
-    def _look_for_services(self) -> None:
-        services = {name for name, _ in self.get_service_names_and_types()}
-        for finger in self.state.fingers:
-            place = f'/{finger.name}' if finger.name else ''
-            for name in (*STOPS, CANCEL, TARE):
-                path = f'{place}/{name}'
-                if path in services and path not in self.control_clients:
-                    kind = CancelGoal if name == CANCEL else Trigger
-                    self.control_clients[path] = self.create_client(kind, path)
-            controls = [
-                action
-                for action, names in CONTROLS.items()
-                if any(f'{place}/{name}' in services for name in names)
-            ]
-            self.state.set_controls(finger.name, controls)
+    def _look_for_services(self) -> dict[str, list[str]]:
+        """Make clients of new services, of any namespace; return the types of all by name."""
+        services = dict(self.get_service_names_and_types())
+        with self._looking:
+            for path, types in services.items():
+                kind = CancelGoal if path.endswith(f'/{CANCEL}') else Trigger
+                is_asked = path.endswith(tuple(f'/{name}' for name in ASKED))
+                if is_asked and path not in self._service_clients and TYPES[kind] in types:
+                    self._service_clients[path] = self.create_client(kind, path)
+            for path, client in self._service_clients.items():
+                if client.service_is_ready():
+                    self._heard.add(path)
+        return services
+
+    def client_of(self, path: str) -> Any:
+        """Return the client of a service of a finger; None where there is no such service."""
+        self._look_for_services()
+        return self._service_clients.get(path)
+
+    def stop_clients(self) -> dict[str, Any]:
+        """Return clients by name for all that can move, whether or not it has sent samples.
+
+        Some may have no server: clients of other pages bear the same names.
+        """
+        self._look_for_services()
+        return {p: c for p, c in self._service_clients.items() if not p.endswith(f'/{TARE}')}
+
+    def must_confirm(self, path: str) -> bool:
+        """Return whether a stop without this service's answer is not confirmed.
+
+        The device of a driver that is gone may still move. A session that is gone starts no trial.
+        """
+        return path in self._heard and not path.endswith(f'/{SESSION_STOP}')
 
     # -- what comes ------------------------------------------------------------------------
 

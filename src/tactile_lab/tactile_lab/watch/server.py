@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+from functools import partial
 import json
 from pathlib import Path
 import socket
@@ -45,7 +46,19 @@ PORT = 8642
 FRAMES_HZ = 20.0
 """Frames a second that pages get, whatever the sensor's rate."""
 
+IDLE_FRAME_S = 0.5
+"""A page gets a frame at least so often, so that one without frames knows that it is cut off."""
+
 MOST_PAGES = 16
+"""The last place is for a page that has the token."""
+
+PROTOCOL = 'tactile'
+"""Subprotocol of the WebSocket; a page with the token offers the token as the second one."""
+
+MOST_WAITING = 64
+WAITING_S = 10.0
+"""Bounds of connections that are no page: above the number the oldest is cut off."""
+
 SEND_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 10.0
 
@@ -84,6 +97,7 @@ class WatchServer:
         shown = socket.gethostname() if is_everywhere else f'[{host}]' if ':' in host else host
         self.address = f'http://{shown}:{self.port}/#{self._access.token}'
         self._pages: set[_Page] = set()
+        self._waiting: dict[web.RequestHandler, asyncio.TimerHandle] = {}  # the oldest first
         self._tasks: set[asyncio.Task[Any]] = set()
         self._sending: asyncio.Task[Any] | None = None
         self._loop = asyncio.new_event_loop()
@@ -119,12 +133,35 @@ class WatchServer:
             app.router.add_get(path, self._handle_file)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
-        await web.SockSite(runner, self._sockets).start()
+        assert runner.server is not None
+        listener = await self._loop.create_server(
+            partial(self._connect, runner.server), sock=self._sockets
+        )
         self._started.set()
         await self._ending.wait()
+        listener.close()
         for page in list(self._pages):
             await page.socket.close(code=1001, message=b'the program has ended')
         await runner.cleanup()
+
+    # -- connections -------------------------------------------------------------------
+
+    def _connect(self, server: web.Server) -> web.RequestHandler:
+        """Return the handler of a new connection, which must become a page or end in time."""
+        if len(self._waiting) >= MOST_WAITING:
+            self._cut(next(iter(self._waiting)))
+        handler = server()
+        self._waiting[handler] = self._loop.call_later(WAITING_S, self._cut, handler)
+        return handler
+
+    def _cut(self, handler: web.RequestHandler) -> None:
+        self._waiting.pop(handler).cancel()
+
+        def abort() -> None:
+            if handler.transport is not None:
+                handler.transport.abort()
+
+        self._loop.call_soon(abort)  # of many that come at once, the first have none yet
 
     # -- requests ----------------------------------------------------------------------
 
@@ -149,19 +186,27 @@ class WatchServer:
         return web.Response(body=body, content_type=content_type, charset='utf-8', headers=HEADERS)
 
     async def _handle_page(self, request: web.Request) -> web.StreamResponse:
-        if len(self._pages) >= MOST_PAGES:
-            raise web.HTTPServiceUnavailable(reason=f'{MOST_PAGES} pages are open; close one')
-        page = _Page()
+        offered = request.headers.get('Sec-WebSocket-Protocol', '').split(',')
+        has_token = any(self._access.is_token(name.strip()) for name in offered)
+        if len(self._pages) >= MOST_PAGES - (not has_token):
+            raise web.HTTPServiceUnavailable(
+                reason=f'{len(self._pages)} pages are open; close one'
+            )
+        page, transport = _Page(), request.transport
         await page.socket.prepare(request)
         self._pages.add(page)
+        if timer := self._waiting.pop(request.protocol, None):
+            timer.cancel()
         if self._sending is None or self._sending.done():
             self._sending = self._keep(self._send_frames())
         try:
             async for message in page.socket:
                 if message.type == WSMsgType.TEXT:
-                    self._keep(self._obey(page, message.data))
+                    self._keep(self._obey(message.data))
         finally:
             self._pages.discard(page)
+            if transport is not None:  # a browser that reads nothing would keep it open
+                self._loop.call_later(WAITING_S, transport.abort)
         return page.socket
 
     # -- what goes out ------------------------------------------------------------------
@@ -169,6 +214,7 @@ class WatchServer:
     async def _send_frames(self) -> None:
         """Send frames as long as a page is open. A page that gets none must not look connected."""
         frames = Frames(self._state)
+        sent_s = self._loop.time()
         try:
             while self._pages:
                 begins = any(page.needs_all and page.is_ready for page in self._pages)
@@ -177,8 +223,9 @@ class WatchServer:
                 frame = frames.next()
                 if begins:
                     frame = {**(frame or {}), 'begin': True}
-                if frame:
-                    self._send_to_all(frame, begin=begins)
+                if frame or self._loop.time() - sent_s >= IDLE_FRAME_S:
+                    self._send_to_all(frame or {}, begin=begins)
+                    sent_s = self._loop.time()
                 await asyncio.sleep(1.0 / FRAMES_HZ)
         finally:
             while self._pages:  # one that comes meanwhile would wait for frames
@@ -197,7 +244,8 @@ class WatchServer:
 
     # -- what comes in -------------------------------------------------------------------
 
-    async def _obey(self, page: _Page, text: str) -> None:
+    async def _obey(self, text: str) -> None:
+        command = None
         try:
             command = read_command(text)
             if refusal := self._access.refuse_command(command):
@@ -205,7 +253,7 @@ class WatchServer:
             sentence, level = await self._carry_out(command), 'ok'
         except Exception as error:  # whatever it is, the page must hear of it
             sentence, level = str(error) or type(error).__name__, 'error'
-        self._state.say(sentence, level)
+        self._state.say(sentence, level, command.id if command else '')
 
     async def _carry_out(self, command: Command) -> str:
         controls = self._controls
@@ -231,7 +279,7 @@ class _Page:
 
     def __init__(self) -> None:
         self.socket = web.WebSocketResponse(
-            heartbeat=5.0, max_msg_size=LONGEST_COMMAND, compress=False
+            heartbeat=5.0, max_msg_size=LONGEST_COMMAND, compress=False, protocols=(PROTOCOL,)
         )
         self.needs_all = True  # it has nothing yet, or has missed a frame
         self.sending: asyncio.Task[Any] | None = None

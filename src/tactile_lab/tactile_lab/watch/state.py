@@ -69,7 +69,7 @@ class WatchState:
         self._controls: dict[str, tuple[str, ...]] = {}
         self._devices: dict[str, tuple[float, dict[str, Any]]] = {}
         self._missing: dict[str, tuple[str, ...]] = {}
-        self._sentences: deque[tuple[float, str, str]] = deque(maxlen=MOST_SENTENCES)
+        self._sentences: deque[tuple[float, str, str, str]] = deque(maxlen=MOST_SENTENCES)
         self._progress: dict[str, Any] | None = None
         self._version = 0
         self.was_stopped = False
@@ -145,10 +145,10 @@ class WatchState:
                 self._controls[name] = tuple(controls)
                 self._version += 1
 
-    def say(self, text: str, level: str = 'ok') -> None:
-        """Add a sentence to those that every page shows."""
+    def say(self, text: str, level: str = 'ok', command_id: str = '') -> None:
+        """Add a sentence to those that every page shows; ``command_id`` is what it answers."""
         with self._lock:
-            self._sentences.append((time.time(), level, text))
+            self._sentences.append((time.time(), level, text, command_id))
             self._version += 1
 
     # -- what is shown ------------------------------------------------------------------
@@ -174,7 +174,8 @@ class WatchState:
                 'devices': self.describe_devices(),
                 'progress': self._progress,
                 'said': [
-                    {'at': at, 'level': level, 'text': text} for at, level, text in self._sentences
+                    {'at': at, 'level': level, 'text': text, 'id': command_id}
+                    for at, level, text, command_id in self._sentences
                 ],
             }
 

@@ -6,14 +6,17 @@
 import asyncio
 import contextlib
 import json
+from pathlib import Path
+import socket
 import time
 
 import aiohttp
 import numpy as np
 import pytest
 
+from tactile_lab.watch import server as server_module
 from tactile_lab.watch.options import WatchOptions
-from tactile_lab.watch.server import FILES, FRAMES_HZ, MOST_PAGES, WatchServer
+from tactile_lab.watch.server import FILES, FRAMES_HZ, MOST_PAGES, MOST_WAITING, WatchServer
 from tactile_lab.watch.state import WatchState
 from tactile_ros.errors import TactileError
 from tactile_ros.strain import StrainBlock
@@ -62,13 +65,14 @@ def run(work):
 
 
 @contextlib.asynccontextmanager
-async def page(server, origin=None, host=None):
+async def page(server, origin=None, host=None, token=''):
     """Give a socket as a page opens it."""
     own = f'127.0.0.1:{server.port}'
     headers = {'Origin': origin or f'http://{own}', 'Host': host or own}
+    protocols = ['tactile', token] if token else []
     async with (
         aiohttp.ClientSession() as session,
-        session.ws_connect(f'http://{own}/live', headers=headers) as socket,
+        session.ws_connect(f'http://{own}/live', headers=headers, protocols=protocols) as socket,
     ):
         yield socket
 
@@ -246,17 +250,108 @@ def test_a_page_that_is_loaded_again_at_once_gets_each_point_once(served):
     assert times == sorted(set(times))
 
 
-def test_pages_are_limited(served):
+def test_pages_are_limited_and_the_last_place_needs_the_token(served):
+    server = served[2]
+
     async def work():
         async with contextlib.AsyncExitStack() as stack:
-            for _ in range(MOST_PAGES):
-                socket = await stack.enter_async_context(page(served[2]))
-                await until(socket, lambda f: True)
-            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
-                await stack.enter_async_context(page(served[2]))
-            return refused.value.status
 
-    assert run(work()) == 503
+            async def enter(token=''):
+                socket = await stack.enter_async_context(page(server, token=token))
+                await until(socket, lambda f: True)
+                return socket
+
+            async def is_refused(token=''):
+                with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                    await enter(token)
+                return refused.value.status == 503
+
+            for _ in range(MOST_PAGES - 1):
+                await enter()
+            assert await is_refused()
+            assert await is_refused(token_of(server)[:-1])
+            last = await enter(token_of(server))
+            assert last.protocol == 'tactile'
+            assert await is_refused(token_of(server))
+
+    run(work())
+
+
+def open_connections(server, count, text=b''):
+    """Return connections that say a text, and no more."""
+    connections = [socket.create_connection(('127.0.0.1', server.port)) for _ in range(count)]
+    for connection in connections:
+        connection.sendall(text)
+    return connections
+
+
+def is_closed(connection):
+    connection.setblocking(False)
+    try:
+        return connection.recv(1) == b''
+    except BlockingIOError:
+        return False
+    except ConnectionResetError:
+        return True
+
+
+@pytest.mark.parametrize('text', [b'', b'GET / HTTP/1.1\r\nHost: '])
+def test_silent_connections_are_bounded_and_keep_nobody_out(served, text):
+    server = served[2]
+
+    async def work():
+        async with page(server) as socket:
+            await until(socket, lambda f: f.get('begin'))
+            connections = open_connections(server, 3 * MOST_WAITING, text)
+            await asyncio.to_thread(
+                wait_until, lambda: sum(map(is_closed, connections)) >= 2 * MOST_WAITING
+            )
+            assert len(list(Path('/proc/self/fd').iterdir())) < before + 5 * MOST_WAITING
+            await until(socket, lambda f: True)  # the page that was there stays
+            for connection in connections:
+                connection.close()
+
+    before = len(list(Path('/proc/self/fd').iterdir()))
+    run(work())
+    assert get(server)[0] == 200
+
+
+def test_a_silent_connection_ends_and_a_page_stays(served, monkeypatch):
+    monkeypatch.setattr(server_module, 'WAITING_S', 0.2)
+    server = served[2]
+
+    async def work():
+        async with page(server) as socket:
+            (connection,) = open_connections(server, 1)
+            await asyncio.to_thread(wait_until, lambda: is_closed(connection))
+            await until(socket, lambda f: True)
+            await until(socket, lambda f: f == {})
+            connection.close()
+
+    run(work())
+    assert not server._waiting
+
+
+def test_a_page_without_news_gets_frames_all_the_same(served):
+    async def work():
+        async with page(served[2]) as socket:
+            await until(socket, lambda f: f.get('begin'))
+            for _ in range(3):
+                await until(socket, lambda f: f == {})
+
+    run(work())
+
+
+def test_the_sentence_about_a_command_has_its_id(served):
+    async def work():
+        async with page(served[2]) as socket:
+            for command, level in (({'do': 'stop'}, 'ok'), ({'do': 'home'}, 'error')):
+                await socket.send_json({**command, 'id': f'my {level}'})
+                frame = await until(socket, sentences)
+                assert frame['state']['said'][-1]['id'] == f'my {level}'
+                assert frame['state']['said'][-1]['level'] == level
+
+    run(work())
 
 
 def test_a_second_server_takes_another_port_and_a_taken_one_is_refused(served):

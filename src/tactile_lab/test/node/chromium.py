@@ -54,6 +54,8 @@ class Chromium:
                 '--disable-gpu',
                 '--disable-dev-shm-usage',
                 '--no-first-run',
+                *('--disable-background-networking', '--disable-component-update'),
+                *('--disable-sync', '--disable-quic'),
                 '--hide-scrollbars',
                 f'--user-data-dir={self._folder.name}',
                 '--remote-debugging-port=0',

@@ -7,9 +7,12 @@ import asyncio
 import threading
 
 import pytest
+import rclpy
+from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_lab.watch import controls
 from tactile_lab.watch.controls import WatchControls
 from tactile_lab.watch.node import WatchNode
@@ -37,15 +40,92 @@ def test_stop_reaches_the_rig_after_an_answer_that_came_too_late(context, monkey
     state.finger('late')
     watch = WatchNode(state, context)
     with NodeGroup([guide], context), NodeGroup([watch], context) as group:
-        wait_until(lambda: STOP in watch.control_clients)
-        client = watch.control_clients[STOP]
-        wait_until(client.service_is_ready)
+        wait_until(lambda: STOP in watch.stop_clients())
+        client = watch.stop_clients()[STOP]
         buttons = WatchControls(watch, context)
-        with pytest.raises(TactileError, match='no confirmation from late/linear_guide/stop'):
+        with pytest.raises(TactileError, match='no confirmation from late/linear_guide;'):
             asyncio.run(buttons.stop())
         may_answer.set()
         wait_until(lambda: not client._pending_requests, 'the late answer never came')
         monkeypatch.setattr(controls, 'ANSWER_TIMEOUT_S', 10.0)
-        assert asyncio.run(buttons.stop()) == 'stopped'
+        assert asyncio.run(buttons.stop()) == 'stop: confirmed by late/linear_guide'
         assert calls == ['stop', 'stop']
         assert not group.ended.is_set()
+
+
+@pytest.fixture
+def buttons(context):
+    """Return the buttons of a page whose ROS context is not that of the rig."""
+    other = Context()
+    rclpy.init(context=other, domain_id=context.get_domain_id())
+    watch = WatchNode(WatchState(), other)
+    with NodeGroup([watch], other):
+        yield WatchControls(watch, other)
+    rclpy.try_shutdown(context=other)
+
+
+def wait_for_stops(buttons, *paths):
+    wait_until(lambda: buttons._node.stop_clients() and set(paths) <= buttons._node._heard)
+
+
+def offer_stop(node, path, calls, *, success=True):
+    def stop(_, response):
+        calls.append(path)
+        response.success = success
+        return response
+
+    node.create_service(Trigger, path, stop)
+
+
+def test_stop_reaches_drivers_from_which_no_sample_has_come(context, buttons):
+    calls, driver = [], Node('driver', context=context)
+    paths = ['/linear_guide/stop', '/left/thumb/tendon_actuator/stop']
+    for path in paths:
+        offer_stop(driver, path, calls)
+    offer_stop(driver, '/something_else/stop', calls)
+    with NodeGroup([driver], context):
+        wait_for_stops(buttons, *paths)
+        said = asyncio.run(buttons.stop())
+    assert not buttons._node.state.fingers
+    names = said.removeprefix('stop: confirmed by ').split(', ')
+    assert sorted(names) == ['left/thumb/tendon_actuator', 'linear_guide']
+    assert sorted(calls) == sorted(paths)
+
+
+def test_stop_names_the_driver_that_could_not_do_it(context, buttons):
+    calls, driver = [], Node('driver', context=context)
+    offer_stop(driver, '/linear_guide/stop', calls)
+    offer_stop(driver, '/tendon_actuator/stop', calls, success=False)
+    with NodeGroup([driver], context):
+        wait_for_stops(buttons, '/linear_guide/stop', '/tendon_actuator/stop')
+        with pytest.raises(
+            TactileError, match='no confirmation from tendon_actuator; bring the rig'
+        ):
+            asyncio.run(buttons.stop())
+
+
+def test_stop_ends_a_session_of_another_process_between_two_trials(context, buttons):
+    operator = OperatorNode((), context)
+    with NodeGroup([operator], context):
+        wait_for_stops(buttons, '/operator/stop')
+        assert asyncio.run(buttons.stop()) == 'stop: confirmed by operator'
+        with pytest.raises(StoppedError):
+            operator.home_guide()
+    # A session that has ended needs no stop.
+    with pytest.raises(TactileError, match='no node that moves anything is known'):
+        asyncio.run(buttons.stop())
+
+
+def test_a_driver_that_is_gone_is_missed_by_those_who_knew_it(context, buttons, monkeypatch):
+    monkeypatch.setattr(controls, 'ANSWER_TIMEOUT_S', 0.5)
+    driver = Node('driver', context=context)
+    offer_stop(driver, '/linear_guide/stop', [])
+    with NodeGroup([driver], context):
+        wait_for_stops(buttons, '/linear_guide/stop')
+    with pytest.raises(TactileError, match='no confirmation from linear_guide; bring'):
+        asyncio.run(buttons.stop())
+    late = WatchNode(WatchState(), context)  # it hears of the name from the other page's client
+    with NodeGroup([late], context):
+        wait_until(late.stop_clients)
+        with pytest.raises(TactileError, match='no node that moves anything is known'):
+            asyncio.run(WatchControls(late, context).stop())

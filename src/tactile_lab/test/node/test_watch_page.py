@@ -4,6 +4,8 @@
 """The live page in a real Chromium, beside the simulated rig and real nodes."""
 
 from contextlib import ExitStack
+import re
+import signal
 import threading
 
 from chromium import Chromium, find_chromium
@@ -14,9 +16,12 @@ from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
+from tactile_command import program
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.running.live_trials import LiveRig, run_with_second_try
 from tactile_lab.watch.options import WatchOptions
+from tactile_lab.watch.server import WatchServer
+from tactile_lab.watch.state import WatchState
 from tactile_lab.watch.watching import watching
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_sim.rig_process import SimulatedRig
@@ -76,6 +81,10 @@ class Recorder:
 def click(browser, button):
     browser.wait_for(f'(b => b && !b.hidden && !b.disabled)(document.getElementById("{button}"))')
     browser.evaluate(f'document.getElementById("{button}").click()')
+
+
+def wait_for_text(browser, element, text):
+    browser.wait_for(f'document.getElementById("{element}").textContent === {text!r}')
 
 
 def wait_for_log(browser, text):
@@ -160,8 +169,10 @@ CONTRAST = """(() => {
 """The least contrast of a text with its ground; WCAG AA wants 4.5."""
 
 STOP_IS_SEEN = """(() => { const r = document.getElementById('stop').getBoundingClientRect();
-  return r.top >= 0 && r.bottom <= innerHeight && r.width >= 190 && r.height >= 55
-    && document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2).id === 'stop'; })()"""
+  const seen = visualViewport, [x, y] = [r.left + r.width / 2, r.top + r.height / 2];
+  return r.top >= seen.offsetTop && r.bottom <= seen.offsetTop + seen.height
+    && r.left >= seen.offsetLeft && r.right <= seen.offsetLeft + seen.width
+    && r.width >= 160 && r.height >= 55 && document.elementFromPoint(x, y).id === 'stop'; })()"""
 
 
 @needs_chromium
@@ -176,7 +187,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
         simulated.mount('texture', 'R1', 'flexion')
         request = TrialRequest('texture', 'flexion', 'R1', 'first')
         stopped = []
-        live = LiveRig(operator, Recorder(), {}, watch=watch)
+        live = LiveRig(operator, Recorder(), {})
 
         def run():
             try:
@@ -190,7 +201,10 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
         click(browser, 'stop')
         browser.wait_for('document.querySelector(".phase").textContent === "aborted"')
         thread.join(DEADLINE_S)
-        wait_for_log(browser, 'stopped')
+        wait_for_log(browser, 'stop: confirmed by')
+        said = text_of(browser, '#outcome').lower().removeprefix('stop: confirmed by ').split(', ')
+        assert sorted(said) == ['linear_guide', 'operator', 'tendon_actuator', 'trial_runner']
+        assert browser.evaluate(STOP_IS_SEEN)
     assert len(stopped) == 1, 'the trial was cancelled, so it is not run again'
     assert 'cancelled' in stopped[0]
     assert watch.state.was_stopped
@@ -208,7 +222,9 @@ def test_a_page_without_fingers_says_what_to_do_and_that_it_is_cut_off(context, 
         assert f'ROS domain {context.get_domain_id()}' in text
         assert browser.console == []
     browser.wait_for('!document.getElementById("cut").hidden')
-    assert browser.evaluate('document.getElementById("stop").disabled')
+    assert browser.evaluate(STOP_IS_SEEN)
+    click(browser, 'stop')
+    assert 'not sent' in text_of(browser, '#outcome')
 
 
 def test_a_silent_sensor_is_told_with_its_remedy(rig):
@@ -223,3 +239,78 @@ def test_a_silent_sensor_is_told_with_its_remedy(rig):
     wait_until(
         lambda: is_told() and watch.state.silences()[''] > 1.0, watch.state.describe_devices
     )
+
+
+class StoppableRig:
+    """Notes its stops."""
+
+    def __init__(self):
+        self.stops = 0
+
+    async def stop(self):
+        self.stops += 1
+        return f'stop: confirmed by rig {self.stops}'
+
+
+def press(browser, element):
+    """Press where an element is seen, as a finger does: whatever lies on it gets the press."""
+    x, y = browser.evaluate(
+        f'(r => [r.left + r.width / 2, r.top + r.height / 2])'
+        f'(document.getElementById("{element}").getBoundingClientRect())'
+    )
+    button = {'x': x, 'y': y, 'button': 'left', 'clickCount': 1}
+    for kind in ('mousePressed', 'mouseReleased'):
+        browser.call('Input.dispatchMouseEvent', type=kind, **button)
+
+
+def press_key(browser, key):
+    for kind in ('keyDown', 'keyUp'):
+        browser.call('Input.dispatchKeyEvent', type=kind, key=key, code=key)
+
+
+@needs_chromium
+def test_stop_can_be_pressed_while_a_trial_is_being_chosen(browser):
+    state, controls = WatchState(), StoppableRig()
+    state.finger('index')
+    state.set_controls('index', ['tare', 'home', 'trial'])
+    is_open = 'document.getElementById("ask").open'
+    with WatchServer(state, controls) as server:
+        browser.open(server.address)
+        for number, (width, height) in enumerate(((1280, 900), (390, 844), (844, 390)), 1):
+            browser.resize(width, height)
+            click(browser, 'trial')
+            assert browser.evaluate(is_open)
+            browser.evaluate('document.getElementById("object").focus()')
+            assert browser.evaluate(STOP_IS_SEEN), f'{width} x {height}'
+            assert browser.evaluate(NO_OVERFLOW), f'{width} x {height}'
+            press(browser, 'stop') if number < 3 else press_key(browser, 'Escape')
+            wait_for_text(browser, 'outcome', f'Stop: confirmed by rig {number}')
+            assert not browser.evaluate(is_open)
+        assert controls.stops == 3
+        browser.resize(390, 844)
+        click(browser, 'trial')
+        browser.call('Emulation.setPageScaleFactor', pageScaleFactor=2)
+        browser.wait_for('visualViewport.scale > 1.9')
+        browser.wait_for(STOP_IS_SEEN)
+        browser.call('Emulation.setPageScaleFactor', pageScaleFactor=1)
+    browser.resize(1280, 900)
+
+
+@needs_chromium
+def test_a_frozen_server_is_not_connected_and_a_stop_not_confirmed(browser):
+    with program('watch') as process:
+        address = re.search(r'http://\S+', process.stdout.readline()).group()
+        browser.open(address)
+        browser.wait_for('document.getElementById("link").classList.contains("on")')
+        process.send_signal(signal.SIGSTOP)
+        click(browser, 'stop')
+        assert text_of(browser, '#outcome') == 'Stop is sent and not confirmed yet.'
+        browser.wait_for('!document.getElementById("cut").hidden')
+        assert text_of(browser, '#link span') == 'not connected'
+        wait_for_text(browser, 'outcome', 'Stop is not confirmed. Use the switch of the rig.')
+        assert browser.evaluate(STOP_IS_SEEN)
+        assert browser.evaluate('document.getElementById("home").disabled')
+        process.send_signal(signal.SIGCONT)
+        browser.wait_for('document.getElementById("cut").hidden')
+        wait_for_log(browser, 'stop: no node that moves anything is known here')  # it came late
+        assert 'no node that moves anything' in text_of(browser, '#outcome')

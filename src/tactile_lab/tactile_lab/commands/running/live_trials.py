@@ -34,7 +34,7 @@ from tactile_lab.commands.rig_requests import ExperimentRequest, TrialsRequest
 from tactile_lab.commands.running.rig import open_ports, read_rig_parameters
 from tactile_lab.commands.running.watch import say_address
 from tactile_lab.watch.options import WatchOptions
-from tactile_lab.watch.watching import Watch, watching
+from tactile_lab.watch.watching import watching
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
 
@@ -114,7 +114,6 @@ class LiveRig:
     recorder: Any
     models: Mapping[str, str]
     others: tuple[Node, ...] = ()
-    watch: Watch | None = None
 
     def run(self, request: TrialRequest) -> LiveTrial:
         """Run a trial to its end, its audit and its answer.
@@ -124,10 +123,8 @@ class LiveRig:
         TactileError
             When the trial or the recording fails.
         StoppedError
-            When somebody has pressed Stop on the live page.
+            When somebody has pressed Stop on a live page.
         """
-        if self.watch is not None and self.watch.state.was_stopped:
-            raise StoppedError('stopped from the live page')
         check_recording(self.recorder)
         try:
             self.operator.run_trial(request)
@@ -217,8 +214,10 @@ def live_rig(
             recorder = nodes['bag_recorder']
             operator.trial_config = nodes['trial_runner'].config
             wait_until_matched(recorder)
+            if watch is not None and watch.state.was_stopped:  # before there was an operator
+                operator.stop()
             operator.home_guide()
-            yield LiveRig(operator, recorder, models, tuple(made), watch)
+            yield LiveRig(operator, recorder, models, tuple(made))
 
 
 def run_live_trials(

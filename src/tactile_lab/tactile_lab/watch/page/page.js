@@ -4,10 +4,16 @@
 (() => {
   const $ = (id) => document.getElementById(id);
   const token = location.hash.slice(1);
+  const protocols = [...new Set(['tactile', token])].filter((name) => /^[\w-]+$/.test(name));  // others throw
   const fingers = new Map();
   const SILENT_MS = 1500;
+  const RETRY_MS = 5000;  // a connection that has been silent for so long is made anew
+  const CONFIRMED_MS = 20000;  // a confirmed stop is shown for so long
   let state = null;
   let socket = null;
+  let heard = -Infinity;  // when the last frame came
+  let tried = 0;  // when the connection was last made
+  let stopped = null;  // the last stop from here
   let dirty = false;
 
   function set(element, text) {
@@ -161,6 +167,9 @@
     if (progress) set($('progress'), progress.text);
     showDevices();
     showSaid();
+    const line = stopped && state.said.find((said) => said.id === stopped.id);
+    if (line) Object.assign(stopped, { level: line.level, text: line.text });
+    showOutcome();
     showButtons();
   }
 
@@ -207,19 +216,45 @@
   }
 
   function send(command) {
-    if (!socket || socket.readyState !== WebSocket.OPEN) return;
-    socket.send(JSON.stringify({ ...command, token }));
+    if (!socket || socket.readyState !== WebSocket.OPEN) return false;
+    socket.send(JSON.stringify(command));
+    return true;
+  }
+
+  /* A stop is sent even where the connection is silent: it may be heard yet. */
+  function stop() {
+    $('ask').close();
+    stopped = { id: String(Math.random()), at: performance.now(), level: '', text: '' };
+    stopped.sent = send({ do: 'stop', id: stopped.id });
+    showOutcome();
+  }
+
+  function showOutcome() {
+    const element = $('outcome');
+    const age = stopped ? performance.now() - stopped.at : Infinity;
+    element.hidden = !stopped || (stopped.level === 'ok' && age > CONFIRMED_MS);
+    if (element.hidden) return;
+    let { level, text } = stopped;
+    if (!stopped.sent) {
+      [level, text] = ['error', 'Stop was not sent: this page is not connected. Use the switch of the rig.'];
+    } else if (!level && age <= SILENT_MS) {
+      text = 'Stop is sent and not confirmed yet.';
+    } else if (!level) {
+      [level, text] = ['error', 'Stop is not confirmed. Use the switch of the rig.'];
+    }
+    element.className = `outcome ${level}`;
+    set(element, text[0].toUpperCase() + text.slice(1));
   }
 
   function ask(action) {
     const finger = chosen();
-    if (finger) send({ do: action, finger: finger.name });
+    if (finger) send({ do: action, finger: finger.name, token });
   }
 
-  $('stop').addEventListener('click', () => send({ do: 'stop' }));
+  $('stop').addEventListener('click', stop);
   document.addEventListener('keydown', (event) => {
-    if (event.key === 'Escape') send({ do: 'stop' });
-  });
+    if (event.key === 'Escape' && !event.repeat) stop();
+  }, true);
   $('tare').addEventListener('click', () => ask('tare'));
   $('home').addEventListener('click', () => ask('home'));
   $('which').addEventListener('change', () => state && showButtons());
@@ -229,7 +264,7 @@
     $('objects').replaceChildren(...labels.map((label) => new Option(label, label)));
   }
   $('protocol').addEventListener('change', offerObjects);
-  $('trial').addEventListener('click', () => { offerObjects(); $('ask').showModal(); });
+  $('trial').addEventListener('click', () => { offerObjects(); $('ask').show(); });  // not modal: Stop stays
   $('cancel').addEventListener('click', () => $('ask').close());
   $('go').addEventListener('click', () => {
     $('ask').close();
@@ -237,7 +272,7 @@
     if (!finger) return;
     send({
       do: 'trial', finger: finger.name, protocol: $('protocol').value, contact: $('contact').value,
-      object: $('object').value.trim(),
+      object: $('object').value.trim(), token,
     });
   });
 
@@ -246,13 +281,19 @@
     link.className = `link ${isOn ? 'on' : 'off'}`;
     set(link.querySelector('span'), isOn ? 'connected' : 'not connected');
     $('cut').hidden = isOn;
-    for (const button of document.querySelectorAll('.bar button')) button.disabled = !isOn;
+    document.body.classList.toggle('off', !isOn);
+    $('stop').classList.toggle('off', !isOn);
+    for (const button of document.querySelectorAll('.moves button, #go')) button.disabled = !isOn;
   }
 
   function connect() {
-    socket = new WebSocket(`ws://${location.host}/live`);
-    socket.addEventListener('open', () => showLink(true));
+    if (socket) socket.close();
+    const own = socket = new WebSocket(`ws://${location.host}/live`, protocols);
+    tried = performance.now();
     socket.addEventListener('message', (event) => {
+      if (own !== socket) return;
+      heard = performance.now();
+      showLink(true);
       const frame = JSON.parse(event.data);
       if (frame.begin) for (const finger of fingers.values()) finger.epoch = null;
       if (frame.state) takeState(frame.state);
@@ -262,7 +303,29 @@
       }
       dirty = true;
     });
-    socket.addEventListener('close', () => { showLink(false); setTimeout(connect, 1000); });
+    socket.addEventListener('close', () => {
+      if (own !== socket) return;
+      showLink(false);
+      setTimeout(() => { if (own === socket) connect(); }, 1000);
+    });
+  }
+
+  /* A frozen server, or a network that is gone, closes nothing: it only falls silent. */
+  function checkLink() {
+    const now = performance.now();
+    if (now - Math.max(heard, tried) > SILENT_MS) showLink(false);
+    if (now - Math.max(heard, tried) > RETRY_MS) connect();
+    showOutcome();
+  }
+
+  /* The bar stays in sight above the keyboard of a phone, and when the page is zoomed in. */
+  function keepBarInSight() {
+    const seen = visualViewport;
+    const isCovered = seen.scale > 1.01 || seen.height < innerHeight - 1;
+    Object.assign($('bar').style, isCovered ? {
+      inset: `${seen.offsetTop + seen.height}px auto auto ${seen.offsetLeft}px`, width: `${seen.width}px`,
+      maxHeight: `${seen.height}px`, transform: 'translateY(-100%)',
+    } : { inset: '', width: '', maxHeight: '', transform: '' });
   }
 
   function draw() {
@@ -272,12 +335,19 @@
   }
 
   setInterval(() => {
-    for (const finger of fingers.values()) finger.showFault(state ? state.devices : []);
+    checkLink();
+    if (!document.body.classList.contains('off')) for (const finger of fingers.values()) finger.showFault(state ? state.devices : []);
   }, 250);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
     for (const finger of fingers.values()) { finger.tension.build(); finger.spectrum.build(); }
   });
   addEventListener('hashchange', () => location.reload());  // another token
+  visualViewport.addEventListener('resize', keepBarInSight);
+  visualViewport.addEventListener('scroll', keepBarInSight);
+  keepBarInSight();
+  new ResizeObserver(() => {
+    document.body.style.paddingBottom = `${$('bar').offsetHeight + 16}px`;
+  }).observe($('bar'));
   connect();
   requestAnimationFrame(draw);
 })();
