@@ -257,7 +257,8 @@ class Health:
     reconnects
         Times that the port was lost and opened again.
     restarts
-        Times that the device's clock began anew.
+        Times that the device's clock began anew; of one without a clock, that the port was
+        opened again.
     overruns
         Times that bytes were dropped because the blocks were not taken fast enough.
     status

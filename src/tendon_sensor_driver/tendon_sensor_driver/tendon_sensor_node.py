@@ -25,6 +25,7 @@ from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.client_base import SensorClient
 from tendon_sensor_driver.conversions import (
     assess_health,
+    describe_restart,
     LEVEL_OK,
     to_strain_msg,
     to_tare_msg,
@@ -131,7 +132,9 @@ class TendonSensorNode(DataNode):
 
     def _forget_after_restart(self) -> None:
         if self._zero.note_restart(self._now_ns()):
-            self.get_logger().warning('the device has restarted: the tare is gone, tare again')
+            self.get_logger().warning(
+                f'{describe_restart(self.config)}; the tare is gone, tare again'
+            )
             self._drift_n = None
             self._publish_tare(self._zero.bias)
 
