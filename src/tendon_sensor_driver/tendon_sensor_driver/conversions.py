@@ -141,6 +141,7 @@ def assess_health(
     if rejected:
         return LEVEL_WARN, (
             f'{rejected} lines were no readings, just now, such as "{health.last_rejected}"'
+            + (f': {health.last_reason}' if health.last_reason else '')
         )
     lost = health.lost_samples - before.lost_samples
     dropped = sum(
@@ -173,7 +174,8 @@ def _describe_silence(
     if health.rejected_lines > before.rejected_lines:
         sentence += (
             f'; lines arrive but none is a reading in {config.unit}, such as '
-            f'"{health.last_rejected}": check the columns, the unit and the baud'
+            f'"{health.last_rejected}": '
+            + (health.last_reason or 'check the columns, the unit and the baud')
         )
     elif health.bytes > before.bytes:
         sentence += '; bytes arrive but no lines: check the baud'

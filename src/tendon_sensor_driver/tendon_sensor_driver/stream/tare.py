@@ -16,7 +16,6 @@ from tactile_ros.strain import NO_MEASUREMENT, StrainBlock, StrainStatus
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import TendonSensorConfig
 
-
 _BREAKS = {
     StrainStatus.RESTARTED: 'the device has restarted, or may have',
     StrainStatus.RECONNECTED: 'the link came back',

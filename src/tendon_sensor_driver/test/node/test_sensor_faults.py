@@ -151,12 +151,8 @@ def test_a_board_that_restarts_takes_the_tare_with_it(graph, board):
     assert any(message.status & StrainStatus.RESTARTED for message in graph.strain)
 
 
-def test_a_board_without_a_clock_that_comes_back_takes_the_tare_with_it(
-    make_graph, sensor, board
-):
-    graph = make_graph(
-        sensor.port, unit='N', tare_spread_n=1.0, time_column=-1, tare_samples=30
-    )
+def test_a_board_without_a_clock_that_comes_back_takes_the_tare_with_it(make_graph, sensor, board):
+    graph = make_graph(sensor.port, unit='N', tare_spread_n=1.0, time_column=-1, tare_samples=30)
     assert graph.node.bring_up()
     graph.spin_until(lambda: len(graph.strain) >= 40)
     assert graph.call('tare').success
