@@ -170,6 +170,11 @@ class TendonSensorConfig:
         unit='N',
         range=(0.0, 1e6),
     )
+    simulated: bool = parameter(
+        False,
+        'the sensor is simulated: marks every sample, and by it all that is derived. The '
+        'simulated load cell says so in its lines, without this',
+    )
     frame_id: str = parameter(
         'tendon_sensor_link', 'frame of the sensor, +x along the tendon, away from the finger'
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 import time
 from typing import Any
 
@@ -127,6 +128,8 @@ class TendonSensorNode(DataNode):
         if block.status and block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._zero.apply(block)
+        if self.config.simulated:
+            block = replace(block, status=block.status | StrainStatus.SIMULATED)
         self._strain.publish(block)
         self._wrench.publish(block)
 

@@ -114,7 +114,7 @@ def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
 
 def _is_value(text: bytes) -> bool:
     found = _match_value(text)
-    return bool(found) and (not found[1] or found[1] in UNITS)
+    return found is not None and (not found[1] or found[1] in UNITS)
 
 
 def _find_refusal(lines: list[bytes], parameters: dict[str, Any]) -> str:

@@ -152,6 +152,8 @@ def judge_blocks(
         'noise, standard deviation [N]': round(noise_n, 5),
         'error of the stamps [s]': round(error_s, 6) if error_s >= 0 else clock,
     }
+    if status & StrainStatus.SIMULATED:
+        facts['simulated'] = 'SIMULATED: no number is a measurement'
     problems = [Problem(*text) for bit, text in _STATUS_REMEDIES.items() if status & bit]
     if abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz:
         problems.append(

@@ -150,4 +150,5 @@ class StrainStream(SampleStream):
         if reading.resynchronised:
             self.note_dropped_bytes()
         tension_n = reading.value * self._newtons_per_value + self._offset_n
-        return self.add_sample(reading.device_ticks, reading.received_at_ns, tension_n)
+        status = StrainStatus.SIMULATED if reading.simulated else StrainStatus.OK
+        return self.add_sample(reading.device_ticks, reading.received_at_ns, tension_n, status)

@@ -202,7 +202,6 @@ def live_rig(
             setup.models,
             tuple(models),
             feature_parameters_of(graph),
-            simulated=simulated,
         )
     )
     with ExitStack() as stack:
