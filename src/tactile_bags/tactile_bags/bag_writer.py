@@ -110,10 +110,11 @@ class BagWriter:
         return topic.name
 
     def add_metadata(self, metadata: Mapping[str, Any]) -> None:
-        """Add metadata that are known at the end of the recording; call before `close`."""
+        """Add metadata that are known only during the recording; call before `close`."""
         with self._writing():
             self._metadata.update(metadata)
             self._custom[METADATA_KEY] = json.dumps(self._metadata, sort_keys=True)
+            self._has_early_metadata = False
 
     def write_raw(self, topic: str, received_at_ns: int, data: bytes) -> None:
         """Write one serialised message."""

@@ -26,7 +26,8 @@ class TrialConfig:
 
     simulated: bool = parameter(
         False,
-        'the rig is simulated; marks all that is derived from it',
+        'deprecated: marks every event as simulated. The samples of a simulated sensor say so '
+        'themselves',
     )
     guide_start_m: float = parameter(
         0.060,

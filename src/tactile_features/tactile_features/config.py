@@ -126,7 +126,8 @@ class FeatureConfig(WindowParameters):
     )
     detected_simulated: bool = parameter(
         False,
-        'with phases found in the tension: it is simulated; marks all that is derived from it',
+        'deprecated: with phases found in the tension, marks all that is derived from it as '
+        'simulated. The samples of a simulated sensor say so themselves',
     )
     measures: bool = parameter(
         True,

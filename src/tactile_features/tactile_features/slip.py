@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tactile_features.errors import FeatureError
 from tactile_features.windows import SampleBuffer, Samples
 from tactile_ros.configs import check_parameters, parameter
-from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
+from tactile_ros.strain import NO_MEASUREMENT, StrainBlock, StrainStatus
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +67,11 @@ class SlipConfig:
         unit='1/s',
         range=(0.01, 100.0),
     )
-    simulated: bool = parameter(False, 'the rig is simulated; marks all that is derived from it')
+    simulated: bool = parameter(
+        False,
+        'deprecated: marks each slip as simulated. The samples of a simulated sensor say so '
+        'themselves',
+    )
     frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
 
     def __post_init__(self) -> None:
@@ -86,12 +90,15 @@ class Slip:
         Of the fall, in units of the threshold [1].
     tension_n : float
         At the decision [N].
+    simulated : bool
+        A sample that it was found in is from a simulated sensor.
     """
 
     stamp_ns: int
     onset_ns: int
     statistic: float
     tension_n: float
+    simulated: bool = False
 
 
 class SlipDetector:
@@ -138,6 +145,7 @@ class SlipDetector:
         self._stamps_ns = np.empty(self._size, np.int64)
         self._bin: list[float] = []
         self._filled = 0
+        self._is_simulated = False  # one of the samples since the history began
         self._white = self._white_count = self._past_count = 0.0
         self._past: FloatArray = np.zeros(len(self._lengths))
 
@@ -159,12 +167,14 @@ class SlipDetector:
         slips = []
         tension_n = samples['tension_n']
         good = np.isfinite(tension_n) & ((samples['status'] & NO_MEASUREMENT) == 0)
+        simulated = (samples['status'] & StrainStatus.SIMULATED) != 0
         columns = (samples['stamp_ns'], samples['sequence'], tension_n, samples['hole'], good)
-        for stamp_ns, sequence, value_n, is_after_hole, is_good in zip(
-            *(column.tolist() for column in columns), strict=True
+        for stamp_ns, sequence, value_n, is_after_hole, is_good, is_simulated in zip(
+            *(column.tolist() for column in (*columns, simulated)), strict=True
         ):
             if is_after_hole or not is_good:
                 self._forget()
+            self._is_simulated |= is_simulated
             # Only whole bins count, and they begin at multiples of their length.
             if not is_good or sequence % self._factor != len(self._bin):
                 self._bin.clear()
@@ -226,6 +236,7 @@ class SlipDetector:
                     onset_ns=int(self._stamps_ns[-1 - self._lengths[best]]),
                     statistic=deviate / self.config.threshold,
                     tension_n=float(self._tension_n[-1]),
+                    simulated=self._is_simulated,
                 )
         self._learn_past(falls)
         return slip
@@ -250,6 +261,7 @@ class SlipDetector:
 
     def _forget(self) -> None:
         self._filled = 0
+        self._is_simulated = False
         self._bin.clear()
 
     def _forget_noise(self) -> None:

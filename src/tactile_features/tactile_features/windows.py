@@ -34,6 +34,7 @@ missing between them, or the clock was stepped."""
 _LARGEST_STEP_NS = 1 << 62
 
 _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
+_SIMULATED = int(StrainStatus.SIMULATED)
 _BREAKS = _CLOCK_STEP | int(StrainStatus.RECONNECTED)
 """Where one of these begins, a block does not continue the one before."""
 
@@ -111,6 +112,11 @@ class SampleBuffer:
     def watermark_ns(self) -> int | None:
         """Latest stamp seen [ns]; None before the first sample."""
         return int(self._columns['latest_ns'][self._end - 1]) if self._end else None
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the newest sample is from a simulated sensor."""
+        return bool(self._end and self._columns['status'][self._end - 1] & _SIMULATED)
 
     def first_at(self, stamp_ns: int) -> int:
         """Return the index of the first sample with this stamp or a later one."""

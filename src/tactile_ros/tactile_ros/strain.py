@@ -27,6 +27,7 @@ class StrainStatus(IntFlag):
     RECONNECTED = 32
     RESTARTED = 64
     CLOCK_STEP = 128
+    SIMULATED = 256
 
     def describe(self) -> str:
         """Return the names of the bits, such as ``saturated, stuck``, or ``ok``."""

@@ -132,7 +132,7 @@ def assess_health(
             'its amplifier, or set stuck_s for a coarse sensor'
         )
     if health.restarts > before.restarts:
-        return LEVEL_WARN, 'the device has restarted; tare again'
+        return LEVEL_WARN, f'{describe_restart(config)}; tare again'
     if health.reconnects > before.reconnects:
         return LEVEL_WARN, 'the link was lost and is back'
     if health.advice:
@@ -141,6 +141,7 @@ def assess_health(
     if rejected:
         return LEVEL_WARN, (
             f'{rejected} lines were no readings, just now, such as "{health.last_rejected}"'
+            + (f': {health.last_reason}' if health.last_reason else '')
         )
     lost = health.lost_samples - before.lost_samples
     dropped = sum(
@@ -150,6 +151,13 @@ def assess_health(
     if lost or dropped:
         return LEVEL_WARN, f'{lost} samples lost and {dropped} without a place, just now'
     return LEVEL_OK, 'samples arrive'
+
+
+def describe_restart(config: TendonSensorConfig) -> str:
+    """Return the sentence for a device that has restarted, or of which nobody can know."""
+    if config.sensor == 'line' and config.time_column < 0:
+        return 'the link was lost and is back: a device without a clock may have restarted'
+    return 'the device has restarted'
 
 
 def _describe_silence(
@@ -166,7 +174,8 @@ def _describe_silence(
     if health.rejected_lines > before.rejected_lines:
         sentence += (
             f'; lines arrive but none is a reading in {config.unit}, such as '
-            f'"{health.last_rejected}": check the columns, the unit and the baud'
+            f'"{health.last_rejected}": '
+            + (health.last_reason or 'check the columns, the unit and the baud')
         )
     elif health.bytes > before.bytes:
         sentence += '; bytes arrive but no lines: check the baud'

@@ -15,8 +15,12 @@ SENSORS = ('line', 'net_ft', 'digital_ft', 'topic')
 NEWTONS = {
     'kg': 9.80665,
     'g': 0.00980665,
+    't': 9806.65,
     'N': 1.0,
+    'mN': 0.001,
+    'kN': 1000.0,
     'lbf': 4.4482216152605,  # 0.45359237 kg
+    'oz': 0.27801385095378125,  # 1/16 lbf
 }
 """Newtons in one unit, exact; of a weight at standard gravity (CGPM 1901)."""
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
@@ -65,8 +69,15 @@ class TendonSensorConfig:
     )
     unit: str = parameter(
         'kg',
-        'what the value of a line counts; kg and g are weights at standard gravity',
+        'what the value of a line counts; kg, g, t and oz are weights at standard gravity. A line '
+        'that names another unit is refused',
         choices=tuple(NEWTONS),
+    )
+    decimal_mark: str = parameter(
+        'auto',
+        'mark before the decimals in a line; ".": every comma separates columns. auto: as ".", '
+        'and a line with a comma that could be either is refused',
+        choices=('auto', '.', ','),
     )
     scale: float = parameter(
         1.0,
@@ -159,6 +170,11 @@ class TendonSensorConfig:
         unit='N',
         range=(0.0, 1e6),
     )
+    simulated: bool = parameter(
+        False,
+        'the sensor is simulated: marks every sample, and by it all that is derived. The '
+        'simulated load cell says so in its lines, without this',
+    )
     frame_id: str = parameter(
         'tendon_sensor_link', 'frame of the sensor, +x along the tendon, away from the finger'
     )
@@ -222,12 +238,15 @@ class Reading(NamedTuple):
         Host time at which the bytes that completed the reading were read [ns].
     resynchronised
         Whether bytes that were no reading were dropped since the reading before.
+    simulated
+        Whether the device says that it is simulated.
     """
 
     device_ticks: int | None
     value: float
     received_at_ns: int
     resynchronised: bool = False
+    simulated: bool = False
 
 
 @dataclass(frozen=True)
@@ -257,7 +276,8 @@ class Health:
     reconnects
         Times that the port was lost and opened again.
     restarts
-        Times that the device's clock began anew.
+        Times that the device's clock began anew; of one without a clock, that the port was
+        opened again.
     overruns
         Times that bytes were dropped because the blocks were not taken fast enough.
     status
@@ -268,6 +288,8 @@ class Health:
         Rate at which the device truly samples [Hz]; 0 when it does not say.
     last_rejected
         The last rejected line, shortened, as printable text.
+    last_reason
+        The reason of its rejection, and a remedy.
     last_error
         The last thing that went wrong with the link or the consumer of blocks.
     advice
@@ -293,5 +315,6 @@ class Health:
     device_status: str = ''
     rate_hz: float = 0.0
     last_rejected: str = ''
+    last_reason: str = ''
     last_error: str = ''
     advice: str = ''

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 import time
 from typing import Any
 
@@ -25,6 +26,7 @@ from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.client_base import SensorClient
 from tendon_sensor_driver.conversions import (
     assess_health,
+    describe_restart,
     LEVEL_OK,
     to_strain_msg,
     to_tare_msg,
@@ -126,12 +128,16 @@ class TendonSensorNode(DataNode):
         if block.status and block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._zero.apply(block)
+        if self.config.simulated:
+            block = replace(block, status=block.status | StrainStatus.SIMULATED)
         self._strain.publish(block)
         self._wrench.publish(block)
 
     def _forget_after_restart(self) -> None:
         if self._zero.note_restart(self._now_ns()):
-            self.get_logger().warning('the device has restarted: the tare is gone, tare again')
+            self.get_logger().warning(
+                f'{describe_restart(self.config)}; the tare is gone, tare again'
+            )
             self._drift_n = None
             self._publish_tare(self._zero.bias)
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 import json
 from pathlib import Path
@@ -23,6 +23,7 @@ from tactile_bags.conversions import audit_to_msg
 from tactile_bags.errors import BagError
 from tactile_bags.recorded_topics import (
     AUDIT,
+    EVENT,
     EVENT_TOPIC,
     recorded_topics,
     RecordedTopic,
@@ -30,17 +31,25 @@ from tactile_bags.recorded_topics import (
 )
 from tactile_bags.records import RecorderConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
-from tactile_msgs.msg import RecordingAudit
+from tactile_features.records import PHASE_ABORTED, PHASE_DONE
+from tactile_msgs.msg import RecordingAudit, TrialEvent
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.worker import Periodic
 from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.message_classes import message_class
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
+from tactile_ros.strain import StrainStatus
 
 SAVE_PERIOD_S = 0.5
 """How often what came is brought into the file, and from there to the disk: at most so much
 is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
+
+HISTORY_S = 0.5
+"""How long further latched messages from before the activation may come."""
+
+KEPT_LATCHED = 64
+"""Recorded messages of a latched topic that are known again; a publisher keeps 16 at most."""
 
 MAX_AUDITS = 500
 """Audits of trials that are kept for who runs the node; the summary in the bag counts all."""
@@ -51,6 +60,10 @@ class BagRecorderNode(DataNode):
 
     Messages are written as they arrived on the wire, so that a replay sends the
     very same bytes. Each trial is audited when it has ended.
+
+    After an activation, latched topics give their last messages first. Those that the bag holds
+    already are passed over, and so are the events of trials that were over before: the bag has
+    none of their samples. The events of a trial that is under way belong to it.
 
     When the bag cannot be written to any more, as on a full disk, the recording ends and the
     node has failed; nothing else does, for other nodes may be moving things.
@@ -72,6 +85,10 @@ class BagRecorderNode(DataNode):
         self._auditors: dict[str, FingerAuditor] = {}
         self._recording: dict[str, Any] = {}
         self._savers: list[_Saver] = []
+        self._held: dict[str, list[bytes]] = {}  # from before the activation, by topic
+        self._held_ns = 0  # when the last of them came, on the monotonic clock
+        self._latched: dict[str, deque[bytes]] = {}  # recorded ones, by topic
+        self._activated_ns = 0
         self._diagnostics: Diagnostics | None = None
         self._check: Periodic | None = None
         self._audit_publisher: Any = None
@@ -79,6 +96,7 @@ class BagRecorderNode(DataNode):
         self._started_ns = 0
         self._arrived_ns = self._set_back_ns = 0
         self._has_said_missing = False
+        self._is_simulated = False  # a sample that was recorded, or an event
         self.message_count = 0
         self.audits: deque[Audit] = deque(maxlen=MAX_AUDITS)
         self._summary = AuditSummary()
@@ -94,6 +112,7 @@ class BagRecorderNode(DataNode):
         self.is_finished = self.has_failed = False
         self.audits.clear()
         self._summary = AuditSummary()
+        self._is_simulated = False
         metadata = json.loads(config.metadata)
         if not isinstance(metadata, dict):
             raise ValueError('parameter metadata is no JSON object; write {"name": value}')
@@ -109,14 +128,16 @@ class BagRecorderNode(DataNode):
         )
         self._audit_publisher = self.create_publisher(RecordingAudit, '~/audit', EVENTS)
         self._diagnostics = Diagnostics(self, lambda: str(writer.path), self._health)
+        self._held, self._latched = {}, {}
         # A disk can fail while nothing comes.
-        self._check = self.call_every(SAVE_PERIOD_S, self._check_savers)
+        self._check = self.call_every(SAVE_PERIOD_S, self._check_bag)
         # Two threads: a disk that is slow to confirm must not keep the file from growing.
         self._savers = [_Saver(writer.save), _Saver(writer.sync)]
 
     def start(self) -> None:
         if self._writer is None:
             raise ValueError(f'the recording has failed; clean up first: {self.failure}')
+        self._activated_ns = time.time_ns()
         # Subscribed only now: what a latched topic holds must come while it can be written.
         self._recording = {name: self._record(name, topic) for name, topic in self._topics.items()}
         self._started_ns = time.monotonic_ns()
@@ -124,17 +145,17 @@ class BagRecorderNode(DataNode):
 
     def _record(self, name: str, topic: RecordedTopic) -> Any:
         assert self._writer is not None
-        writer = self._writer
-        finger = name[: -len(topic.name)].strip('/')
 
-        def on_message(data: bytes) -> None:
+        def on_message(data: bytes, info: Any) -> None:
             if self.failure:
                 return  # it came before the subscription was gone
+            if topic.latched and info['source_timestamp'] < self._activated_ns:
+                self._held.setdefault(name, []).append(data)
+                self._held_ns = time.monotonic_ns()
+                return
             try:
-                writer.write_raw(name, self._arrival_ns(), data)
-                self.message_count += 1
-                if topic in (STRAIN_TOPIC, EVENT_TOPIC):
-                    self._audit(self._auditors[finger], topic, data, writer)
+                self._write_held(name)
+                self._write(name, data)
             except BagError as error:
                 self._end_recording(error)
 
@@ -145,6 +166,26 @@ class BagRecorderNode(DataNode):
             EVENTS if topic.latched else STREAM,
             raw=True,
         )
+
+    def _write(self, name: str, data: bytes) -> None:
+        writer, topic = self._writer, self._topics[name]
+        if writer is None:
+            return
+        writer.write_raw(name, self._arrival_ns(), data)
+        self.message_count += 1
+        if topic.latched:
+            self._latched.setdefault(name, deque(maxlen=KEPT_LATCHED)).append(data)
+        if topic in (STRAIN_TOPIC, EVENT_TOPIC):
+            finger = name[: -len(topic.name)].strip('/')
+            self._audit(self._auditors[finger], topic, data, writer)
+
+    def _write_held(self, name: str) -> None:
+        """Write the latched messages from before the activation that belong to the bag."""
+        held = self._held.pop(name, [])
+        known = self._latched.get(name, ())
+        for data in held if self._topics[name].type_name != EVENT else _drop_ended(held, known):
+            if data not in known:
+                self._write(name, data)
 
     def _arrival_ns(self) -> int:
         """Return the time of an arrival [ns], which never decreases: readers go by its order.
@@ -160,6 +201,14 @@ class BagRecorderNode(DataNode):
         recording, self._recording = self._recording, {}
         for subscription in recording.values():
             self.finish_subscription(subscription)
+        self._write_all_held()
+
+    def _write_all_held(self) -> None:
+        try:
+            for name in list(self._held):
+                self._write_held(name)
+        except BagError as error:
+            self._end_recording(error)
 
     def tear_down(self) -> None:
         self.stop()
@@ -211,6 +260,7 @@ class BagRecorderNode(DataNode):
         for subscription in recording.values():
             self.destroy_subscription(subscription)
         self._close_savers()
+        self._held = {}
         writer, self._writer = self._writer, None
         if writer is None:
             return
@@ -227,7 +277,9 @@ class BagRecorderNode(DataNode):
             self._diagnostics.publish()  # a process of its own ends now
         self.is_finished = True
 
-    def _check_savers(self) -> None:
+    def _check_bag(self) -> None:
+        if self._held and time.monotonic_ns() - self._held_ns > HISTORY_S * 1e9:
+            self._write_all_held()
         for saver in self._savers:
             if saver.error is not None:
                 self._end_recording(saver.error)
@@ -245,13 +297,20 @@ class BagRecorderNode(DataNode):
         try:
             message = deserialize_message(data, message_class(topic.type_name))
             if topic == STRAIN_TOPIC:
-                audits = auditor.add_block(strain_block_from_msg(message))
+                block = strain_block_from_msg(message)
+                audits = auditor.add_block(block)
+                is_simulated = bool(block.status & StrainStatus.SIMULATED)
             else:
-                audits = auditor.add_event(event_from_msg(message))
+                event = event_from_msg(message)
+                audits = auditor.add_event(event)
+                is_simulated = event.simulated
         except Exception as error:  # untrusted bytes; they are recorded as they are
             reason = f'it is recorded, but cannot be audited: {error!r}'
             self.message_guard.refuse(topic.name, reason)
             return
+        if is_simulated and not self._is_simulated:
+            self._is_simulated = True
+            writer.add_metadata({'simulated': True})
         for audit in audits:
             self._publish(audit, writer)
 
@@ -305,6 +364,29 @@ class BagRecorderNode(DataNode):
             self._has_said_missing = True
             self.get_logger().error(message)
         return Health(ERROR, message, values)
+
+
+def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
+    """Return serialised events without those of trials that ended, if none of them is known."""
+    trials: list[tuple[str, list[bytes]]] = []
+    has_ended: list[bool] = []
+    for data in events:
+        try:
+            event = deserialize_message(data, TrialEvent)
+        except Exception:  # untrusted bytes; they are recorded as they are
+            event = TrialEvent()
+        # A trial's name may come again.
+        if not trials or has_ended[-1] or trials[-1][0] != event.trial_id:
+            trials.append((event.trial_id, []))
+            has_ended.append(False)
+        trials[-1][1].append(data)
+        has_ended[-1] = event.phase in (PHASE_DONE, PHASE_ABORTED)
+    return [
+        data
+        for (_, of_trial), is_over in zip(trials, has_ended, strict=True)
+        if not is_over or any(data in known for data in of_trial)
+        for data in of_trial
+    ]
 
 
 class _Saver:

@@ -132,6 +132,7 @@ def sensing_graph(
     models: Mapping[str, str],
     parameters: Mapping[str, Mapping[str, Any]],
     *,
+    simulated: bool = False,
     namespace: str = '',
 ) -> list[NodeDescription]:
     """Return the nodes that sense with one finger: sensor, features, one classifier a model.
@@ -147,6 +148,8 @@ def sensing_graph(
         Model file by classifier name, see `classifier_name`.
     parameters : mapping
         Further parameters by node name; they win over those given here.
+    simulated : bool
+        The sensor is simulated: it marks its samples, and nobody else needs to know.
 
     Raises
     ------
@@ -162,7 +165,9 @@ def sensing_graph(
     nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted)]
     has_port = sensor_port != NO_PORT
     if has_port or parameters.get('tendon_sensor', {}).get('sensor') in PORTLESS_SENSORS:
-        told = {'port': sensor_port} if sensor_port and has_port else {}
+        told: dict[str, Any] = {'port': sensor_port} if sensor_port and has_port else {}
+        if simulated:
+            told['simulated'] = True
         sensor = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', told)
         nodes.insert(0, NodeDescription(*sensor))
     for name, model in models.items():
@@ -217,13 +222,11 @@ def topic_sensor_parameters(
 
 
 def slip_node(
-    parameters: Mapping[str, Mapping[str, Any]], *, simulated: bool, namespace: str = ''
+    parameters: Mapping[str, Mapping[str, Any]], *, namespace: str = ''
 ) -> NodeDescription:
     """Return the node that finds the slip of a held object; of the same sensor as the features."""
     shared = _shared(SlipConfig, parameters.get(FEATURES_NODE, {}))
-    node = NodeDescription(
-        'tactile_features', 'slip_detector_node', SLIP_NODE, {'simulated': simulated, **shared}
-    )
+    node = NodeDescription('tactile_features', 'slip_detector_node', SLIP_NODE, shared)
     return _placed(node, parameters, namespace)
 
 
@@ -271,12 +274,10 @@ def rig_graph(
             'tendon_actuator',
             {'port': ports.tendon, **tendon_needs},
         ),
-        NodeDescription(
-            'tactile_bringup', 'trial_runner_node', 'trial_runner', {'simulated': simulated}
-        ),
+        NodeDescription('tactile_bringup', 'trial_runner_node', 'trial_runner', {}),
     ]
     return [
-        *sensing_graph(sensor_port, models, parameters, namespace=namespace),
+        *sensing_graph(sensor_port, models, parameters, simulated=simulated, namespace=namespace),
         *(_placed(node, parameters, namespace) for node in motion),
     ]
 
@@ -288,10 +289,13 @@ def recorder_node(
     feature_parameters: Mapping[str, Any],
     *,
     namespaces: Sequence[str] = ('',),
-    simulated: bool,
+    simulated: bool = False,
     rig: bool = True,
 ) -> NodeDescription:
     """Return the recorder node for one or more fingers; it notes what a replay needs to know.
+
+    It notes by itself that samples are ``simulated``; a recording from before samples said so
+    needs to be told.
 
     Without a ``rig`` that moves them it waits for the topics of sensing alone.
     ``feature_parameters`` are those that the feature node gets, see `feature_parameters_of`.

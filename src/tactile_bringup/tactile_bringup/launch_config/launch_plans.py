@@ -133,7 +133,6 @@ def _plan_protocol(protocol: str, values: LaunchValues, scratch: Path) -> Launch
                 models,
                 nodes,
                 namespace,
-                simulated=simulated,
                 rig=True,
             )
         )
@@ -199,21 +198,19 @@ def _finger_nodes(
     stated = merge_parameters(values.parameters(names, namespace), finger.parameters)
     parameters = merge_parameters(
         {
-            FEATURES_NODE: _found_phases(phases, values['contact'], simulated),
+            FEATURES_NODE: _found_phases(phases, values['contact']),
             SENSING_NODES[0]: topic_sensor_parameters(finger.sensor_topic, models, stated),
         },
         recalibration_parameters(values['recalibrate'], models),
         stated,
     )
-    nodes = sensing_graph(port, models, parameters, namespace=namespace)
+    nodes = sensing_graph(port, models, parameters, simulated=simulated, namespace=namespace)
     if slips:
         told = merge_parameters({FEATURES_NODE: feature_parameters_of(nodes)}, parameters)
-        nodes.append(slip_node(told, simulated=simulated, namespace=namespace))
+        nodes.append(slip_node(told, namespace=namespace))
     if values['record']:
         bag = Path(values['record'], finger.name)  # the sense launch file has one, without name
-        nodes.append(
-            _recorder(bag, model, models, nodes, namespace, simulated=simulated, rig=False)
-        )
+        nodes.append(_recorder(bag, model, models, nodes, namespace, rig=False))
     return nodes
 
 
@@ -231,10 +228,10 @@ def _models_for(models: Mapping[str, str], phases: str, contact: str) -> Mapping
     return taken
 
 
-def _found_phases(phases: str, contact: str, simulated: bool) -> dict[str, Any]:
+def _found_phases(phases: str, contact: str) -> dict[str, Any]:
     if phases == PHASES_STATED:
         return {}
-    return {'phases': phases, 'detected_contact': contact, 'detected_simulated': simulated}
+    return {'phases': phases, 'detected_contact': contact}
 
 
 def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
@@ -257,7 +254,6 @@ def _recorder(
     nodes: Iterable[NodeDescription],
     namespace: str,
     *,
-    simulated: bool,
     rig: bool,
 ) -> NodeDescription:
     node = recorder_node(
@@ -266,7 +262,6 @@ def _recorder(
         tuple(models),
         feature_parameters_of(nodes),
         namespaces=(namespace.strip('/'),),
-        simulated=simulated,
         rig=rig,
     )
     return dataclasses.replace(node, namespace=namespace.strip('/'))

@@ -297,11 +297,18 @@ class TrialDevice:
 
 
 class StrainWatch:
-    """Whether valid strain samples arrive."""
+    """Whether valid strain samples arrive.
+
+    Attributes
+    ----------
+    is_simulated : bool
+        Whether the newest samples are from a simulated sensor.
+    """
 
     def __init__(self, node: Node, timeout_s: float) -> None:
         self._node, self._timeout_s = node, timeout_s
         self._heard_s = -math.inf
+        self.is_simulated = False
         self._subscription = node.create_subscription(
             StrainBlock, 'tendon_sensor/strain', self._on_block, qos_profile_sensor_data
         )
@@ -320,6 +327,7 @@ class StrainWatch:
         )
 
     def _on_block(self, block: StrainBlock) -> None:
+        self.is_simulated = bool(block.status & StrainBlock.STATUS_SIMULATED)
         if block.tension_n and not block.status & NOT_LIVE:
             self._heard_s = time.monotonic()
 

@@ -14,7 +14,7 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_ros.errors import TactileError
 from tactile_ros.node.requests import send
 from tactile_ros.programs.node_group import NodeGroup
-from waiting import DEADLINE_S, wait_until
+from tactile_testing.waiting import DEADLINE_S, wait_until
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ The one implementation behind the live node, the replay of bags and training.
 from __future__ import annotations
 
 from collections import deque
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -188,7 +189,7 @@ class TrialFeatureExtractor:
         while self._filling:
             window = self._filling[0].take(self._buffer)
             if window is not None:
-                windows.append(window)
+                windows.append(self._mark(window))
             elif not self._is_overdue(self._filling[0]):
                 break
             self._filling.popleft()
@@ -212,7 +213,13 @@ class TrialFeatureExtractor:
 
     def _count(self, window: FeatureWindow) -> list[FeatureWindow]:
         self.window_counts[window.outcome] += 1
-        return [window]
+        return [self._mark(window)]
+
+    def _mark(self, window: FeatureWindow) -> FeatureWindow:
+        """Return a window without samples as simulated where the newest sample is."""
+        if window.simulated or window.sample_count or not self._buffer.is_simulated:
+            return window
+        return dataclasses.replace(window, simulated=True)
 
     def _is_overdue(self, waiting: PhaseWindow) -> bool:
         event = self._event

@@ -320,12 +320,13 @@ class PhaseWindow:
         self, outcome: Outcome, reason: str, samples: Samples, values: NDArray[np.float64]
     ) -> FeatureWindow:
         found = len(samples) > 0
+        status = int(np.bitwise_or.reduce(samples['status']))
         return FeatureWindow(
             feature_set=self._spec.feature_set,
             feature_set_version=self._spec.version,
             trial_id=self.start.trial_id,
             contact=self.start.contact,
-            simulated=self.start.simulated,
+            simulated=self.start.simulated or bool(status & StrainStatus.SIMULATED),
             outcome=outcome,
             reason=reason,
             values=values,
@@ -335,7 +336,7 @@ class PhaseWindow:
             rate_hz=self._spec.rate_hz,
             sample_count=len(samples),
             interpolated_count=int(np.count_nonzero(samples['interpolated'])),
-            status=int(np.bitwise_or.reduce(samples['status'])),
+            status=status,
             frame_id=self._config.frame_id,
             speed_m_s=self._speed_m_s,
             specification_digest=self._spec.digest,

@@ -38,6 +38,7 @@ from tactile_features.records import (
     TrialEvent,
 )
 from tactile_features.windows import SAMPLE, Samples
+from tactile_ros.strain import StrainStatus
 
 # Chosen on training sessions of the simulator, see docs/phases.md.
 _REST_LEARN = 9  # samples of rest before anything can begin
@@ -100,6 +101,7 @@ class SignalPhases:
                 f'{PROTOCOL_TEXTURE} or {PROTOCOL_STIFFNESS}'
             )
         self._config = config
+        self._is_simulated = False
         self._signal = ReducedSignal(config.rate_hz)
         self._steps = {
             _State.LEARN: self._learn,
@@ -128,8 +130,19 @@ class SignalPhases:
 
     def add(self, samples: Samples) -> list[TrialEvent]:
         """Take in samples in the order of time; return the phases now known to begin."""
+        if not len(samples):
+            return []
+        marks = samples['status'] & StrainStatus.SIMULATED
         events: list[TrialEvent] = []
-        if self._signal.group < 0 and len(samples):
+        for part in np.split(samples, np.flatnonzero(np.diff(marks)) + 1):
+            events += self._add(part, bool(part['status'][0] & StrainStatus.SIMULATED))
+        return events
+
+    def _add(self, samples: Samples, is_simulated: bool) -> list[TrialEvent]:
+        is_at_rest = self._state in (_State.LEARN, _State.REST)
+        self._is_simulated = is_simulated or (self._is_simulated and not is_at_rest)
+        events: list[TrialEvent] = []
+        if self._signal.group < 0:
             self._is_settled |= bool(samples['sequence'][0] == 0)
         for _ in self._signal.add(samples):
             was_settled = self._is_settled
@@ -305,7 +318,7 @@ class SignalPhases:
             message=message,
             glide_speed_m_s=config.detected_glide_speed_m_s if is_texture else 0.0,
             pull_speed_m_s=config.detected_pull_speed_m_s,
-            simulated=config.detected_simulated,
+            simulated=config.detected_simulated or self._is_simulated,
             detected=True,
         )
 

@@ -88,6 +88,33 @@ def test_texture_is_the_spectrum_of_the_first_samples_after_the_crop():
     assert window.outcome == Outcome.OK
 
 
+SIMULATED = StrainStatus.SIMULATED
+
+
+@pytest.mark.parametrize('first', [0, 34, 35])
+def test_one_simulated_sample_makes_a_window_simulated(first):
+    window = glide(block(0, first), block(first, 50 - first, status=SIMULATED))
+    assert window.outcome == Outcome.OK  # it refuses nothing
+    assert window.simulated is (first < 35)
+    assert window.values.tobytes() == compute_spectrum(TENSION_N[23:35], 'linear').tobytes()
+
+
+def test_a_window_without_samples_is_simulated_where_the_stream_is():
+    for status in (0, SIMULATED):
+        stream = (block(0, 25, status=status), event(2.0, 'glide'))
+        (window,) = run(*stream, event(2.2, 'aborted'))
+        assert (window.outcome, window.sample_count) == (Outcome.ABORTED, 0)
+        assert window.simulated is bool(status)
+
+
+def test_a_running_window_is_simulated_by_its_samples():
+    config = dataclasses.replace(CONFIG, running_samples=(30,), texture_samples=40)
+    extractor = TrialFeatureExtractor(config)
+    extractor.add_event(event(2.0, 'glide'))
+    windows = extractor.add_block(block(0, 55, status=SIMULATED))
+    assert [(window.running, window.simulated) for window in windows] == [(True, True)]
+
+
 def test_stiffness_is_the_regression_over_the_hold_between_its_crops():
     window = hold(block(0, 50))
     time_ns = PERIOD_NS * np.arange(22, 40)

@@ -20,7 +20,7 @@ from tactile_features import (
     TrialFeatureExtractor,
 )
 from tactile_features.phases.signal_phases import SignalPhases
-from tactile_ros.strain import StrainBlock
+from tactile_ros.strain import StrainBlock, StrainStatus
 
 RATE_HZ = 60.0
 STIFFNESS = FeatureConfig(phases='stiffness', detected_contact='flexion')
@@ -262,3 +262,28 @@ def test_what_cannot_be_searched_is_refused():
     with pytest.raises(FeatureError, match='integer'):
         find_phases(np.arange(4.0), np.zeros(4), STIFFNESS)
     assert find_phases(stamps(0), np.zeros(0), STIFFNESS) == ()
+
+
+@pytest.mark.parametrize('size', [1, 7, 1000])
+def test_phases_in_simulated_samples_say_so(size):
+    tension_n = np.concatenate([pull(), pull(seed=1), pull(seed=2)])
+    each = len(pull())
+    simulated = np.arange(len(tension_n)) // each == 1  # the second pull
+    extractor = TrialFeatureExtractor(STIFFNESS)
+    windows = []
+    for first in range(0, len(tension_n), size):
+        # A block has one status, as the driver makes it.
+        part = np.arange(first, min(first + size, len(tension_n)))
+        for run in np.split(part, np.flatnonzero(np.diff(simulated[part])) + 1):
+            windows += extractor.add_block(
+                StrainBlock(
+                    int(stamps(len(tension_n))[run[0]]),
+                    int(run[0]),
+                    16_666_667,
+                    tension_n[run],
+                    status=StrainStatus.SIMULATED if simulated[run[0]] else StrainStatus.OK,
+                )
+            )
+    events = extractor.take_detected_events()
+    assert [event.simulated for event in events] == [*[False] * 4, *[True] * 4, *[False] * 4]
+    assert [window.simulated for window in windows] == [False, True, False]

@@ -53,6 +53,17 @@ def test_a_sudden_fall_is_a_slip_at_its_sample():
     assert slip.tension_n == pytest.approx(8.0 + 4.7 * np.exp(-15 / 3.8) - 0.04, abs=0.02)
 
 
+@pytest.mark.parametrize(('first', 'is_simulated'), [(0, True), (895, True), (1000, False)])
+def test_a_slip_of_simulated_samples_says_so(first, is_simulated):
+    tension_n = slipping()
+    mark = StrainStatus.SIMULATED
+    before, after = tension_n[:first], tension_n[first:]
+    blocks = [block(before)] if first else []
+    (slip,) = detect(*blocks, block(after, first, status=mark))
+    assert slip.simulated is is_simulated
+    assert slip.onset_ns == detect(block(tension_n))[0].onset_ns
+
+
 def slipping_without(first, last):
     tension_n = slipping()
     return block(tension_n[:first]), block(tension_n[last:], last)

@@ -54,7 +54,8 @@ def run_check(request: CheckRequest, *, as_json: bool) -> bool:
     output.say('All fit.' if is_fit else 'Not fit for trials.')
     output.result(
         {
-            'simulated': request.ports.simulated,
+            'simulated': request.ports.simulated
+            or any('simulated' in report.facts for report in reports),
             'fit': is_fit,
             'devices': [dataclasses.asdict(report) for report in reports],
         }

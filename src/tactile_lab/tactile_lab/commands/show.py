@@ -135,6 +135,7 @@ def describe_bag(bag: TactileBag) -> Contents:
     """Return the contents of a recording."""
     trials: list[dict[str, Any]] = []
     for namespace in bag.namespaces:
+        is_simulated = bag.metadata.get('simulated') is True
         by_trial: dict[str, list[TrialEvent]] = {}
         for _, event in read_records(bag.messages(EVENT, namespace=namespace)):
             by_trial.setdefault(event.trial_id, []).append(event)
@@ -151,7 +152,7 @@ def describe_bag(bag: TactileBag) -> Contents:
                     'mounting': first.mounting_id,
                     'seconds': (last.stamp_ns - first.stamp_ns) * 1e-9,
                     'ended': last.phase,
-                    'simulated': first.simulated,
+                    'simulated': is_simulated or any(event.simulated for event in events),
                     'trial_id': trial_id,
                 }
             )

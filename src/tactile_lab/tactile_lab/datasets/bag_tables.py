@@ -179,7 +179,7 @@ def _table(rows: Sequence[Row], spec: FeatureSpec) -> FeatureTable:
             'trial_block': number_blocks(starts_ns, session_ids, labels),
             'contact': np.array([event.contact for event in events]),
             'glide_speed_m_s': np.array([event.glide_speed_m_s for event in events]),
-            'simulated': np.array([event.simulated for event in events]),
+            'simulated': np.array([window.simulated for window in windows]),
             'bag': np.array(bags),
             'namespace': np.array(namespaces),
             'window_start_ns': starts_ns,

@@ -28,6 +28,8 @@ from linear_guide_driver.dynamixel.bus import READ_WAIT_S
 from linear_guide_driver.serial_link import LINE_ERRORS
 from tendon_sensor_driver.ati.net_ft_web import BoxWeb
 from tendon_sensor_driver.errors import LinkError
+from tendon_sensor_driver.lines.line_protocol import LineDecoder, split_line, UNITS
+from tendon_sensor_driver.records import TendonSensorConfig
 
 LISTEN_S = 2.5
 """A board that is reset by opening its port needs this to boot and to say its banner."""
@@ -53,10 +55,8 @@ _MOST_PORTS_AT_ONCE = 8
 _match_banner = re.compile(rb'^Grbl(?:HAL)? \d\S*', re.MULTILINE).search
 _match_status = re.compile(rb'<(\w+)(?::\d)?\|[^<>\r\n]*>').search
 _match_build = re.compile(rb'\[VER:([^\]\r\n]*)\]').search
-_split_columns = re.compile(rb'[ \t]*[,;][ \t]*|[ \t]+').split
-_match_number = re.compile(rb'[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?').fullmatch
+_match_value = re.compile(rb'[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?([A-Za-z]*)').fullmatch
 _match_time = re.compile(rb'\d{1,15}(?:\.(\d{1,9}))?').fullmatch
-_UNITS = {b'kg': 'kg', b'g': 'g', b'N': 'N', b'lbs': 'lbf', b'lb': 'lbf', b'lbf': 'lbf'}
 
 
 @dataclass(frozen=True)
@@ -97,28 +97,48 @@ def recognise(data: bytes) -> tuple[str, str, dict[str, Any]] | None:
     lines = [line for line in lines if line]
     if len(lines) < _ENOUGH_LINES or any(not 0x20 <= byte < 0x7F for byte in lines[-1]):
         return None
-    rows = [_split_columns(line) for line in lines[-_ENOUGH_LINES:]]  # after a text at the start
+    rows = [split_line(line) for line in lines[-_ENOUGH_LINES:]]  # after a text at the start
     width = len(rows[0])
     if any(len(row) != width for row in rows):
         return None
-    numeric = [i for i in range(width) if all(_match_number(row[i]) for row in rows)]
+    numeric = [i for i in range(width) if all(_is_value(row[i]) for row in rows)]
     if not numeric:
         return None
     parameters = _read_columns(rows, numeric)
     example = lines[-1][:60].decode('ascii', 'replace')
-    return 'sensor', f'load-cell lines such as "{example}"', parameters
+    sentence = f'load-cell lines such as "{example}"'
+    if reason := _find_refusal(lines[-_ENOUGH_LINES:], parameters):
+        return 'sensor', f'{sentence}, which are refused: {reason}', {}
+    return 'sensor', sentence, parameters
+
+
+def _is_value(text: bytes) -> bool:
+    found = _match_value(text)
+    return found is not None and (not found[1] or found[1] in UNITS)
+
+
+def _find_refusal(lines: list[bytes], parameters: dict[str, Any]) -> str:
+    """Return why the driver with these parameters would read none of the lines."""
+    try:
+        decoder = LineDecoder(TendonSensorConfig(rate_hz=0.1, **parameters))  # any clock will do
+    except ValueError as error:
+        return str(error)
+    readings = decoder.feed(b'\n' + b'\n'.join(lines) + b'\n', 0)
+    return '' if readings else decoder.last_reason
 
 
 def _read_columns(rows: list[list[bytes]], numeric: list[int]) -> dict[str, Any]:
     parameters = _read_time([row[numeric[0]] for row in rows]) if len(numeric) > 1 else {}
     has_time = bool(parameters)
     value = numeric[1] if has_time else numeric[0]
-    unit = rows[0][value + 1] if value + 1 < len(rows[0]) else b''
+    unit = b''
+    if found := _match_value(rows[0][value]):
+        unit = found[1] or (rows[0][value + 1] if value + 1 < len(rows[0]) else b'')
     return {
         'time_column': numeric[0] if has_time else -1,
         **parameters,
         'value_column': value,
-        **({'unit': _UNITS[unit]} if unit in _UNITS else {}),
+        **({'unit': UNITS[unit]} if unit in UNITS else {}),
     }
 
 

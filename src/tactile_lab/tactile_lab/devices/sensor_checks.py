@@ -82,7 +82,9 @@ def check_sensor(
         )
     if not blocks:
         said = health.last_error or (
-            f'the last line was "{health.last_rejected}"' if health.last_rejected else 'silence'
+            f'the last line was "{health.last_rejected}": {health.last_reason}'
+            if health.last_rejected
+            else 'silence'
         )
         remedy = 'check baud, unit and columns; "tactile devices" says what fits'
         problems = [Problem(f'no reading in {seconds:g} s: {said}', remedy)]
@@ -90,7 +92,7 @@ def check_sensor(
         problems.append(
             Problem(
                 f'{health.rejected_lines} lines were no readings, the last one '
-                f'"{health.last_rejected}"',
+                f'"{health.last_rejected}": {health.last_reason}',
                 'check ground and shield of the cable, and the columns',
             )
         )
@@ -150,6 +152,8 @@ def judge_blocks(
         'noise, standard deviation [N]': round(noise_n, 5),
         'error of the stamps [s]': round(error_s, 6) if error_s >= 0 else clock,
     }
+    if status & StrainStatus.SIMULATED:
+        facts['simulated'] = 'SIMULATED: no number is a measurement'
     problems = [Problem(*text) for bit, text in _STATUS_REMEDIES.items() if status & bit]
     if abs(rate_hz - config.rate_hz) > RATE_TOLERANCE * config.rate_hz:
         problems.append(

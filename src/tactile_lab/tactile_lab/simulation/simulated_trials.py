@@ -29,6 +29,7 @@ from tactile_bringup.trial_protocols import (
     TrialRequest,
     WaitStep,
 )
+from tactile_ros.strain import StrainStatus
 from tactile_sim.descriptions.catalogue import Catalogue
 from tactile_sim.physics.fast_trials import simulate_trials
 from tactile_sim.physics.motion import move_duration_s
@@ -327,7 +328,7 @@ class _TrialRecorder:
             tension_n=np.ascontiguousarray(values, dtype=np.float64),
             lost_before=0,
             stamp_error_s=0.0,
-            status=0,
+            status=int(StrainStatus.SIMULATED),
         )
         return bytes(known_messages().serialize_cdr(block, STRAIN))
 

@@ -122,6 +122,7 @@ class Finger:
                 self.rate_hz = rate_hz
                 self.version += 1
         self._keep(block)
+        self.simulated = self.simulated or bool(block.status & StrainStatus.SIMULATED)
         if block.status != self.status:
             self.status = block.status
             self.version += 1

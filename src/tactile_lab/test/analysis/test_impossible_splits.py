@@ -5,9 +5,9 @@
 
 import numpy as np
 import pytest
+from tactile_command import ask_tactile, hear_tactile
 
 from tactile_bags import EVENT
-from tactile_command import ask_tactile, hear_tactile
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 

@@ -4,8 +4,8 @@
 """`tactile experiment --append`: a call that is refused changes nothing."""
 
 import pytest
-
 from tactile_command import hear_tactile
+
 from tactile_lab.experiment.folder import ExperimentFolder
 from tactile_lab.experiment.plan import ExperimentPlan
 

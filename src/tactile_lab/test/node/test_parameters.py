@@ -38,7 +38,7 @@ def descriptions(stiffness_bag, trained, tmp_path_factory):
         recording = tmp_path_factory.mktemp('recordings') / 'bag'
         nodes = [
             *rig_graph(ports, find_models(trained), {}, simulated=True),
-            slip_node({}, simulated=True),
+            slip_node({}),
             recorder_node(recording, None, (), {}, simulated=True),
             NodeDescription(
                 'tactile_bringup', 'bag_player_node', 'bag_player', {'bag': str(stiffness_bag)}

@@ -15,6 +15,7 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from tactile_bags import (
@@ -373,6 +374,59 @@ def test_latched_event_is_recorded_also_when_activated_late(context, tmp_path):
         recorder.trigger_activate()
         wait_until(lambda: recorder.message_count == 1)
         recorder.trigger_deactivate()
-        source.events.publish(TrialEvent(trial_id='late', phase='done'))
+        source.events.publish(TrialEvent(trial_id='early', phase='done'))
         recorder.trigger_activate()
         wait_until(lambda: recorder.message_count >= 2)
+
+
+def recorded_events(path):
+    with TactileBag(path) as bag:
+        return [(e.trial_id, e.phase) for e in (m.decode() for m in bag.messages(EVENT))]
+
+
+def test_a_recorder_that_is_activated_again_records_what_belongs_to_its_bag(context, tmp_path):
+    source = Source(context)
+    at_ns = iter(range(10**9, 10**11, 10**9))
+
+    def publish(trial_id, *phases):
+        for phase in phases:
+            source.events.publish(trial_event(phase, next(at_ns), trial_id))
+
+    recorder = create_node(describe_recorder(tmp_path / 'bag'), context)
+    recorder.trigger_configure()
+    with NodeGroup([source.node, recorder], context=context):
+
+        def activate():
+            recorder.trigger_activate()
+            wait_until(lambda: '/trial_runner/events' not in recorder.unmatched_topics())
+            wait_until(source.events.get_subscription_count)
+
+        publish('old', 'approach', 'hold', 'done')
+        activate()
+        publish('a', 'approach')
+        wait_until(lambda: recorder.message_count == 1)
+        recorder.trigger_deactivate()
+        publish('a', 'done')
+        publish('between', 'approach', 'done')
+        publish('b', 'approach')
+        activate()
+        publish('b', 'hold')
+        wait_until(lambda: recorder.message_count == 4)
+        recorder.trigger_deactivate()
+        activate()  # all is known
+        publish('b', 'release')
+        wait_until(lambda: recorder.message_count == 5)
+        recorder.trigger_deactivate()
+        recorder.trigger_cleanup()
+        audited = [audit.trial_id for audit in recorder.audits]
+        recorder.set_parameters([Parameter('bag', value=str(tmp_path / 'next'))])
+        recorder.trigger_configure()
+        activate()
+        publish('b', 'done')
+        wait_until(lambda: recorder.message_count == 9)
+    recorder.take_down()
+    a = [('a', 'approach'), ('a', 'done')]
+    b = [('b', phase) for phase in ('approach', 'hold', 'release', 'done')]
+    assert recorded_events(tmp_path / 'bag') == [*a, *b[:3]]
+    assert recorded_events(tmp_path / 'next') == b
+    assert not {'old', 'between'} & set(audited)

@@ -34,7 +34,7 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
         for node in sensing_graph('', find_models(trained), {})
         if node.name != 'tendon_sensor'
     ]
-    graph.append(slip_node({}, simulated=False))
+    graph.append(slip_node({}))
     graph.append(recorder_node(tmp_path / 'bag', None, (), {}, simulated=False, rig=False))
     peer = Node('peer', context=context)
     strain = peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)

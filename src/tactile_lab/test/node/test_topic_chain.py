@@ -19,8 +19,9 @@ from tactile_bags import EVENT, STRAIN, TactileBag
 from tactile_bags.message_records import read_records
 from tactile_features.conversions import event_to_msg
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_msgs.msg import Classification, TrialEvent
-from tactile_ros.qos import EVENTS, RESULTS
+from tactile_lab.commands.show import describe_bag
+from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
@@ -127,3 +128,64 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
     assert answer.simulated
     (report,) = replay_and_compare(bag, trained, through_nodes=True, times=1)
     assert report.is_equal, report.to_dict()
+
+
+def test_a_simulated_finger_marks_all_that_comes_of_it(context, tmp_path):
+    """The program of docs/on_your_hand.md says nothing of a simulation: the samples do."""
+    bag = tmp_path / 'bag'
+    command = ['sense', '--simulated', '--slip', '--record', str(bag)]
+    process = subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, *command],
+        env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    hand = Node('hand', context=context)
+    events = hand.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+    windows, blocks = [], []
+    features = 'tactile_features/features'
+    hand.create_subscription(TactileFeatures, features, windows.append, RESULTS)
+    hand.create_subscription(StrainBlock, 'tendon_sensor/strain', blocks.append, STREAM)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(hand)
+
+    def spin_until(condition):
+        def step():
+            assert process.poll() is None, process.communicate()
+            executor.spin_once(timeout_sec=0.05)
+
+        wait_until(condition, timeout_s=60.0, step=step)
+
+    def state(phase):
+        event = TrialEvent(trial_id='grasp-1', protocol='stiffness', phase=phase)
+        event.contact = 'flexion'
+        event.header.stamp = hand.get_clock().now().to_msg()
+        events.publish(event)
+
+    try:
+        assert 'running: ' in process.stdout.readline()
+        spin_until(lambda: events.get_subscription_count() >= 3)  # features, slip, recorder
+        spin_until(lambda: hand.count_publishers(features))
+        spin_until(lambda: blocks)
+        state('hold')
+        held = len(blocks)
+        spin_until(lambda: len(blocks) >= held + 180)
+        state('release')
+        state('done')
+        spin_until(lambda: windows)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        executor.shutdown()
+        hand.destroy_node()
+    assert process.returncode == 0, errors
+    (window,) = windows
+    assert window.simulated
+    assert all(block.status & StrainBlock.STATUS_SIMULATED for block in blocks)
+    with TactileBag(bag) as opened:
+        assert opened.metadata['simulated'] is True
+        contents = describe_bag(opened)
+    assert contents.facts['simulated'] == 'SIMULATED'
+    assert [trial['simulated'] for trial in contents.trials] == [True]

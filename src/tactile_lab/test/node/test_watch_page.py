@@ -10,13 +10,13 @@ import threading
 
 from chromium import Chromium, find_chromium
 import pytest
+from tactile_command import program
 
 from tactile_bringup.launch_config.graph import Ports, rig_graph
 from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_command import program
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.running.live_trials import LiveRig, run_with_second_try
 from tactile_lab.watch.options import WatchOptions

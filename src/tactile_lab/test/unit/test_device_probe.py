@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import pytest
 
 from tactile_lab.devices.device_probe import find_holders, find_names, NAME_FOLDERS, recognise
+from tendon_sensor_driver import LineDecoder, TendonSensorConfig
 
 MILLISECONDS = {'time_column': 0, 'time_unit_s': 0.001}
 
@@ -52,6 +53,38 @@ def test_values_alone_and_with_a_float_time():
         'time_decimals': 1,
         'value_column': 1,
     }
+
+
+@pytest.mark.parametrize(
+    ('texts', 'parameters'),
+    [
+        (['ST,GS,+  12.34 kg', 'US,GS,+  12.35 kg'], {'value_column': 2, 'unit': 'kg'}),
+        (['S S      12.34 g', 'S D     -12.35 g'], {'value_column': 2, 'unit': 'g'}),
+        (['-   12.34 mN', '+   12.34 mN'], {'value_column': 0, 'unit': 'mN'}),
+        (['12.34oz', '12.35oz'], {'value_column': 0, 'unit': 'oz'}),
+    ],
+)
+def test_scale_indicators_say_their_columns_and_unit(texts, parameters):
+    device, what, found = recognise(lines(*texts * 4))
+    assert (device, found) == ('sensor', {'time_column': -1, **parameters})
+    assert what == f'load-cell lines such as "{texts[1]}"'
+    decoder = LineDecoder(TendonSensorConfig(**found))
+    assert len(decoder.feed(lines(*texts * 4), 0)) >= 7
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('12,34', 'its comma may be a decimal mark'),
+        ('12.34 units', 'the word "units" after the value is no unit'),
+        ('OL,GS,+  12.34 kg', 'the device reports an overload'),
+    ],
+)
+def test_lines_that_the_driver_refuses_are_said_to_be_refused(text, reason):
+    device, what, parameters = recognise(lines(*[text] * 8))
+    assert (device, parameters) == ('sensor', {})
+    assert f'"{text}", which are refused: ' in what
+    assert reason in what
 
 
 def test_a_first_column_that_falls_is_no_time():

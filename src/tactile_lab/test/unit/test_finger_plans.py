@@ -16,11 +16,11 @@ def test_a_finger_that_moves_itself_has_no_guide(launch):
     assert nodes['index/tendon_sensor'].parameters['port'] == '/dev/tactile/sensor'
     features = nodes['index/tactile_features'].parameters
     assert features['phases'] == 'texture'
-    assert features['detected_simulated'] is False
+    assert 'simulated' not in nodes['index/tendon_sensor'].parameters
     _, nodes = launch('sense', phases='stiffness', contact='abduction', rig='simulated')
     features = nodes['tactile_features'].parameters
     assert features['detected_contact'] == 'abduction'
-    assert features['detected_simulated'] is True
+    assert nodes['tendon_sensor'].parameters['simulated'] is True
 
 
 def test_fingers_by_name_have_namespaces_ports_and_bags_of_their_own(launch, tmp_path):
@@ -75,14 +75,13 @@ def test_a_slip_detector_listens_where_it_is_wanted(launch, parameter_file, hand
     _, nodes = launch('hand', **values, slip='true')
     assert 'index/slip_detector' not in nodes
     assert nodes['middle/slip_detector'].parameters == {
-        'simulated': False,
         'rate_hz': 100.0,
         'frame_id': 'middle_sensor',
         'threshold': 6.0,
         'history_s': 0.3,
     }
     _, nodes = launch('sense', slip='true', rig='simulated')
-    assert nodes['slip_detector'].parameters == {'simulated': True}
+    assert nodes['slip_detector'].parameters == {}
     assert 'slip_detector' not in launch('sense')[1]
 
 
@@ -120,7 +119,9 @@ def test_two_net_ft_need_no_port(launch, hand_file):
 @pytest.mark.parametrize('rig', ['hardware', 'simulated'])
 def test_a_sensor_on_a_topic_needs_no_port_and_no_rig(launch, topic, expected, rig):
     plan, nodes = launch('sense', sensor_topic=topic, rig=rig)
-    assert nodes['tendon_sensor'].parameters == {'sensor': 'topic', 'rate_hz': 0.0, **expected}
+    marked = {'simulated': True} if rig == 'simulated' else {}
+    parameters = {'sensor': 'topic', 'rate_hz': 0.0, **marked, **expected}
+    assert nodes['tendon_sensor'].parameters == parameters
     assert not plan.rigs
 
 

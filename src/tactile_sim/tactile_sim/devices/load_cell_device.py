@@ -31,7 +31,7 @@ _MENU = _HEADER + b'System Configuration\r\n1) Tare scale to zero [0]\r\nx) Exit
 
 
 class LoadCellDevice:
-    """Sends a line a sample: device clock in milliseconds, kilograms, unit.
+    """Sends a line a sample: device clock in milliseconds, kilograms, unit, ``SIMULATED``.
 
     An ``x`` brings up its menu, as it does with an OpenScale: no lines until the next ``x``,
     the only command that it knows there. Its readings are those of ``sensing.read_tension``
@@ -110,7 +110,9 @@ class LoadCellDevice:
         if sample >= 0 and not self._in_menu:
             milliseconds = int(sample * 1000 / self._cell.rate_hz)
             kilograms = self._last_n / GRAVITY_M_S2
-            self._output += encode_reading(milliseconds, kilograms, 'kg', DECIMALS)
+            self._output += encode_reading(
+                milliseconds, kilograms, 'kg', DECIMALS, is_simulated=True
+            )
         self._samples += 1
 
     def restart(self) -> None:

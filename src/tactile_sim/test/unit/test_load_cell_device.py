@@ -42,7 +42,7 @@ def test_lines_carry_time_and_filtered_tension_between_steps(step_s):
     # A ramp through one pole, from rest: it lags by its time constant.
     wanted = 2.0 * (true_s - lag_s * (1 - np.exp(-true_s / lag_s)))
     assert read_newtons(lines) == pytest.approx(wanted, abs=ROUNDING_N + 1e-6)
-    assert {tuple(line[2:]) for line in lines} == {(b'kg', b'')}
+    assert {tuple(line[2:]) for line in lines} == {(b'kg', b'SIMULATED', b'')}
 
 
 def test_contact_and_bias_reach_the_reading():

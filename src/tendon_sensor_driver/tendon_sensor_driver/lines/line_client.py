@@ -9,7 +9,7 @@ import time
 
 from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.client_base import LinkClient, NowNs, OnBlock
-from tendon_sensor_driver.lines.line_protocol import LineDecoder
+from tendon_sensor_driver.lines.line_protocol import describe_line, LineDecoder
 from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.stream.strain_stream import StrainStream
 from tendon_sensor_driver.transport import find_serial_number, SerialTransport
@@ -75,7 +75,8 @@ class TendonSensorClient(LinkClient[SerialTransport]):
             restarts=stream.clock.restarts,
             overruns=self._overruns,
             status=stream.status,
-            last_rejected=decoder.last_rejected.decode('ascii', 'backslashreplace'),
+            last_rejected=describe_line(decoder.last_rejected),
+            last_reason=decoder.last_reason,
         )
 
     # -- the client's thread -----------------------------------------------------------

@@ -126,6 +126,9 @@ class StrainStream(SampleStream):
     """Turns the readings of a load-cell line into blocks of tension.
 
     Newtons are value * scale * (newtons in one unit) + offset.
+
+    A board without a clock counts as restarted after every reconnection: it may have lost its
+    power, and many boards measure a zero of their own when they start.
     """
 
     def __init__(self, config: TendonSensorConfig) -> None:
@@ -136,9 +139,16 @@ class StrainStream(SampleStream):
         else:
             super().__init__(config, DeviceClock(config.tick_s), config.period_ns)
 
+    def note_reconnection(self) -> None:
+        super().note_reconnection()
+        if isinstance(self.clock, HostClock):
+            self.clock.restarts += 1
+            self._event |= StrainStatus.RESTARTED
+
     def add(self, reading: Reading) -> list[StrainBlock]:
         """Take one reading; return the blocks that it completes."""
         if reading.resynchronised:
             self.note_dropped_bytes()
         tension_n = reading.value * self._newtons_per_value + self._offset_n
-        return self.add_sample(reading.device_ticks, reading.received_at_ns, tension_n)
+        status = StrainStatus.SIMULATED if reading.simulated else StrainStatus.OK
+        return self.add_sample(reading.device_ticks, reading.received_at_ns, tension_n, status)

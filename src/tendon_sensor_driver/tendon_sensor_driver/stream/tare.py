@@ -12,9 +12,16 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_ros.strain import NO_MEASUREMENT, StrainBlock
+from tactile_ros.strain import NO_MEASUREMENT, StrainBlock, StrainStatus
 from tendon_sensor_driver.errors import TendonSensorError
 from tendon_sensor_driver.records import TendonSensorConfig
+
+_BREAKS = {
+    StrainStatus.RESTARTED: 'the device has restarted, or may have',
+    StrainStatus.RECONNECTED: 'the link came back',
+    StrainStatus.CLOCK_STEP: "the host's clock was set",
+}
+"""Samples from before these say nothing about the zero from then on."""
 
 
 class TareError(TendonSensorError):
@@ -49,7 +56,8 @@ class Tare:
     A tare is measured from samples that are there already, so it is answered at once: what
     was to be still must have been so for that many samples before. It is refused when there
     are not as many, when they are old, bad by status, spread too far, change over their
-    length, or lie too far from the sensor's own zero: a loaded sensor.
+    length, or lie too far from the sensor's own zero: a loaded sensor. Samples from before a
+    reconnection, a step of the host's clock or a silence of more than ``silence_s`` do not count.
 
     A device that restarted may have measured a zero of its own, as many load-cell boards do.
     Then the bias is a number about another zero, and is forgotten.
@@ -62,6 +70,7 @@ class Tare:
         self._lock = threading.Lock()
         self._blocks: deque[StrainBlock] = deque()
         self._samples = 0
+        self._break = ''  # of the samples, before the first of those that are kept
         self._wrench_bias: NDArray[np.float64] | None = None
         self._bias = Bias(0)
 
@@ -73,6 +82,10 @@ class Tare:
     def apply(self, block: StrainBlock) -> StrainBlock:
         """Take note of a block as it came, and return it with the bias taken off."""
         with self._lock:
+            if event := self._describe_break(block):
+                self._blocks.clear()
+                self._samples = 0
+                self._break = event
             self._blocks.append(block)
             self._samples += len(block.tension_n)
             while self._samples - len(self._blocks[0].tension_n) >= self._config.tare_samples:
@@ -117,6 +130,7 @@ class Tare:
         with self._lock:
             self._blocks.clear()
             self._samples = 0
+            self._break = _BREAKS[StrainStatus.RESTARTED]
         was_set = self._bias.samples > 0
         self.clear(now_ns)
         return was_set
@@ -135,16 +149,30 @@ class Tare:
                 return None
         return bias.bias_n - self._bias.bias_n
 
+    def _describe_break(self, block: StrainBlock) -> str:
+        """Return the event that parts a block from the samples before it, if there is one."""
+        for bit, event in _BREAKS.items():
+            if block.status & bit:
+                return event
+        if not self._blocks:
+            return ''
+        silence_s = (block.stamp_ns - self._end_ns()) / 1e9
+        return f'a silence of {silence_s:.1f} s' if silence_s > self._config.silence_s else ''
+
+    def _end_ns(self) -> int:
+        newest = self._blocks[-1]
+        return newest.stamp_ns + len(newest.tension_n) * newest.period_ns
+
     def _check(self, now_ns: int) -> list[StrainBlock]:
         """Return the last blocks when there are enough, they are fresh and good."""
         blocks, config = list(self._blocks), self._config
         if self._samples < config.tare_samples:
+            since = f' since {self._break}' if self._break else ''
             raise TareError(
-                f'only {self._samples} of {config.tare_samples} samples have come; try again'
+                f'only {self._samples} of {config.tare_samples} samples have come{since}; leave '
+                'the sensor unloaded and try again'
             )
-        newest = blocks[-1]
-        end_ns = newest.stamp_ns + len(newest.tension_n) * newest.period_ns
-        silence_s = (now_ns - end_ns) / 1e9
+        silence_s = (now_ns - self._end_ns()) / 1e9
         if silence_s > config.silence_s:
             raise TareError(f'no sample for {silence_s:.1f} s; see the diagnostics of the sensor')
         for block in blocks:

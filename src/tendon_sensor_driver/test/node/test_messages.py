@@ -12,4 +12,4 @@ def test_status_bits_are_those_of_the_message():
         if name.startswith('STATUS_')
     }
     assert constants == {name: int(bit) for name, bit in StrainStatus.__members__.items()}
-    assert len(constants) == 9
+    assert len(constants) == 10

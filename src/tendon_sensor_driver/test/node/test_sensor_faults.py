@@ -151,6 +151,33 @@ def test_a_board_that_restarts_takes_the_tare_with_it(graph, board):
     assert any(message.status & StrainStatus.RESTARTED for message in graph.strain)
 
 
+def test_a_board_without_a_clock_that_comes_back_takes_the_tare_with_it(make_graph, sensor, board):
+    graph = make_graph(sensor.port, unit='N', tare_spread_n=1.0, time_column=-1, tare_samples=30)
+    assert graph.node.bring_up()
+    graph.spin_until(lambda: len(graph.strain) >= 40)
+    assert graph.call('tare').success
+    graph.spin_until(lambda: graph.tares and graph.tares[-1].is_set)
+    board.fault = 'unplug'
+    sent = len(board.sent)
+    wait_until(lambda: len(board.sent) >= sent + 2)  # the board writes no more
+    sensor.unplug()
+    graph.spin_until(lambda: 'link down' in graph.sentence(), ANSWER_S)
+    first = len(graph.strain)
+    sensor.plug_in()
+    board.fault = ''
+    graph.spin_until(lambda: len(graph.strain) > first, ANSWER_S)
+    refused = graph.call('tare')
+    assert not refused.success
+    assert 'samples have come since the device has restarted, or may have' in refused.message
+    graph.spin_until(lambda: not graph.tares[-1].is_set, ANSWER_S)
+    graph.spin_until(lambda: graph.values()['restarts'] == '1', ANSWER_S)
+    told = [d.status[0].message for d in graph.diagnostics]
+    assert any('a device without a clock may have restarted; tare again' in text for text in told)
+    assert graph.strain[first].status & StrainStatus.RESTARTED
+    graph.spin_until(lambda: len(graph.strain) >= first + 40, ANSWER_S)
+    assert graph.call('tare').success
+
+
 @pytest.mark.parametrize('step_s', [5, -5])
 def test_a_clock_that_is_set_leaves_the_tare(make_graph, sensor, board, step_s):
     graph = make_graph(sensor.port, unit='N', tare_spread_n=1.0)

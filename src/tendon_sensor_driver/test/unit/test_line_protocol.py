@@ -3,6 +3,7 @@
 
 import dataclasses
 from itertools import pairwise
+import re
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -43,7 +44,8 @@ def test_any_line_end(end):
         b'12 ; 0.5 ;;',
         b'12,+0.5,kg,24.75,',
         b'12,.5',
-        b'12,5e-1,lorem \xe9\xff ipsum',
+        b'12,5e-1,kg,lorem \xe9\xff ipsum',
+        b'12,.5 | lorem',
     ],
 )
 def test_any_separator_and_further_columns(line):
@@ -52,7 +54,7 @@ def test_any_separator_and_further_columns(line):
 
 def test_the_columns_are_configured():
     config = TendonSensorConfig(time_column=2, value_column=0)
-    assert decode(b'0.5,x,99\n', config)[1] == [(99, 0.5)]
+    assert decode(b'0.5,kg,99\n', config)[1] == [(99, 0.5)]
     config = TendonSensorConfig(time_column=-1, value_column=0)
     assert decode(b'-7\n', config)[1] == [(None, -7.0)]
 
@@ -89,6 +91,114 @@ def test_the_forms_that_are_seen_on_load_cells(line, options, reading):
     # Words before the value must be seen twice before they are believed.
     assert readings in ([reading] * 3, [reading] * 2)
     assert decoder.rejected_lines == 3 - len(readings)
+
+
+INDICATOR = {'time_column': -1, 'value_column': 2}
+
+
+@pytest.mark.parametrize(
+    ('lines', 'options'),
+    [
+        ([b'ST,GS,+  12.34 kg', b'US,GS,+  12.34 kg'], INDICATOR),  # A&D, CAS and many others
+        ([b'ST,NT,   12.34,kg', b'US,NT,   12.34,kg'], INDICATOR),
+        ([b'ST,GS,+  12.34kg', b'US,GS,+  12.34kg'], INDICATOR),
+        ([b'ST,+00012.34  g', b'US,+00012.34  g'], {**INDICATOR, 'value_column': 1, 'unit': 'g'}),
+        ([b'S S      12.34 g', b'S D      12.34 g'], {**INDICATOR, 'unit': 'g'}),  # Mettler SICS
+        ([b'+   12.34 kg'], {**INDICATOR, 'value_column': 0}),
+        ([b'N     +   12.34 g'], {**INDICATOR, 'value_column': 1, 'unit': 'g'}),  # Sartorius
+    ],
+)
+@pytest.mark.parametrize('is_negative', [False, True])
+def test_scale_indicators_with_words_that_alternate_are_read(lines, options, is_negative):
+    if is_negative:
+        lines = [
+            line.replace(b'+', b'-') if b'+' in line else line.replace(b'   12', b'-  12')
+            for line in lines
+        ]
+    stream = b''.join(line + b'\r\n' for _ in range(30) for line in lines)
+    decoder, readings = decode(stream, TendonSensorConfig(**options))
+    # Words before the value must be seen twice before they are believed.
+    assert decoder.rejected_lines <= 1, decoder.last_reason
+    assert {value for _, value in readings} == {-12.34 if is_negative else 12.34}
+
+
+@pytest.mark.parametrize(
+    ('line', 'unit', 'reason'),
+    [
+        (b'12.34 mN', 'N', 'its unit is mN, and "unit" is N: set unit to mN'),
+        (b'12.34mN', 'N', 'its unit is mN, and "unit" is N: set unit to mN'),
+        (b'mN: 12.34', 'N', 'set unit to mN'),
+        (b'Force [mN]: 12.34', 'N', 'set unit to mN'),
+        (b'0.01234 kN', 'N', 'set unit to kN'),
+        (b'12.34 oz', 'g', 'set unit to oz'),
+        (b'12.34 t', 'kg', 'set unit to t'),
+        (b'12.34,,g', 'kg', 'set unit to g'),
+        (b'12.34 | g', 'kg', 'set unit to g'),
+        (b'12.34 lbs', 'kg', 'set unit to lbf'),
+        (b'12.34 units', 'kg', 'the word "units" after the value is no unit that is known here'),
+        (b'12.34 \xb5N', 'N', 'the word "\\xb5N" after the value'),
+        (b'12.34 %', 'g', 'the word "%" after the value'),
+        (b'12.34 \x1b[31m', 'g', 'the word "\\x1b[31m" after the value'),
+        (b'12,34', 'N', 'its comma may be a decimal mark or separate columns: set decimal_mark'),
+        (b'12,34,56', 'N', 'its comma may be'),
+        (b'12,34 N', 'N', 'its comma may be'),
+        (b'F:12,34N', 'N', 'its comma may be'),
+        (b'1,234.5', 'N', 'commas between thousands cannot be read'),
+        (b'1.234,5', 'N', 'its comma may be'),
+        (b'OL', 'kg', 'the device reports an overload or an error: unload it'),
+        (b'OL,GS,+  12.34 kg', 'kg', 'the device reports an overload'),
+        (b'OL,+999999.9 g', 'g', 'the device reports an overload'),
+        (b'12.34 kg Overload', 'kg', 'the device reports an overload'),
+        (b'S +', 'g', 'the device reports an overload'),
+        (b'S -', 'g', 'the device reports an overload'),
+        (b'reading', 'kg', 'its value_column holds no number'),
+    ],
+)
+def test_a_line_that_may_hold_another_value_is_refused_with_the_remedy(line, unit, reason):
+    numbers = [i for i, text in enumerate(line.replace(b',', b' ').split()) if b'12' in text]
+    column = numbers[0] if numbers else 0
+    config = TendonSensorConfig(time_column=-1, value_column=column, unit=unit)
+    decoder, readings = decode((line + b'\n') * 5, config)
+    assert readings == []
+    assert decoder.rejected_lines == 5
+    assert reason in decoder.last_reason
+
+
+@pytest.mark.parametrize(
+    ('line', 'options', 'reading'),
+    [
+        (b'12,34', {'time_column': -1, 'value_column': 0}, (None, 12.34)),
+        (b'-0,5 kg', {'time_column': -1, 'value_column': 0}, (None, -0.5)),
+        (b'1204;0,53;kg', {}, (1204, 0.53)),
+        (b'1204 0,53', {}, (1204, 0.53)),
+        (b'12,04;0,53', {'time_unit_s': 1.0, 'time_decimals': 2}, (1204, 0.53)),
+        (b'ST,GS,+  12,34kg', INDICATOR, (None, 12.34)),
+        (b'ST, GS, -  12,34, kg', INDICATOR, (None, -12.34)),
+    ],
+)
+def test_a_decimal_comma_is_read_where_it_is_configured(line, options, reading):
+    config = TendonSensorConfig(decimal_mark=',', **options)
+    assert decode((line + b'\n') * 3, config)[1][-1] == reading
+
+
+def test_with_a_decimal_comma_a_point_is_no_number():
+    config = TendonSensorConfig(time_column=-1, value_column=0, decimal_mark=',')
+    for line in (b'1.234,5', b'12.34', b'12,34,56'):
+        assert decode((line + b'\n') * 3, config)[1] == []
+
+
+def test_with_a_decimal_point_every_comma_separates():
+    config = TendonSensorConfig(time_column=-1, value_column=0, decimal_mark='.')
+    assert decode(b'12,34\n', config)[1] == [(None, 12.0)]
+
+
+def test_a_simulated_device_says_so_in_each_line():
+    decoder = LineDecoder(CONFIG)
+    lines = [encode_reading(17 * i, 0.5, is_simulated=True) for i in range(3)]
+    assert lines[0] == b'0,0.50000,kg,SIMULATED,\r\n'
+    readings = decoder.feed(b'\n' + b''.join(lines) + LINE, 7)
+    assert [reading.simulated for reading in readings] == [True, True, True]
+    assert decoder.last_reason.startswith('its columns or words are not those')
 
 
 def test_a_banner_that_looks_like_a_reading_is_none():
@@ -211,7 +321,10 @@ def test_an_endless_line_costs_one_count_and_no_memory():
 
 # -- any bytes --------------------------------------------------------------------------------
 
-WORDS = b'12|0.5|-3|1e2|1_0|nan|,|,|;|\t| |kg|lbs|\n|\n|\r|\r\n|\xff|\x00'.split(b'|')
+WORDS = [
+    *b'12|0.5|-3|1e2|1_0|nan|,|,|;|\t| |kg|kg|g|lbs|+ |- |OL|12,34|SIMULATED'.split(b'|'),
+    *b'\n|\n|\r|\r\n|\xff|\x00'.split(b'|'),
+]
 pieces = st.sampled_from([*WORDS, LINE, LINE, b'x' * 300, b' ' * 250])
 streams = st.lists(pieces | st.binary(max_size=8), max_size=40).map(b''.join)
 
@@ -234,27 +347,18 @@ def read_slowly(data):
     for line in lines:
         if len(line) > MAX_LINE_BYTES:
             continue
-        line, blanks = line.strip(' \t'), ' \t'
-        texts, i = [''], 0
-        while i < len(line):
-            j = i
-            while line[j] in blanks:
-                j += 1
-            if line[j] in ',;':
-                j += 1
-                while j < len(line) and line[j] in blanks:
-                    j += 1
-            if j > i:
-                texts.append('')
-                i = j
-            else:
-                texts[-1] += line[i]
-                i += 1
+        line = line.strip(' \t')
+        line = join_signs(line)
+        texts = split_slowly(line)
         if len(texts) < 2 or not texts[0] or set(texts[0]) - set('0123456789'):
             continue
         if len(texts[0]) > 19 or not is_plain_number(texts[1]):
             continue
-        if not abs(float(texts[1])) <= MAX_VALUE or (texts[2:] or [''])[0] in ('lbs', 'g', 'N'):
+        if not abs(float(texts[1])) <= MAX_VALUE or set(texts) & {'OL', 'Overload'}:
+            continue
+        if has_other_word(texts[2:]):
+            continue
+        if may_be_decimal_comma(line):
             continue
         if columns and len(texts) not in (columns, odd):
             odd = len(texts)
@@ -264,8 +368,75 @@ def read_slowly(data):
     return found
 
 
+def has_other_word(texts):
+    for i, text in enumerate(texts):
+        if is_plain_number(text) or (i == 0 and text == 'kg'):
+            return False
+        if text in ('g', 't', 'mN', 'lbs', 'lb'):
+            return True
+        has_letter = any(c.isalpha() or c == '%' or ord(c) > 127 for c in text)
+        if i == 0 and has_letter and text != 'SIMULATED':
+            return True
+    return False
+
+
+def join_signs(line):
+    i = 0
+    while i < len(line):
+        is_start = i == 0 or line[i - 1] in ' \t,;'
+        behind = line[i + 1 :].lstrip(' ')
+        is_apart = line[i + 1 : i + 2] == ' ' and behind and behind[0] in '0123456789.,'
+        if line[i] in '+-' and is_start and is_apart:
+            line = line[: i + 1] + behind
+        i += 1
+    return line
+
+
+def split_slowly(line, separators=',;'):
+    texts, i, blanks = [''], 0, ' \t'
+    while i < len(line):
+        j = i
+        while line[j] in blanks:
+            j += 1
+        if line[j] in separators:
+            j += 1
+            while j < len(line) and line[j] in blanks:
+                j += 1
+        if j > i:
+            texts.append('')
+            i = j
+        else:
+            texts[-1] += line[i]
+            i += 1
+    return texts
+
+
+def may_be_decimal_comma(line):
+    digits = '0123456789'
+    marked = ''.join(
+        '\ue000'
+        if c == ',' and line[i - 1 : i] in set(digits) and line[i + 1 : i + 2] in set(digits)
+        else c
+        for i, c in enumerate(line)
+    )
+    texts = split_slowly(marked)
+    if len(texts) < 2:
+        return False
+    text = texts[1].rstrip(''.join(map(chr, [*range(65, 91), *range(97, 123)])))
+    text, _, exponent = text.lower().partition('e')
+    if exponent and not is_plain_number('0e' + exponent):
+        return False
+    text = text.removeprefix('-' if text[:1] == '-' else '+')
+    parts = text.split('\ue000')
+    if len(parts) < 2:
+        return False
+    return not any(set(part) - set(digits) for part in parts)
+
+
 @settings(deadline=None)
 @given(streams)
+@example(b'\n12 12,34\n')
+@example(b'\n12,+  0.5\n12,-  0.5,OL\n')
 @example(b'\n12,0.5\n12,0.5,\n12,0.5\n12,0.5,\n')
 @example(b'\n' + b' ' * 300 + b'\n' + LINE)
 def test_only_what_the_format_calls_a_reading_is_one(data):
@@ -289,6 +460,93 @@ def test_the_chunking_makes_no_difference(data, cuts):
         assert readings == expected
         for counter in ('bytes', 'lines', 'readings', 'last_rejected', 'rejected_lines'):
             assert getattr(split, counter) == getattr(whole, counter)
+
+
+# -- dialects ---------------------------------------------------------------------------------
+
+DIALECTS = {
+    'OpenScale': ('{time},{value},{unit},24.75,', 0, 1),
+    'bare': ('{value}', -1, 0),
+    'named': ('Weight:{value}{unit}', -1, 0),
+    'sketch': ('Reading: {value} {unit}', -1, 1),
+    'seconds': ('{time} {value}', 0, 1),
+    'A&D': ('{stable},GS,{value:>8}{unit:>3}', -1, 2),
+    'Mettler SICS': ('S {letter} {value:>10} {unit}', -1, 2),
+    'apart': ('{sign} {digits:>8} {unit}', -1, 0),
+}
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(sorted(DIALECTS)),
+    st.sampled_from(['kg', 'g', 't', 'N', 'mN', 'kN', 'lbf', 'oz']),
+    st.sampled_from(['auto', '.', ',']),
+    st.lists(st.tuples(st.booleans(), st.integers(-(10**7), 10**7)), min_size=4, max_size=12),
+    st.integers(1, 5),
+)
+def test_a_line_of_a_dialect_is_read_exactly_or_refused(dialect, unit, mark, samples, decimals):
+    form, time_column, value_column = DIALECTS[dialect]
+    if mark == ',' and dialect == 'OpenScale':
+        form = form.replace(',', ';').replace('24.75', '24,75')
+    config = TendonSensorConfig(
+        time_column=time_column, value_column=value_column, unit=unit, decimal_mark=mark
+    )
+    decoder = LineDecoder(config)
+    decoder.feed(b'\n', 0)
+    word = {'lbf': 'lbs'}.get(unit, unit)
+    refused = 0
+    for i, (is_stable, count) in enumerate(samples):
+        text = f'{count / 10**decimals:+.{decimals}f}'
+        line = form.format(
+            time=17 * i,
+            value=text.replace('.', mark) if mark == ',' else text,
+            sign=text[0],
+            digits=(text.replace('.', mark) if mark == ',' else text)[1:],
+            unit=word,
+            stable='ST' if is_stable else 'US',
+            letter='SD'[is_stable],
+        )
+        readings = decoder.feed(line.encode() + b'\r\n', i)
+        expected = 17 * i if time_column >= 0 else None
+        assert [(r.device_ticks, r.value) for r in readings] in ([], [(expected, float(text))])
+        refused += not readings
+    assert refused <= 1, decoder.last_reason
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(['auto', '.', ',']),
+    st.integers(-1, 2),
+    st.integers(0, 3),
+    st.sampled_from(['kg', 'N', 'g']),
+    st.lists(
+        st.sampled_from(
+            b'ST|US|S|D|GS|+|-| |,|;|.|1|12|0.5|12,34|1,234.5|kg|g|N|mN|:|=|OL|\n|\n|\r\n'.split(
+                b'|'
+            )
+        )
+        | st.binary(max_size=3),
+        max_size=60,
+    ).map(b''.join),
+)
+def test_a_value_stands_in_its_line_as_it_is_given(mark, time_column, value_column, unit, data):
+    if time_column == value_column:
+        time_column = -1
+    config = TendonSensorConfig(
+        time_column=time_column, value_column=value_column, unit=unit, decimal_mark=mark
+    )
+    for line in data.replace(b'\r', b'\n').split(b'\n'):
+        decoder = LineDecoder(config)
+        for reading in decoder.feed(b'\n' + (line + b'\n') * 2, 7):
+            text = line.decode('latin-1').replace(' ', '')
+            if mark == ',':
+                text = text.replace(',', '.')
+            # The digits stand in one piece, and none is directly before or behind them.
+            numbers = re.findall(r'(?<![\d.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?', text)
+            assert abs(reading.value) in [abs(float(number)) for number in numbers]
+            if len(numbers) == 1:
+                behind = re.split(r'[\d.]+', text)[-1]
+                assert not re.fullmatch(r'[,;\t]*(kg|g|N|mN)[,;\t]*', behind) or unit in behind
 
 
 # -- encode ---------------------------------------------------------------------------------------

@@ -110,6 +110,20 @@ def test_a_device_restart_is_told_although_the_link_held():
     assert (stream.clock.outliers, stream.clock.restarts) == (1, 1)
 
 
+@pytest.mark.parametrize('time_column', [0, -1])
+def test_a_board_without_a_clock_counts_as_restarted_when_it_is_back(time_column):
+    stream = StrainStream(TendonSensorConfig(time_column=time_column))
+    has_clock = time_column == 0
+    stream.add(Reading(0 if has_clock else None, 0.5, 0))
+    stream.note_reconnection()
+    (back,) = stream.add(Reading(5000 if has_clock else None, 0.6, 5_000_000_000))
+    (next_one,) = stream.add(Reading(5017 if has_clock else None, 0.5, 5_017_000_000))
+    assert back.status & StrainStatus.RECONNECTED
+    assert bool(back.status & StrainStatus.RESTARTED) is not has_clock
+    assert stream.clock.restarts == (0 if has_clock else 1)
+    assert not next_one.status & StrainStatus.RESTARTED
+
+
 def test_a_value_that_stays_exactly_the_same_is_stuck_until_it_changes():
     stream = StrainStream(TendonSensorConfig(stuck_s=0.5))
     values = [0.5] * 50 + [0.6] + [0.5] * 31

@@ -141,3 +141,36 @@ def test_it_keeps_no_more_than_it_needs():
     for first in range(0, 7000, 7):
         tare.apply(make_block(np.zeros(7), first))
     assert sum(len(block.tension_n) for block in tare._blocks) <= 16
+
+
+@pytest.mark.parametrize(
+    ('status', 'reason'),
+    [
+        ('RECONNECTED', 'since the link came back'),
+        ('RESTARTED', 'since the device has restarted, or may have'),
+        ('CLOCK_STEP', "since the host's clock was set"),
+    ],
+)
+def test_samples_from_before_a_break_make_no_tare(status, reason):
+    tare = Tare(CONFIG)
+    feed(tare, noise())
+    tare.apply(make_block([0.3], 100, StrainStatus[status]))
+    with pytest.raises(TareError, match=rf'only 1 of 50 samples have come {reason}; leave the'):
+        tare.measure(NOW_NS + PERIOD_NS)
+    for i in range(49):
+        tare.apply(make_block([0.4], 101 + i))
+    assert tare.measure(NOW_NS + 50 * PERIOD_NS).bias_n == pytest.approx(0.398)
+
+
+@pytest.mark.parametrize(('silent_s', 'is_taken'), [(0.4, True), (0.6, False), (600.0, False)])
+def test_samples_from_before_a_silence_make_no_tare(silent_s, is_taken):
+    tare = Tare(CONFIG)
+    feed(tare, noise())
+    first = 100 + round(silent_s * CONFIG.rate_hz)
+    tare.apply(make_block([0.3], first))
+    now_ns = (first + 1) * PERIOD_NS
+    if is_taken:
+        assert tare.measure(now_ns).samples == 50
+    else:
+        with pytest.raises(TareError, match=rf'only 1 of .* since a silence of {silent_s:.1f} s'):
+            tare.measure(now_ns)

@@ -199,7 +199,6 @@ def live_rig(
             setup.models,
             tuple(models),
             feature_parameters_of(graph),
-            simulated=simulated,
         )
     )
     with ExitStack() as stack:

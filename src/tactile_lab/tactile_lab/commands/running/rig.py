@@ -60,7 +60,6 @@ def run_rig(request: RigRequest) -> None:
                     tuple(models),
                     feature_parameters_of(nodes),
                     namespaces=(request.namespace.strip('/'),),
-                    simulated=simulated,
                 )
             )
         run_nodes(
