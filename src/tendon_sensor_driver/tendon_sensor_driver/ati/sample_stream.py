@@ -68,9 +68,7 @@ class CountedStream:
         self._event = StrainStatus.OK
         self._run: _Run | None = None
 
-    def begin_session(
-        self, tick_rate_hz: float, ticks_per_sample: int, *, is_clock: bool = True
-    ) -> None:
+    def begin_session(self, tick_rate_hz: float, ticks_per_sample: int) -> None:
         """Say that the link stands, for the first time or again.
 
         Parameters
@@ -79,22 +77,14 @@ class CountedStream:
             Rate of the counter [Hz].
         ticks_per_sample : int
             Expected ticks from one sample to the next.
-        is_clock : bool
-            Whether the counter is the device's; one that the host counts tells no time.
         """
-        if not is_clock:
-            self._tick_rate_hz = tick_rate_hz
-        elif tick_rate_hz != self._tick_rate_hz:
+        if tick_rate_hz != self._tick_rate_hz:
             self._tick_rate_hz = tick_rate_hz
             self._clock = DeviceClock(float(1 / Fraction(tick_rate_hz)))
         if self._sequence >= 0:
             self._clock.note_reconnection()
             self._event |= StrainStatus.RECONNECTED
         self.counter.begin_session(tick_rate_hz, ticks_per_sample)
-
-    def correct_rate(self, tick_rate_hz: float) -> None:
-        """Take a better value for the rate of a counter that is no clock [Hz]."""
-        self._tick_rate_hz = tick_rate_hz
 
     @property
     def rate_hz(self) -> float:
