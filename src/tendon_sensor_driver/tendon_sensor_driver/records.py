@@ -11,7 +11,7 @@ from typing import NamedTuple
 from tactile_ros.configs import check_parameters, parameter
 from tactile_ros.strain import StrainStatus
 
-SENSORS = ('line', 'net_ft', 'digital_ft', 'topic')
+SENSORS = ('line', 'net_ft', 'topic')
 NEWTONS = {
     'kg': 9.80665,
     'g': 0.00980665,
@@ -49,11 +49,11 @@ class TendonSensorConfig:
 
     sensor: str = parameter(
         'line',
-        'kind of sensor: load-cell lines, ATI Net F/T, ATI Digital F/T, or a force that another '
-        'node publishes on a topic',
+        'kind of sensor: load-cell lines, ATI Net F/T, or a force that another node publishes '
+        'on a topic',
         choices=SENSORS,
     )
-    port: str = parameter('/dev/ttyUSB0', 'serial port of a line or Digital F/T sensor')
+    port: str = parameter('/dev/ttyUSB0', 'serial port of a sensor that sends lines')
     baud: int = parameter(115200, 'speed of the serial port', unit='baud', range=(300, 12_000_000))
     value_column: int = parameter(1, 'column of the value in a line, from 0', range=(0, 63))
     time_column: int = parameter(
@@ -106,9 +106,6 @@ class TendonSensorConfig:
     )
     low_pass_hz: int = parameter(
         18, 'low pass set in a Net F/T; 0: off', unit='Hz', choices=tuple(sorted(LOW_PASS_CODES))
-    )
-    calibration_slot: int = parameter(
-        1, 'calibration of a Digital F/T that is used', range=(1, 16)
     )
     topic: str = parameter(
         '',

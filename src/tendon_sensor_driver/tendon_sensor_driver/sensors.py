@@ -39,8 +39,4 @@ def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) ->
                 'a Net F/T needs pynetft, which is not installed: pip install pynetft'
             ) from error
         return NetFtClient(config, on_block, now_ns)
-    if config.sensor == 'digital_ft':
-        from tendon_sensor_driver.ati.digital_ft import DigitalFtClient
-
-        return DigitalFtClient(config, on_block, now_ns)
     return TendonSensorClient(config, on_block, now_ns)

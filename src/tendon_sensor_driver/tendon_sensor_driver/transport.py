@@ -42,8 +42,6 @@ class SerialTransport:
         Name of the device.
     baud : int
         Its speed.
-    has_parity : bool
-        Whether each byte has a bit for even parity. A byte with a wrong one is read as 0.
 
     Raises
     ------
@@ -51,23 +49,14 @@ class SerialTransport:
         By every method, when the port cannot be opened, has gone or takes nothing.
     """
 
-    def __init__(self, port: str, baud: int, *, has_parity: bool = False) -> None:
+    def __init__(self, port: str, baud: int) -> None:
         self._name = port
-        # Linux pseudo-terminals know no parity and refuse it.
-        has_parity &= not os.path.realpath(port).startswith('/dev/pts/')
         self._lock = threading.Lock()
         try:
             # exclusive: two readers would each get half of the lines.
             self._port = serial.Serial(
-                port,
-                baud,
-                parity=serial.PARITY_EVEN if has_parity else serial.PARITY_NONE,
-                timeout=0,
-                write_timeout=_WRITE_TIMEOUT_S,
-                exclusive=True,
+                port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
             )
-            if has_parity:
-                _check_parity(self._port)
         except _FAILURES as error:
             reason = _REMEDIES.get(getattr(error, 'errno', None) or 0, str(error))
             raise LinkError(f'cannot open serial port {port}: {reason}') from error
@@ -115,13 +104,6 @@ class SerialTransport:
                 self._port.close()
                 os.close(self._cancelled)
                 os.close(self._cancel)
-
-
-def _check_parity(port: serial.Serial) -> None:
-    """Make the kernel look at the parity bit: pyserial sends the bit and turns the check off."""
-    settings = termios.tcgetattr(port.fileno())
-    settings[0] = (settings[0] | termios.INPCK) & ~termios.IGNPAR
-    termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
 
 
 def find_serial_number(port: str) -> str:

@@ -6,14 +6,14 @@
 from __future__ import annotations
 
 from tactile_ros.strain import StrainBlock
-from tendon_sensor_driver.ati.counter import CounterRestartError
+from tendon_sensor_driver.ati.counter_clock import CounterClock, CounterRestartError
 from tendon_sensor_driver.ati.net_ft_links import LinkCounts, NetFtLink, open_link
 from tendon_sensor_driver.ati.net_ft_protocol import compute_rate_hz, MOST_RECORDS
 from tendon_sensor_driver.ati.net_ft_web import BoxConfiguration, BoxWeb
-from tendon_sensor_driver.ati.sample_stream import CountedStream
 from tendon_sensor_driver.client_base import LinkClient, NowNs, OnBlock
 from tendon_sensor_driver.errors import LinkError
 from tendon_sensor_driver.records import Health, TendonSensorConfig
+from tendon_sensor_driver.stream.strain_stream import Stream
 
 
 class NetFtClient(LinkClient[NetFtLink]):
@@ -30,13 +30,13 @@ class NetFtClient(LinkClient[NetFtLink]):
     def __init__(self, config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) -> None:
         super().__init__(config, on_block, now_ns)
         self._web = BoxWeb(config.host, config.http_port)
-        self._stream = CountedStream(config)
+        self._stream = Stream(config, CounterClock())
         self._before = LinkCounts()  # of the links before this one
         self._seen_rejected = 0
 
     def health(self) -> Health:
         """Return the state of the link now."""
-        stream, counter, link = self._stream, self._stream.counter, self._link
+        stream, clock, link = self._stream, self._stream.clock, self._link
         counts = self._before
         if link is not None:
             counts = counts.plus(link.counts)
@@ -46,13 +46,13 @@ class NetFtClient(LinkClient[NetFtLink]):
             readings=stream.readings,
             rejected_lines=counts.rejected,
             lost_samples=stream.lost_samples,
-            duplicates=counter.duplicates + counts.duplicates,
-            late_samples=counter.late + counts.late,
-            outliers=stream.outliers,
-            restarts=counter.restarts,
+            duplicates=clock.duplicates + counts.duplicates,
+            late_samples=clock.late_samples + counts.late,
+            outliers=clock.outliers,
+            restarts=clock.restarts,
             status=stream.status,
             device_status='' if link is None else link.describe_status(),
-            rate_hz=stream.rate_hz,
+            rate_hz=clock.rate_hz,
         )
 
     # -- the client's thread -----------------------------------------------------------
@@ -62,7 +62,10 @@ class NetFtClient(LinkClient[NetFtLink]):
         link = open_link(self._config, box, rate_hz, self._arrivals.now_ns)
         self._seen_rejected = 0
         self.identity = box.serial or box.product
-        self._stream.begin_session(box.internal_rate_hz, round(box.internal_rate_hz / rate_hz))
+        ticks_per_sample = round(box.internal_rate_hz / rate_hz)
+        self._stream.clock.begin_session(box.internal_rate_hz, ticks_per_sample)
+        if self._stream.readings:
+            self._stream.note_reconnection()
         return link
 
     def _set_up(self, box: BoxConfiguration) -> tuple[BoxConfiguration, float]:

@@ -16,13 +16,12 @@ import contextlib
 import select
 import socket
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 import pynetft
 
-from tendon_sensor_driver.ati.counter import Batch
 from tendon_sensor_driver.ati.net_ft_protocol import (
     classify_status,
     Command,
@@ -34,7 +33,8 @@ from tendon_sensor_driver.ati.net_ft_protocol import (
 )
 from tendon_sensor_driver.ati.net_ft_web import BoxConfiguration
 from tendon_sensor_driver.errors import LinkError
-from tendon_sensor_driver.records import TendonSensorConfig
+from tendon_sensor_driver.records import AXES, TendonSensorConfig
+from tendon_sensor_driver.stream.clock import Batch
 
 PYNETFT_MOST_HZ = 1000.0
 _WAIT_S = 0.1
@@ -93,6 +93,8 @@ class NetFtLink(ABC):
         now_ns: Callable[[], int],
     ) -> None:
         self._host = config.host
+        self._axis = AXES.index(config.axis)
+        self._scale = config.scale
         self._is_axia = box.is_axia
         self._now_ns = now_ns
         self._gather_s = min((config.samples_per_block - 1) / rate_hz, _LONGEST_GATHER_S)
@@ -126,11 +128,25 @@ class NetFtLink(ABC):
     def close(self) -> None:
         """Ask the box to stop, and let go of it."""
 
-    def _take_status(self, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        """Note that records came; return the bits of `StrainStatus` of their status words."""
+    def _make_batch(
+        self, *, wrench: NDArray[np.float64], words: NDArray[np.uint32], **fields: Any
+    ) -> Batch:
+        """Note that records came; return them as a batch.
+
+        Parameters
+        ----------
+        wrench : ndarray
+            Forces [N] and torques [N m], shape (samples, 6).
+        words : ndarray
+            Status words, shape (samples,).
+        **fields
+            The other fields of `Batch`.
+        """
         self._heard_s = self._asked_s = time.monotonic()
         self._status_word = int(words[-1])
-        return classify_status(words, is_axia=self._is_axia)
+        status = classify_status(words, is_axia=self._is_axia)
+        tension_n = self._scale * wrench[:, self._axis]
+        return Batch(tension_n=tension_n, wrench=wrench, status=status, **fields)
 
     def _check_silence(self) -> bool:
         """Whether to ask for the stream again; LinkError when that has not helped."""
@@ -225,15 +241,13 @@ class PynetftLink(NetFtLink):
             raise LinkError(f'pynetft gave up: {error}') from error
         self._records += len(samples)
         age_ns = time.monotonic_ns() - samples[0].received_at_ns
-        return Batch(
-            records=np.array([sample.rdt_sequence for sample in samples], dtype=np.uint32),
-            ticks=np.array([sample.ft_sequence for sample in samples], dtype=np.uint32),
-            wrench=np.array([sample.wrench for sample in samples]),
-            status=self._take_status(
-                np.array([sample.status for sample in samples], dtype=np.uint32)
-            ),
-            timed=0,
+        return self._make_batch(
             received_at_ns=self._now_ns() - age_ns,
+            timed=0,
+            wrench=np.array([sample.wrench for sample in samples]),
+            ticks=np.array([sample.ft_sequence for sample in samples], dtype=np.uint32),
+            records=np.array([sample.rdt_sequence for sample in samples], dtype=np.uint32),
+            words=np.array([sample.status for sample in samples], dtype=np.uint32),
         )
 
     def _take_waiting(self) -> list[pynetft.Sample]:
@@ -315,14 +329,14 @@ class ArrayLink(NetFtLink):
 
     def _decode(self, datagrams: list[bytes], received_at_ns: int) -> Batch:
         records: NDArray[np.void] = decode_records(b''.join(datagrams))
-        return Batch(
-            records=records['rdt_sequence'].astype(np.uint32),
-            ticks=records['ft_sequence'].astype(np.uint32),
-            wrench=records['counts'] * self._si_per_count,
-            status=self._take_status(records['status'].astype(np.uint32)),
+        return self._make_batch(
+            received_at_ns=received_at_ns,
             # A datagram is sent as soon as its last record is there.
             timed=len(datagrams[0]) // RECORD_BYTES - 1,
-            received_at_ns=received_at_ns,
+            wrench=records['counts'] * self._si_per_count,
+            ticks=records['ft_sequence'].astype(np.uint32),
+            records=records['rdt_sequence'].astype(np.uint32),
+            words=records['status'].astype(np.uint32),
         )
 
     def close(self) -> None:

@@ -114,7 +114,7 @@ class TendonSensorClient(LinkClient[SerialTransport]):
             self._stream.clock.note_newest(newest.device_ticks, newest.received_at_ns)
         for reading in readings:
             self._note_samples()
-            self._deliver(self._stream.add(reading))
+            self._deliver(self._stream.add_reading(reading))
         self._delivered_in_ns = time.monotonic_ns() - began_ns
 
     def _drop_input(self, link: SerialTransport) -> None:

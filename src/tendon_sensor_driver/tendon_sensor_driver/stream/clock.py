@@ -1,16 +1,24 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Device time to ROS time, by the clock-skew filter in `.clock_skew`."""
+"""The time of samples: clocks of hosts and devices, and what is missing between two samples.
+
+A `SampleClock` gives the samples of one sensor their place: it drops what has none, and returns
+`Run` of consecutive samples. Clocks that look at one sample at a time implement `place`; a clock
+of whole batches overrides `place_batch`.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 import time
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver.stream.clock_skew import ClockSkewFilter, SECOND_NS, STEP_NS
 
 _SLEW_DIVISOR = 20
@@ -21,6 +29,8 @@ _MOST_WAITED_NS = 10 * SECOND_NS  # 4096 bytes of a port are 5 s of lines at 60 
 _LEAST_STEP_NS = SECOND_NS // 10
 _QUICK_NS = SECOND_NS // 1000
 _ATTEMPTS = 3
+_RESTART = int(StrainStatus.RECONNECTED | StrainStatus.RESTARTED)
+_STEP = int(StrainStatus.CLOCK_STEP)
 
 
 class ArrivalClock:
@@ -90,8 +100,72 @@ class Instant(NamedTuple):
     is_step: bool = False
 
 
-class SampleClock(ABC):
-    """What gives the samples of one sensor their time.
+class Batch(NamedTuple):
+    """Samples that were read together, in the order of their arrival.
+
+    Attributes
+    ----------
+    received_at_ns : int
+        Host time of the arrival of the sample ``timed`` [ns]; the others came at about that time.
+    tension_n : ndarray
+        Tension [N], float64, shape (samples,).
+    ticks : ndarray or sequence of int, or None
+        Device time or counter of each sample; None for a device without a clock.
+    wrench : ndarray or None
+        Fx, Fy, Fz [N], Tx, Ty, Tz [N m], float64, shape (samples, 6).
+    status : ndarray or None
+        Bits of `StrainStatus` by the device, uint32, shape (samples,).
+    timed : int
+        Index of the sample whose arrival is known.
+    records : ndarray or None
+        Numbers of the records in this session of the link, uint32, shape (samples,).
+    """
+
+    received_at_ns: int
+    tension_n: NDArray[np.float64]
+    ticks: NDArray[np.uint32] | Sequence[int] | None = None
+    wrench: NDArray[np.float64] | None = None
+    status: NDArray[np.uint32] | None = None
+    timed: int = 0
+    records: NDArray[np.uint32] | None = None
+
+
+class Run(NamedTuple):
+    """Consecutive samples of a batch, nothing missing between them.
+
+    Attributes
+    ----------
+    samples : slice or ndarray
+        Which samples of the batch, oldest first.
+    stamp_ns : int
+        ROS time of the first [ns]; the others follow by the clock's period.
+    stamp_error_s : float
+        Bound on the error of the stamps [s]; negative when not known.
+    lost : int
+        Samples missing before the first.
+    event : int
+        Bits of `StrainStatus`: restart or clock step before the first.
+    """
+
+    samples: slice | NDArray[np.intp]
+    stamp_ns: int
+    stamp_error_s: float
+    lost: int = 0
+    event: int = 0
+
+
+class SampleClock:
+    """Base class of the clocks of sensors.
+
+    The samples lost before one are the device time since the one before, in whole periods,
+    less one. Only neighbours are compared, so ticks coarser than the period's fraction and a
+    device rate a little off the nominal one never add up to a false gap; a gap of some thousand
+    samples is still counted exactly at 100 ppm.
+
+    Parameters
+    ----------
+    period_ns : int
+        Nominal time between two samples [ns].
 
     Attributes
     ----------
@@ -101,25 +175,41 @@ class SampleClock(ABC):
         Times that the device's clock began anew.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
         self.duplicates = self.late_samples = self.outliers = self.restarts = 0
         self._outlier: tuple[int, int] | None = None  # its own time, arrival [ns]
+        self._device_ns: int | None = None  # of the newest sample that has a place
 
-    def note_reconnection(self) -> None:  # noqa: B027 - arrival times go on as before
-        """Say that the link was lost and came back before the next sample."""
+    def note_reconnection(self) -> None:
+        """Note that the link was lost and came back before the next sample."""
 
     def note_step(self, step_ns: int) -> None:
         """Follow the host's clock, which was set by this before the next sample [ns]."""
         if self._outlier is not None:
             self._outlier = (self._outlier[0], self._outlier[1] + step_ns)
 
-    def note_newest(self, ticks: int | None, received_at_ns: int) -> None:  # noqa: B027
-        """Say which is the newest of several samples that arrive as one, before the first.
+    def note_newest(self, ticks: int | None, received_at_ns: int) -> None:
+        """Note the newest of several samples that arrive as one, before the first.
 
         Parameters as those of `place`.
         """
 
-    @abstractmethod
+    def place_batch(self, batch: Batch) -> list[Run]:
+        """Return the samples that have a place in time, as runs."""
+        runs = []
+        for i in range(len(batch.tension_n)):
+            ticks = None if batch.ticks is None else int(batch.ticks[i])
+            instant = self.place(ticks, batch.received_at_ns)
+            if instant is None:
+                continue
+            event = _RESTART if instant.is_restart else 0
+            if instant.is_step:
+                event |= _STEP
+            lost = self._count_lost(instant)
+            runs.append(Run(slice(i, i + 1), instant.stamp_ns, instant.stamp_error_s, lost, event))
+        return runs
+
     def place(self, ticks: int | None, received_at_ns: int) -> Instant | None:
         """Return when a sample was taken, or None when its time fits nowhere.
 
@@ -130,6 +220,15 @@ class SampleClock(ABC):
         received_at_ns : int
             Host time of its arrival [ns].
         """
+        raise NotImplementedError
+
+    def _count_lost(self, instant: Instant) -> int:
+        before_ns, self._device_ns = self._device_ns, instant.device_ns
+        if before_ns is None or self._device_ns is None or instant.is_restart:
+            return 0
+        elapsed_ns = self._device_ns - before_ns
+        periods = (2 * elapsed_ns + self.period_ns) // (2 * self.period_ns)
+        return max(periods, 1) - 1
 
     def _drop_old(self, behind_ns: int) -> None:
         """Count a sample that is so far behind the newest one, or is that one again."""
@@ -150,8 +249,8 @@ class SampleClock(ABC):
 class HostClock(SampleClock):
     """Stamps for a device without a clock: the time of arrival, made strictly increasing."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, period_ns: int) -> None:
+        super().__init__(period_ns)
         self._stamp_ns: int | None = None
 
     def note_step(self, step_ns: int) -> None:
@@ -192,10 +291,12 @@ class DeviceClock(SampleClock):
     ----------
     tick_s : float
         Device time of one tick [s].
+    period_ns : int
+        Nominal time between two samples [ns].
     """
 
-    def __init__(self, tick_s: float) -> None:
-        super().__init__()
+    def __init__(self, tick_s: float, period_ns: int) -> None:
+        super().__init__(period_ns)
         self._tick_s = tick_s
         # As a fraction (0.001 is 1/1000 again), so that days of ticks stay exact.
         tick_ns = Fraction(tick_s).limit_denominator(10**9) * SECOND_NS

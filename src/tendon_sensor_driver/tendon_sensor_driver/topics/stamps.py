@@ -92,8 +92,7 @@ class StampClock(SampleClock):
     """
 
     def __init__(self, period_ns: int) -> None:
-        super().__init__()
-        self._nominal_ns = period_ns
+        super().__init__(period_ns)
         self.steps = 0
         self.number: int | None = None  # of the message that is placed next
         self._delays_ns: list[int] = []  # the shortest of the last two spans of 5 s
@@ -154,7 +153,7 @@ class StampClock(SampleClock):
         stamp_ns = received_at_ns
         if self._last is not None and not is_step:
             stamp_ns = max(stamp_ns, self._last.stamp_ns + 1)
-        device_ns = self._index * self._nominal_ns
+        device_ns = self._index * self.period_ns
         self._last = Instant(device_ns, stamp_ns, -1.0, is_step=is_step)
         return self._last
 
@@ -170,7 +169,7 @@ class StampClock(SampleClock):
         self._delays_ns = []
         self._note_delay(ticks, received_at_ns)
         self._index += 1
-        self._grid = StampGrid(self._nominal_ns, ticks)
+        self._grid = StampGrid(self.period_ns, ticks)
         return self._stamp(ticks, is_step=is_step)
 
     def _continue(self, ticks: int, received_at_ns: int) -> Instant:
@@ -181,7 +180,7 @@ class StampClock(SampleClock):
     def _stamp(self, ticks: int, *, is_step: bool) -> Instant:
         error_s = abs(self.least_delay_ns or 0) / 1e9
         self._outlier = None
-        self._last = Instant(self._index * self._nominal_ns, ticks, error_s, is_step=is_step)
+        self._last = Instant(self._index * self.period_ns, ticks, error_s, is_step=is_step)
         return self._last
 
     def _note_delay(self, ticks: int, received_at_ns: int) -> None:

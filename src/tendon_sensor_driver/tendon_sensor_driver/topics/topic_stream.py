@@ -8,9 +8,12 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
+
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.records import TendonSensorConfig
-from tendon_sensor_driver.stream.strain_stream import SampleStream
+from tendon_sensor_driver.stream.clock import Batch
+from tendon_sensor_driver.stream.strain_stream import Stream
 from tendon_sensor_driver.topics.readings import TopicReading
 from tendon_sensor_driver.topics.stamps import RateMeter, StampClock
 
@@ -40,14 +43,14 @@ class TopicStream:
         self.readings = 0
         self.is_value_finite = True
         self.clock: StampClock | None = None
-        self.samples: SampleStream | None = None
+        self.samples: Stream[StampClock] | None = None
         if config.rate_hz:
             self._begin(config)
 
     def _begin(self, config: TendonSensorConfig) -> None:
         self._config = config
         self.clock = StampClock(config.period_ns)
-        self.samples = SampleStream(config, self.clock, config.period_ns)
+        self.samples = Stream(config, self.clock)
 
     @property
     def rate_hz(self) -> float:
@@ -81,7 +84,15 @@ class TopicStream:
             tension_n = math.nan
             status |= StrainStatus.DEVICE_ERROR
         self.clock.number = number
-        return self.samples.add_sample(stamp_ns, received_at_ns, tension_n, status, reading.wrench)
+        return self.samples.add(
+            Batch(
+                received_at_ns,
+                np.array([tension_n]),
+                None if stamp_ns is None else (stamp_ns,),
+                None if reading.wrench is None else np.array([reading.wrench]),
+                np.array([int(status)], dtype=np.uint32),
+            )
+        )
 
     def note_reconnection(self) -> None:
         """Say that the publisher went away and one came back."""

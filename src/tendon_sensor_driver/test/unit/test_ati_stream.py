@@ -8,8 +8,10 @@ import pytest
 
 from tactile_ros.strain import StrainStatus
 from tendon_sensor_driver import TendonSensorConfig
-from tendon_sensor_driver.ati.counter import Batch, CounterRestartError, SampleCounter
-from tendon_sensor_driver.ati.sample_stream import CountedStream
+from tendon_sensor_driver.ati.counter_clock import CounterClock, CounterRestartError
+from tendon_sensor_driver.records import AXES
+from tendon_sensor_driver.stream.clock import Batch
+from tendon_sensor_driver.stream.strain_stream import Stream
 
 RATE_HZ = 7000
 START_NS = 1_800_000_000_000_000_000
@@ -21,7 +23,7 @@ def configure(**changes):
     )
 
 
-def batch_of(ticks, *, records=None, status=0, first=0, delay_s=0.0, values=None):
+def batch_of(ticks, *, records=None, status=0, first=0, delay_s=0.0, values=None, scale=1.0):
     """Samples of a counter that began with ``first``; each value tells its own tick."""
     ticks = np.asarray(ticks, dtype=np.int64)
     wrench = np.zeros((len(ticks), 6))
@@ -30,6 +32,7 @@ def batch_of(ticks, *, records=None, status=0, first=0, delay_s=0.0, values=None
     return Batch(
         records=np.asarray(ticks // 7 if records is None else records).astype(np.uint32),
         ticks=(ticks % 2**32).astype(np.uint32),
+        tension_n=scale * wrench[:, AXES.index('fz')],
         wrench=wrench,
         status=np.full(len(ticks), status, dtype=np.uint32),
         timed=len(ticks) - 1,
@@ -45,9 +48,15 @@ def run(stream, batches):
 
 
 def start(**changes):
-    stream = CountedStream(configure(**changes))
-    stream.begin_session(RATE_HZ, 7)
+    stream = Stream(configure(**changes), CounterClock())
+    stream.clock.begin_session(RATE_HZ, 7)
     return stream
+
+
+def begin_again(stream):
+    """Make the link anew, as the client does."""
+    stream.clock.begin_session(RATE_HZ, 7)
+    stream.note_reconnection()
 
 
 def check(blocks, ticks):
@@ -92,8 +101,8 @@ def test_any_loss_duplication_order_and_cutting_gives_true_samples_once(
         batches.append(batch_of(part, first=first))
     blocks = run(stream, batches)
     check(blocks, np.array(expected))
-    counter = stream.counter
-    assert counter.late == 0
+    clock = stream.clock
+    assert clock.late_samples == 0
     assert stream.readings == len(expected)
     assert stream.lost_samples == (expected[-1] - expected[0]) // 7 + 1 - len(expected)
 
@@ -102,39 +111,39 @@ def test_late_samples_are_dropped_and_counted():
     stream = start()
     blocks = run(stream, [batch_of([7, 14, 28]), batch_of([21, 35])])
     check(blocks, np.array([7, 14, 28, 35]))
-    assert stream.counter.late == 1
+    assert stream.clock.late_samples == 1
     assert stream.lost_samples == 1
 
 
 def test_a_sample_that_comes_twice_in_a_row_is_given_once():
     stream = start()
     check(run(stream, [batch_of([7, 14, 14, 21])]), np.array([7, 14, 21]))
-    assert stream.counter.duplicates == 1
+    assert stream.clock.duplicates == 1
 
 
 def test_a_batch_of_nothing_new_gives_nothing():
     stream = start()
     assert run(stream, [batch_of([7, 14])])
     assert stream.add(batch_of([14, 7])) == []
-    assert (stream.counter.duplicates, stream.counter.late) == (1, 1)
+    assert (stream.clock.duplicates, stream.clock.late_samples) == (1, 1)
 
 
 def test_the_period_follows_the_records_and_not_the_expectation():
-    stream = CountedStream(configure(samples_per_block=1, rate_hz=60.0))
-    stream.begin_session(RATE_HZ, 117)  # what a box that reports 60 Hz seems to say
+    stream = Stream(configure(samples_per_block=1, rate_hz=60.0), CounterClock())
+    stream.clock.begin_session(RATE_HZ, 117)  # what a box that reports 60 Hz seems to say
     batches = [batch_of([116 * i], records=[i]) for i in range(1, 8)]
     blocks = run(stream, batches)
     assert blocks[-1].period_ns == round(116e9 / 7000)
-    assert stream.rate_hz == pytest.approx(60.345, abs=1e-3)
+    assert stream.clock.rate_hz == pytest.approx(60.345, abs=1e-3)
     assert [block.sequence for block in blocks] == list(range(7))
 
 
 def test_one_odd_record_does_not_change_the_period():
-    counter = SampleCounter()
-    counter.begin_session(RATE_HZ, 7)
+    clock = CounterClock()
+    clock.begin_session(RATE_HZ, 7)
     for ticks, record in [(7, 1), (14, 2), (28, 3), (35, 4), (42, 5)]:
-        counter.sort(batch_of([ticks], records=[record]))
-    assert counter.ticks_per_sample == 7
+        clock.place_batch(batch_of([ticks], records=[record]))
+    assert clock.ticks_per_sample == 7
 
 
 def test_a_counter_that_falls_back_within_a_session_is_an_error():
@@ -142,11 +151,11 @@ def test_a_counter_that_falls_back_within_a_session_is_an_error():
     stream.add(batch_of(700_000 + 7 * np.arange(5), first=700_000))
     with pytest.raises(CounterRestartError, match='was restarted'):
         stream.add(batch_of([7], first=-35))
-    stream.begin_session(RATE_HZ, 7)
+    begin_again(stream)
     blocks = stream.add(batch_of([7, 14], first=-35)) + stream.flush()
     assert StrainStatus.RECONNECTED in blocks[-1].status
     assert (blocks[-1].sequence, blocks[-1].lost_before) == (5, 0)
-    assert stream.counter.restarts == 1
+    assert stream.clock.restarts == 1
 
 
 @pytest.mark.parametrize('step_s', [-3600.0, 3600.0])
@@ -155,7 +164,7 @@ def test_a_step_of_the_clock_of_the_host_is_no_restart(step_s):
     blocks = stream.add(batch_of(7 * np.arange(1, 6)))
     for i in range(6, 20):
         blocks += stream.add(batch_of([7 * i], delay_s=step_s))
-    assert stream.counter.restarts == 0
+    assert stream.clock.restarts == 0
     assert blocks[-1].sequence == 18
     stamps_ns = [block.stamp_ns for block in blocks]
     assert stamps_ns == sorted(set(stamps_ns))
@@ -164,11 +173,11 @@ def test_a_step_of_the_clock_of_the_host_is_no_restart(step_s):
 def test_a_gap_over_a_new_session_is_counted_by_the_counter():
     stream = start(samples_per_block=1)
     stream.add(batch_of(7 * np.arange(1, 6)))
-    stream.begin_session(RATE_HZ, 7)
+    begin_again(stream)
     block = stream.add(batch_of([7 * 3006], records=[1]))[0]
     assert (block.sequence, block.lost_before) == (3005, 3000)
     assert block.status == StrainStatus.RECONNECTED
-    assert stream.counter.restarts == 0
+    assert stream.clock.restarts == 0
 
 
 def test_a_change_of_status_begins_a_block():
@@ -182,8 +191,8 @@ def test_a_change_of_status_begins_a_block():
 
 
 def test_a_value_beyond_the_stated_range_is_saturated():
-    stream = start(saturation_n=20.0, scale=-1.0)
-    blocks = run(stream, [batch_of([7, 14, 21, 28])])
+    stream = start(saturation_n=20.0)
+    blocks = run(stream, [batch_of([7, 14, 21, 28], scale=-1.0)])
     assert [int(block.status) for block in blocks] == [0, 2]
     assert blocks[1].tension_n.tolist() == [-21.0, -28.0]
 
@@ -197,7 +206,7 @@ def test_equal_values_are_stuck_after_their_time_and_not_before(cut):
         ticks = 7 * np.arange(i + 1, min(i + cut, len(values)) + 1)
         blocks += stream.add(batch_of(ticks, values=values[i : i + cut]))
     stuck = [StrainStatus.STUCK in block.status for block in blocks]
-    assert stuck == [False] * 34 + [True] * 6 + [False] * 10
+    assert stuck == [False] * 35 + [True] * 5 + [False] * 10
 
 
 def test_dropped_datagrams_are_marked_once():
@@ -231,12 +240,12 @@ def test_a_step_of_the_hosts_clock_moves_the_stamps_and_is_no_restart(step_s, is
     blocks = run(stream, [batch_of(part) for part in np.split(ticks[:1000], 20)])
     stream.note_clock_step(round(step_s * 1e9))
     if is_reconnected:
-        stream.begin_session(RATE_HZ, 7)
+        begin_again(stream)
     after = run(stream, [batch_of(part, delay_s=step_s) for part in np.split(ticks[1000:], 20)])
     assert {block.status for block in (*blocks, *after[1:])} == {StrainStatus.OK}
     lost = StrainStatus.RECONNECTED if is_reconnected else StrainStatus.OK
     assert after[0].status == StrainStatus.CLOCK_STEP | lost
-    assert (stream.counter.restarts, stream.outliers, stream.lost_samples) == (0, 0, 0)
+    assert (stream.clock.restarts, stream.clock.outliers, stream.lost_samples) == (0, 0, 0)
     end_ns = blocks[-1].stamp_ns + 9 * blocks[-1].period_ns
     apart_s = (after[0].stamp_ns - end_ns) / 1e9
     assert apart_s == pytest.approx(step_s + 0.001, abs=0.01)
@@ -245,7 +254,7 @@ def test_a_step_of_the_hosts_clock_moves_the_stamps_and_is_no_restart(step_s, is
 def test_a_restart_of_the_counter_stands_in_the_block():
     stream = start()
     run(stream, [batch_of(7 * np.arange(10_001, 10_101))])
-    stream.begin_session(RATE_HZ, 7)
+    begin_again(stream)
     later = batch_of(7 * np.arange(1, 101))._replace(received_at_ns=START_NS + 20 * 10**9)
     blocks = run(stream, [later])
     assert blocks[0].status == StrainStatus.RECONNECTED | StrainStatus.RESTARTED

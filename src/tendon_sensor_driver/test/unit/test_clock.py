@@ -38,7 +38,7 @@ class Model:
 
 def run(model, seconds, extra_delay_ns=lambda elapsed_ns: 0, clock=None):
     """Return (elapsed, ticks, Instant) of every sample; arrivals never overtake."""
-    clock = clock or DeviceClock(0.001)
+    clock = clock or DeviceClock(0.001, PERIOD_NS)
     arrived_ns = 0
     rows = []
     for i in range(seconds * 60):
@@ -75,7 +75,7 @@ def jitter(seed, most_ns):
 
 @pytest.mark.parametrize('newest', [18, None])
 def test_samples_that_waited_for_the_hosts_thread_do_not_make_the_stamps_late(newest):
-    model, clock = Model(), DeviceClock(0.001)
+    model, clock = Model(), DeviceClock(0.001, PERIOD_NS)
     waited_ns = 18 * SECOND_NS // 60  # the first 19 samples arrive as one
     if newest is not None:
         clock.note_newest(model.ticks(newest * SECOND_NS // 60), model.true_stamp(waited_ns))
@@ -91,7 +91,7 @@ def test_samples_that_waited_for_the_hosts_thread_do_not_make_the_stamps_late(ne
 
 def test_a_newest_sample_of_another_time_is_not_taken():
     for ticks in (10, WRAP - 1):
-        clock = DeviceClock(0.001)
+        clock = DeviceClock(0.001, PERIOD_NS)
         clock.note_newest(ticks, EPOCH_NS)
         assert clock.place(5000, EPOCH_NS).stamp_ns == EPOCH_NS
 
@@ -139,7 +139,7 @@ def run_bursts(drift_ppm_at, *, rate_hz=60.0, tick_ns=1000, seconds=120, seed=0)
     hundred is missing.
     """
     source = random.Random(seed)
-    clock = DeviceClock(tick_ns / 1e9)
+    clock = DeviceClock(tick_ns / 1e9, PERIOD_NS)
     burst_ns, first_ns = 16 * MS_NS, source.randrange(16 * MS_NS)
     device_ns, before_ns, rows = 5.0 * SECOND_NS, 0, []
     for i in range(round(seconds * rate_hz)):
@@ -206,7 +206,7 @@ def test_the_wrap_of_a_32_bit_counter_leaves_no_trace(first_ticks):
 
 
 def test_a_wrap_in_a_gap_is_understood():
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     model = Model(first_ticks=WRAP - 1000)
     before_ns, _, before = run(model, 1, clock=clock)[-1]
     later_ns = 500 * SECOND_NS
@@ -216,7 +216,7 @@ def test_a_wrap_in_a_gap_is_understood():
 
 
 def test_a_restarted_device_is_believed_from_its_second_line_on():
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     run(Model(first_ticks=100_000), 30, clock=clock)
     start_ns = EPOCH_NS + 32 * SECOND_NS
     assert clock.place(10, start_ns) is None
@@ -228,7 +228,7 @@ def test_a_restarted_device_is_believed_from_its_second_line_on():
 
 
 def test_a_restart_after_a_wrap_starts_from_the_ticks_themselves():
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     run(Model(first_ticks=WRAP - 1000), 5, clock=clock)
     start_ns = EPOCH_NS + 10 * SECOND_NS
     clock.place(10, start_ns)
@@ -239,7 +239,7 @@ def test_a_restart_after_a_wrap_starts_from_the_ticks_themselves():
 
 def test_two_broken_times_with_a_good_one_between_are_no_restart():
     model = Model(first_ticks=30_000)
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     run(model, 5, clock=clock)
     elapsed_ns = 5 * SECOND_NS
     assert clock.place(100, model.true_stamp(elapsed_ns)) is None
@@ -251,7 +251,7 @@ def test_two_broken_times_with_a_good_one_between_are_no_restart():
 @pytest.mark.parametrize('ticks', [3, 20_000, 350_001, WRAP - 1, 10**18])
 def test_one_broken_time_changes_nothing(ticks):
     model = Model(first_ticks=30_000)
-    clock, undisturbed = DeviceClock(0.001), DeviceClock(0.001)
+    clock, undisturbed = DeviceClock(0.001, PERIOD_NS), DeviceClock(0.001, PERIOD_NS)
     run(model, 5, clock=clock)
     run(model, 5, clock=undisturbed)
     elapsed_ns = 5 * SECOND_NS
@@ -265,7 +265,7 @@ def test_one_broken_time_changes_nothing(ticks):
 
 @pytest.mark.parametrize('back', [0, 1, 17, 249])
 def test_duplicates_and_late_samples_have_no_place(back):
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     run(Model(), 5, clock=clock)
     last_ticks = Model().ticks(299 * SECOND_NS // 60)
     assert clock.place(last_ticks - back, EPOCH_NS + 5 * SECOND_NS) is None
@@ -274,7 +274,7 @@ def test_duplicates_and_late_samples_have_no_place(back):
 
 def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():
     for ticks, is_restart in [(45_010, False), (45_000 - 2000, True), (20, True), (5017, True)]:
-        clock = DeviceClock(0.001)
+        clock = DeviceClock(0.001, PERIOD_NS)
         run(Model(first_ticks=5000), 10, clock=clock)
         clock.note_reconnection()
         instant = clock.place(ticks, EPOCH_NS + 40 * SECOND_NS + 12 * MS_NS)
@@ -283,7 +283,7 @@ def test_after_a_reconnection_the_first_line_tells_whether_the_device_ran_on():
 
 
 def test_a_burst_some_time_after_a_reconnection_is_no_restart():
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     run(Model(first_ticks=5000), 10, clock=clock)
     clock.note_reconnection()
     assert not clock.place(15_000, EPOCH_NS + 10 * SECOND_NS).is_restart
@@ -291,7 +291,7 @@ def test_a_burst_some_time_after_a_reconnection_is_no_restart():
 
 
 def test_a_host_clock_set_forward_is_followed():
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     run(Model(), 20, clock=clock)
     set_forward_ns = 3600 * SECOND_NS
     stamps = [
@@ -304,7 +304,7 @@ def test_a_host_clock_set_forward_is_followed():
 
 @pytest.mark.parametrize('step_ms', [-500, -100, 100, 500])
 def test_a_small_correction_of_the_host_clock_is_followed(step_ms):
-    model, clock = Model(), DeviceClock(0.001)
+    model, clock = Model(), DeviceClock(0.001, PERIOD_NS)
     run(model, 20, clock=clock)
     last_ns, errors_ns = None, []
     for i in range(20 * 60, 45 * 60):
@@ -319,7 +319,7 @@ def test_a_small_correction_of_the_host_clock_is_followed(step_ms):
 
 
 def test_a_host_clock_set_back_never_takes_the_stamps_back():
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     *_, (_, _, before) = run(Model(), 20, clock=clock)
     instants = [
         clock.place(5000 + ms, EPOCH_NS - 30 * SECOND_NS + ms * MS_NS)
@@ -344,7 +344,7 @@ def test_a_host_clock_set_back_never_takes_the_stamps_back():
     st.integers(0, 2**60),
 )
 def test_stamps_increase_whatever_the_device_says(lines, start_ns):
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     now_ns, last_ns = start_ns, None
     for ticks, pause_ns in lines:
         now_ns += pause_ns
@@ -355,19 +355,19 @@ def test_stamps_increase_whatever_the_device_says(lines, start_ns):
 
 
 def test_ticks_that_are_no_whole_nanoseconds_stay_exact():
-    clock = DeviceClock(1 / 32768)
+    clock = DeviceClock(1 / 32768, PERIOD_NS)
     clock.place(0, 0)
     seconds = 86400 * 30
     instant = clock.place(32768 * seconds, seconds * SECOND_NS)
     assert instant.device_ns == seconds * SECOND_NS
     # 1e-6 as a float is a little less than a microsecond.
-    clock = DeviceClock(1e-6)
+    clock = DeviceClock(1e-6, PERIOD_NS)
     clock.place(0, 0)
     assert clock.place(1, 1000).device_ns == 1000
 
 
 def test_without_a_device_clock_arrival_counts_and_the_error_is_unknown():
-    clock = HostClock()
+    clock = HostClock(PERIOD_NS)
     stamps = [clock.place(None, at_ns) for at_ns in (5, 5, 5, 20, 19)]
     assert [instant.stamp_ns for instant in stamps] == [5, 6, 7, 20, 21]
     assert {instant.stamp_error_s for instant in stamps} == {-1.0}

@@ -13,6 +13,7 @@ import pytest
 from tendon_sensor_driver.stream.clock import ArrivalClock, DeviceClock
 
 SECOND_NS = 1_000_000_000
+PERIOD_NS = 16_666_667
 MS_NS = 1_000_000
 EPOCH_NS = 1_700_000_000 * SECOND_NS
 DELAY_NS = 2 * MS_NS
@@ -29,7 +30,7 @@ DELAY_NS = 2 * MS_NS
 )
 def test_steps_that_are_told_leave_the_error_as_stated(steps, seed):
     """The host's clock is set at any moment, by any number of milliseconds."""
-    clock, source = DeviceClock(0.001), random.Random(seed)
+    clock, source = DeviceClock(0.001, PERIOD_NS), random.Random(seed)
     step_at = {}
     for second, step_ms in steps:
         step_at[60 * second + source.randrange(60)] = step_ms * MS_NS
@@ -52,7 +53,7 @@ def test_steps_that_are_told_leave_the_error_as_stated(steps, seed):
 
 
 def test_a_step_that_nobody_told_is_marked_when_the_stamps_leap():
-    clock = DeviceClock(0.001)
+    clock = DeviceClock(0.001, PERIOD_NS)
     leaps = []
     for i in range(30 * 60):
         elapsed_ns = i * SECOND_NS // 60

@@ -31,7 +31,6 @@ def test_defaults_fit_the_usual_line_at_60_hz():
         ({'time_unit_s': 1.0, 'time_decimals': 1}, 'micros'),
         ({'sensor': 'laser'}, 'sensor'),
         ({'sensor': 'net_ft', 'host': ''}, 'host'),
-        ({'sensor': 'digital_ft', 'port': ''}, 'port'),
         ({'axis': 'fw'}, 'axis'),
         ({'low_pass_hz': 17}, 'low_pass_hz'),
         ({'tare_samples': 1}, 'tare_samples'),

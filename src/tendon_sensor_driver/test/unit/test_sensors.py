@@ -19,11 +19,10 @@ def make(sensor):
 
 
 def test_each_kind_of_sensor_has_its_client():
-    names = {kind: type(make(kind)).__name__ for kind in ('line', 'net_ft', 'digital_ft')}
+    names = {kind: type(make(kind)).__name__ for kind in ('line', 'net_ft')}
     assert names == {
         'line': 'TendonSensorClient',
         'net_ft': 'NetFtClient',
-        'digital_ft': 'DigitalFtClient',
     }
 
 
