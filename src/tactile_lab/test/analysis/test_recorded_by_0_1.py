@@ -1,0 +1,73 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording and models of version 0.1 give the same features and labels, bit for bit."""
+
+import json
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+from tactile_command import ask_tactile
+
+from tactile_classifier import TactileModel
+from tactile_lab.datasets.bag_tables import read_tables
+
+FOLDER = Path(__file__).parents[1] / 'data' / 'recorded_by_0_1'
+RECORDING = FOLDER / 'recording'
+ANSWERS = json.loads((FOLDER / 'answers.json').read_text('utf-8'))
+
+
+def read_recorded():
+    """Return what the recording says, by a reader that is not ours."""
+    windows, answers = [], []
+    with AnyReader([RECORDING]) as reader:
+        for connection, _, data in reader.messages():
+            kind = connection.msgtype.rpartition('/')[2]
+            if kind not in ('TactileFeatures', 'Classification'):
+                continue
+            message = reader.deserialize(data, connection.msgtype)
+            name = message.trial_id
+            if kind == 'TactileFeatures':
+                values = [value.hex() for value in message.values.tolist()]
+                windows.append({'trial': name, 'set': message.feature_set, 'values': values})
+            else:
+                scores = [value.hex() for value in message.scores.tolist()]
+                said = {'trial': name, 'model': message.model_id, 'label': message.label}
+                answers.append({**said, 'scores': scores, 'novelty': message.novelty.hex()})
+    return {'windows': windows, 'classifications': answers}
+
+
+def test_the_recording_is_as_it_was():
+    assert read_recorded() == ANSWERS
+
+
+def test_its_replay_is_equal_bit_for_bit():
+    told = ask_tactile('replay', RECORDING, '--models', FOLDER / 'models', '--no-nodes')
+    (finger,) = told['fingers']
+    (compared,) = finger['comparisons'].values()
+    assert not compared['first_difference']
+    assert not compared['left_out']
+    assert (compared['window_count'], compared['classification_count']) == (3, 3)
+
+
+@pytest.mark.parametrize('answer', ANSWERS['classifications'], ids=lambda a: a['trial'])
+def test_a_model_of_format_6_answers_as_it_did(answer):
+    (path,) = (
+        path
+        for path in (FOLDER / 'models').iterdir()
+        if TactileModel.load(path).model_id == answer['model']
+    )
+    model = TactileModel.load(path)
+    (values,) = (w['values'] for w in ANSWERS['windows'] if w['trial'] == answer['trial'])
+    computed = model.compute([[float.fromhex(value) for value in values]])
+    assert [score.hex() for score in computed.scores[0].tolist()] == answer['scores']
+    assert computed.novelty[0].item().hex() == answer['novelty']
+
+
+def test_its_features_are_computed_from_the_samples_as_they_were():
+    found = {}
+    for (task, contact), table in read_tables([RECORDING]).tables.items():
+        for row in table.values:
+            found[task, contact] = [value.hex() for value in row.tolist()]
+    assert sorted(found.values()) == sorted(w['values'] for w in ANSWERS['windows'])
