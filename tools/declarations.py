@@ -51,7 +51,6 @@ LIBRARIES = {
     'onnx': Library('', 'onnx'),
     'onnxruntime': Library('python3-onnxruntime-pip', 'onnxruntime'),
     'pyarrow': Library('', 'pyarrow'),
-    'pynetft': Library('', 'pynetft'),
     'pytest': Library('python3-pytest', 'pytest'),
     'rich': Library('python3-rich', 'rich'),
     'rosbags': Library('python3-rosbags-pip', 'rosbags'),
@@ -69,7 +68,6 @@ LIBRARIES = {
 OPTIONAL = {
     'tactile_classifier': {'onnx', 'skl2onnx', 'vision_msgs'},
     'tactile_lab': {'distributed', 'pyarrow'},
-    'tendon_sensor_driver': {'pynetft'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""
 

@@ -15,7 +15,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
     ],
     install_requires=['setuptools', 'numpy', 'pyserial'],
-    extras_require={'net_ft': ['pynetft'], 'test': ['pytest']},
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tendon Tactile maintainers',
     description='Reads the force sensor on the tendon and publishes the tension as strain blocks.',

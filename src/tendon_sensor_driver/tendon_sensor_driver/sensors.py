@@ -25,18 +25,12 @@ def make_sensor(config: TendonSensorConfig, on_block: OnBlock, now_ns: NowNs) ->
     Raises
     ------
     TendonSensorError
-        When a Net F/T is wanted and pynetft is not installed; for a topic, which needs a node.
+        For a topic, which needs a node.
     """
     if config.sensor == 'topic':
         raise TendonSensorError('a topic is read by the node tendon_sensor_node alone; run that')
     if config.sensor == 'net_ft':
-        try:
-            from tendon_sensor_driver.ati.net_ft import NetFtClient
-        except ModuleNotFoundError as error:
-            if error.name != 'pynetft':
-                raise
-            raise TendonSensorError(
-                'a Net F/T needs pynetft, which is not installed: pip install pynetft'
-            ) from error
+        from tendon_sensor_driver.ati.net_ft import NetFtClient
+
         return NetFtClient(config, on_block, now_ns)
     return TendonSensorClient(config, on_block, now_ns)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from tactile_ros.strain import StrainBlock
 from tendon_sensor_driver.ati.counter_clock import CounterClock, CounterRestartError
-from tendon_sensor_driver.ati.net_ft_links import LinkCounts, NetFtLink, open_link
+from tendon_sensor_driver.ati.net_ft_link import LinkCounts, NetFtLink
 from tendon_sensor_driver.ati.net_ft_protocol import compute_rate_hz, MOST_RECORDS
 from tendon_sensor_driver.ati.net_ft_web import BoxConfiguration, BoxWeb
 from tendon_sensor_driver.client_base import LinkClient, NowNs, OnBlock
@@ -46,8 +46,8 @@ class NetFtClient(LinkClient[NetFtLink]):
             readings=stream.readings,
             rejected_lines=counts.rejected,
             lost_samples=stream.lost_samples,
-            duplicates=clock.duplicates + counts.duplicates,
-            late_samples=clock.late_samples + counts.late,
+            duplicates=clock.duplicates,
+            late_samples=clock.late_samples,
             outliers=clock.outliers,
             restarts=clock.restarts,
             status=stream.status,
@@ -59,7 +59,7 @@ class NetFtClient(LinkClient[NetFtLink]):
 
     def _connect(self) -> NetFtLink:
         box, rate_hz = self._set_up(self._web.read_configuration())
-        link = open_link(self._config, box, rate_hz, self._arrivals.now_ns)
+        link = NetFtLink(self._config, box, rate_hz, self._arrivals.now_ns)
         self._seen_rejected = 0
         self.identity = box.serial or box.product
         ticks_per_sample = round(box.internal_rate_hz / rate_hz)

@@ -14,13 +14,13 @@ import pytest
 
 from tactile_testing.waiting import wait_until
 from tendon_sensor_driver import LinkError, StrainStatus, TendonSensorConfig
-from tendon_sensor_driver.ati import net_ft_links
+from tendon_sensor_driver.ati import net_ft_link
 from tendon_sensor_driver.ati.net_ft import NetFtClient
 
 INTERNAL_HZ = 7000
 STEP_N = 1e-4  # of the force from one tick to the next
-SLOW, FAST = (100.0, 1), (2000.0, 20)  # through pynetft, and in arrays
-BOTH = pytest.mark.parametrize('way', [SLOW, FAST], ids=['pynetft', 'arrays'])
+SLOW, FAST = (100.0, 1), (2000.0, 20)  # one record a datagram, and twenty
+BOTH = pytest.mark.parametrize('way', [SLOW, FAST], ids=['single', 'buffered'])
 
 
 def ramp(times_s):
@@ -78,7 +78,7 @@ def configure(device, way, **changes):
 
 @pytest.fixture
 def rig(way, monkeypatch):
-    monkeypatch.setattr(net_ft_links, '_DEAD_S', 0.4)
+    monkeypatch.setattr(net_ft_link, '_DEAD_S', 0.4)
     with NetFtDevice(NetFtBox(ramp, noise_counts=0.0)) as device:
         recorder = Recorder()
         with NetFtClient(configure(device, way), recorder, time.time_ns) as client:
