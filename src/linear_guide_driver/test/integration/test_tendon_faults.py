@@ -171,7 +171,7 @@ def test_an_unplugged_bus_ends_the_pull(tendon, servo):
     check_failure(pull, 'is lost')
     wait_until(lambda: tendon.trouble != '')
     wait_until(lambda: 'cannot open' in tendon.trouble)
-    with pytest.raises(MotionRefusedError, match='cannot open .* connects again by itself'):
+    with pytest.raises(MotionRefusedError, match=r'cannot open .* connects again by itself'):
         tendon.pull_to(0.0)
 
 
