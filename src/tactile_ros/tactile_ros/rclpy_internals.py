@@ -55,7 +55,8 @@ def take_waiting(subscription: Subscription, most: int) -> list[Any]:
     executor takes one message a turn.
     """
     messages: list[Any] = []
-    with subscription.handle as handle:
+    handle = subscription.handle
+    with handle:
         while len(messages) < most:
             taken = handle.take_message(subscription.msg_type, subscription.raw)
             if taken is None:

@@ -240,6 +240,22 @@ def test_an_idle_trip_of_the_servos_watchdog_mends_itself(bench, servo, peers):
     assert bench.result(pull(bench, 0.002))[0] == 'succeeded'
 
 
+def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, servo, peers):
+    start(bench, servo)
+    pull_taut(bench, peers)
+    servo.unplug()
+    wait_until(lambda: any('by itself' in text for text in bench.node._find_missing()))
+    answer = bench.call('/tendon_actuator/release')
+    assert (answer.success, 'connects again by itself' in answer.message) == (False, True)
+    servo.plug_in()
+    wait_until(lambda: is_slack(servo))  # what was asked for meanwhile
+    peers.tension_n = 0.0
+    wait_until(lambda: not bench.node._find_missing())
+    pull_taut(bench, peers)
+    assert bench.call('/tendon_actuator/release').success
+    wait_until(lambda: is_slack(servo))
+
+
 # -- a driver that dies ---------------------------------------------------------------------------
 
 
