@@ -426,7 +426,7 @@ class ServoGoals:
                 if number != self._repeated:
                     _logger.warning('the servo has missed a goal; it is written again')
                 self._repeated = number
-                servo.repeat_goal()
+                servo.repeat_goal(lets_out=not self.safety.is_pulling)
         return state
 
     def _on_alarm(self, reason: str) -> None:

@@ -73,11 +73,17 @@ class TendonServo:
         """Forget the last goal: somebody else has written another one."""
         self._goal_counts = None
 
-    def repeat_goal(self) -> None:
-        """Write the last goal again; the servo may have moved on meanwhile."""
+    def repeat_goal(self, *, lets_out: bool) -> None:
+        """Write the last goal again; the servo may have moved on meanwhile.
+
+        Parameters
+        ----------
+        lets_out : bool
+            Whatever the goal was, do not wind in.
+        """
         if self._goal_counts is not None:
             displacement_m = self._to_displacement_m(self._goal_counts)
-            self.write_goal(displacement_m, lets_out=self._lets_out)
+            self.write_goal(displacement_m, lets_out=lets_out or self._lets_out)
 
     def unlock(self) -> None:
         """Unlock goals that the watchdog has locked, with the goal where the servo stands."""

@@ -56,16 +56,16 @@ class VirtualBus(ServoModel):
         time.on_step = self._turn
         self.lock = threading.RLock()
         self.fault, self.faulty = '', 0
-        self.is_plugged = self._is_open = True
+        self.is_plugged = self.is_open = True
         self.on_goal = lambda goal, present: None
 
     def open(self):
         if not self.is_plugged:
             raise DeviceConnectionError('cannot open the port')
-        self._is_open = True
+        self.is_open = True
 
     def close(self):
-        self._is_open = False
+        self.is_open = False
 
     def ping(self):
         return self.read(registers.MODEL_NUMBER)
@@ -104,8 +104,8 @@ class VirtualBus(ServoModel):
     def _hear(self):
         """Return whether the instruction is answered."""
         self._time.sleep(TRANSACTION_NS / 1e9)
-        if not (self.is_plugged and self._is_open):
-            self._is_open = False
+        if not (self.is_plugged and self.is_open):
+            self.is_open = False
             raise DeviceConnectionError('the line is lost')
         fault = self.fault if self.faulty else ''
         self.faulty = max(0, self.faulty - 1)

@@ -321,7 +321,8 @@ class Tendon(RuleBasedStateMachine):
 
     @property
     def can_be_reached(self):
-        return self.bus.is_plugged and bool(self.bus.table[64]) and not self.monitor.is_lost
+        is_line_there = self.bus.is_plugged and self.bus.is_open
+        return is_line_there and bool(self.bus.table[64]) and not self.monitor.is_lost
 
     @property
     def is_live(self):
