@@ -4,6 +4,11 @@
 """What the motion drivers raise."""
 
 
+def capitalise(sentence: str) -> str:
+    """Return a sentence with a capital first letter; `str.capitalize` changes the others."""
+    return sentence[:1].upper() + sentence[1:]
+
+
 class LinearGuideDriverError(Exception):
     """Root of the package's errors; the message is one sentence with the remedy."""
 

@@ -5,22 +5,24 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
-from linear_guide_driver.errors import LinearGuideDriverError
+from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.safety.sample_lag import SampleLag
 from linear_guide_driver.safety.states import Ending, Zero
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
-from tactile_ros.errors import MessageError
 from tactile_ros.health.diagnostics import ERROR, Health, OK, WARN
 from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
 from tactile_ros.qos import STREAM
+from tactile_ros.rclpy_internals import take_waiting
 from tactile_ros.strain import NOT_LIVE, StrainStatus
 
 WARM_C = 10.0
@@ -46,10 +48,11 @@ class TendonActuatorNode(MotionNode):
             config, self._on_state, self.now_ns, self.tell_trouble, self._topics.watchdogs
         )
         self._client.connect()
-        strain = self.create_subscription(
+        self._lag = SampleLag()
+        self._strain = self.create_subscription(
             StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM
         )
-        self._parts.callback(self.destroy_subscription, strain)
+        self._parts.callback(self.destroy_subscription, self._strain)
         GoalRunner(
             self,
             PullTendon,
@@ -137,15 +140,39 @@ class TendonActuatorNode(MotionNode):
 
     # -- the rest ----------------------------------------------------------------------------
 
-    def _on_strain(self, block: StrainBlock) -> None:
+    def _on_strain(self, first: StrainBlock) -> None:
+        """Take all blocks that wait: the worst value of all counts, and the age of the newest."""
         client = self._client
-        if client is None or block.status & NOT_LIVE:
+        if client is None:
             return
-        if not block.tension_n:
-            raise MessageError('tension_n is empty; a block holds one sample or more')
-        is_saturated = bool(block.status & StrainStatus.SATURATED)
-        if client.safety.add_samples(block.tension_n, is_saturated, time.monotonic_ns()):
+        blocks = [first, *take_waiting(self._strain, STREAM.depth)]
+        now_ns = time.monotonic_ns()
+        tension_n: list[float] = []
+        is_saturated, age_ns = False, 0
+        for block in blocks:
+            if block.status & NOT_LIVE or not self._is_whole(block):
+                continue
+            tension_n.extend(block.tension_n)
+            is_saturated = is_saturated or bool(block.status & StrainStatus.SATURATED)
+            age_ns = self._measure_age_ns(block, now_ns)
+        if client.safety.add_samples(tension_n, is_saturated, now_ns, age_ns):
             client.supervise()
+
+    def _is_whole(self, block: StrainBlock) -> bool:
+        if not block.tension_n:
+            reason = 'tension_n is empty; a block holds one sample or more'
+            self.message_guard.refuse('tendon_sensor/strain', reason)
+        return bool(block.tension_n) and all(map(math.isfinite, block.tension_n))
+
+    def _measure_age_ns(self, block: StrainBlock, now_ns: int) -> int:
+        """Return how much later than usual the last sample of a block comes [ns]."""
+        if self.get_clock().ros_time_is_active:
+            return 0  # by such a clock, as one that is slow, stamps tell no age
+        first = block.header.stamp
+        stamp_ns = first.sec * 1_000_000_000 + first.nanosec
+        stamp_ns += (len(block.tension_n) - 1) * block.period_ns
+        is_step = bool(block.status & StrainStatus.CLOCK_STEP)
+        return self._lag.add(stamp_ns, now_ns, is_step=is_step)
 
     def _end_motion(self, *, release: bool = False) -> str:
         """End the goal, then hold or let out; return what went wrong, or nothing."""
@@ -183,7 +210,7 @@ class TendonActuatorNode(MotionNode):
     def find_obstacles(self) -> list[str]:
         client = self._client
         if client.trouble:
-            return [f'{client.trouble}; remove the cause.']
+            return [f'{capitalise(client.trouble)}; {client.remedy}.']
         obstacle = client.safety.find_obstacle(client.state.displacement_m, time.monotonic_ns())
         return [obstacle] if obstacle else []
 
@@ -212,7 +239,6 @@ class TendonActuatorNode(MotionNode):
             return Health(WARN, 'The servo pulls with all the current that it may.', values)
         if safety.tension_n is None:
             return Health(WARN, 'No strain sample yet: the tension is not guarded.', values)
-        if safety.live_tension_n(time.monotonic_ns()) is None:
-            sentence = 'Valid strain samples have ceased: the tension is not guarded.'
-            return Health(WARN, sentence, values)
+        if silence := safety.describe_silence(time.monotonic_ns()):
+            return Health(WARN, f'{capitalise(silence)}: the tension is not guarded.', values)
         return Health(OK, 'The actuator is ready.', values)

@@ -12,6 +12,7 @@ import time
 from typing import Any
 
 import dynamixel_sdk
+import serial
 
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.registers import Register
@@ -24,6 +25,9 @@ ATTEMPTS = 3
 """At a ping, or at reading or writing one register: a lost packet must not lose a stop or a
 release. All registers hold absolute values, so to write one twice does no harm."""
 
+WRITE_WAIT_S = 0.1
+"""Longest time for the port to take a packet; then the packet counts as lost."""
+
 LATE_S = 0.02
 """Rest before the next attempt: an answer that is merely late arrives in it and is dropped."""
 
@@ -33,7 +37,7 @@ class SilentServoError(DeviceConnectionError):
 
 
 class DynamixelBus:
-    """Reads and writes registers of one servo; thread-safe.
+    """Reads and writes registers of one servo; thread-safe. Closes its port when the line is lost.
 
     Attributes
     ----------
@@ -55,26 +59,39 @@ class DynamixelBus:
 
     def __init__(self, port: str, baud: int, device_id: int) -> None:
         self._name = f'servo {device_id} on {port} at {baud} baud'
-        self._id = device_id
+        self._id, self._baud = device_id, baud
         self.lock = threading.RLock()
         self._packets: Any = dynamixel_sdk.PacketHandler(2.0)
         self._port: Any = dynamixel_sdk.PortHandler(port)
-        try:
-            # Not openPort(): that opens at 1 Mbaud whatever is asked for.
-            if not self._port.setBaudRate(baud):
+        self.open()
+
+    def open(self) -> None:
+        """Open the port; harmless when it is open.
+
+        Raises
+        ------
+        DeviceConnectionError
+        """
+        with self.lock:
+            if self._is_open:
+                return
+            try:
+                # Not openPort(): that opens at 1 Mbaud whatever is asked for.
+                if not self._port.setBaudRate(self._baud):
+                    raise DeviceConnectionError(
+                        f'dynamixel_sdk does not know {self._baud} baud; use one of its speeds'
+                    )
+                self._port.ser.exclusive = True
+                # The SDK asks for bytes in a loop; let each request sleep a little.
+                self._port.ser.timeout = READ_WAIT_S
+                self._port.ser.write_timeout = WRITE_WAIT_S
+            except (*LINE_ERRORS, ValueError) as error:
+                self.close()
                 raise DeviceConnectionError(
-                    f'dynamixel_sdk does not know {baud} baud; use one of its speeds'
-                )
-            self._port.ser.exclusive = True
-            # The SDK asks for bytes in a loop; let each request sleep a little.
-            self._port.ser.timeout = READ_WAIT_S
-            self._port.ser.write_timeout = 1.0
-        except (*LINE_ERRORS, ValueError) as error:
-            self.close()
-            raise DeviceConnectionError(
-                f'cannot open {port}: {error}; check that the device is plugged in, that the '
-                f'parameter port names it and that no other program uses it'
-            ) from error
+                    f'cannot open {self._port.getPortName()}: {error}; check that the device is '
+                    'plugged in, that the parameter port names it and that no other program uses '
+                    'it'
+                ) from error
 
     def ping(self) -> int:
         """Return the servo's model number.
@@ -131,11 +148,15 @@ class DynamixelBus:
 
     def close(self) -> None:
         """Close the port. Harmless when called twice."""
-        if self._port.ser is not None:
+        if self._is_open:
             with suppress(*LINE_ERRORS):
                 self._port.closePort()
 
     # -- inside --------------------------------------------------------------------------
+
+    @property
+    def _is_open(self) -> bool:
+        return self._port.ser is not None and bool(self._port.ser.is_open)
 
     def _ping_once(self) -> int:
         model, result, _ = self._call(lambda: self._packets.ping(self._port, self._id))
@@ -164,6 +185,8 @@ class DynamixelBus:
 
     def _call(self, transaction: Callable[[], Any]) -> Any:
         with self._exclusive():
+            if not self._is_open:
+                raise DeviceConnectionError(f'the line to {self._name} is lost; plug it in')
             # The SDK before 4.0.5 leaves late answers in the buffer, for the next one to take.
             self._port.ser.reset_input_buffer()
             return transaction()
@@ -173,7 +196,12 @@ class DynamixelBus:
         with self.lock:
             try:
                 yield
+            except serial.SerialTimeoutException as error:
+                raise SilentServoError(
+                    f'the port of {self._name} took no bytes for {WRITE_WAIT_S} s'
+                ) from error
             except LINE_ERRORS as error:
+                self.close()  # `open` then finds the device that is plugged in again
                 raise DeviceConnectionError(
                     f'the line to {self._name} is lost: {error}'
                 ) from error
@@ -188,6 +216,8 @@ class DynamixelBus:
         if result != dynamixel_sdk.COMM_SUCCESS:
             text = self._packets.getTxRxResult(result).removeprefix('[TxRxResult] ')
             raise SilentServoError(f'{action} of {self._name} failed: {text}')
+        if error & ~registers.STATUS_ALERT == registers.STATUS_DAMAGED:
+            raise SilentServoError(f'{action} of {self._name} failed: the packet was damaged')
         if error & ~registers.STATUS_ALERT:
             raise DeviceRefusedError(
                 f'{action} of {self._name} was refused: {registers.describe_status_error(error)}'

@@ -51,18 +51,20 @@ class GoalWriter:
         self.recoveries = 0
 
     def begin(self, velocity_limit: int) -> None:
-        """Start with a servo that has just been set up: no order is in force."""
+        """Start with a servo that has just been set up: no goal and no order are in force."""
+        self.number += 1
         self.velocity_limit = velocity_limit
         self._applied = Order.FOLLOW
 
-    def write_pull(self, servo: TendonServo, displacement_m: float, velocity: int) -> None:
+    def write_pull(
+        self, servo: TendonServo, displacement_m: float, velocity: int, *, lets_out: bool = False
+    ) -> None:
         """Write the goal of a pull that safety has admitted [m, velocity units]."""
         self._applied = Order.FOLLOW  # also if only the servo's answer is lost
-        self.write(servo, lambda: servo.write_goal(displacement_m, velocity))
+        self.write(servo, lambda: servo.write_goal(displacement_m, velocity, lets_out=lets_out))
 
-    def command(self, servo: TendonServo, tell: Callable[[], None], order: Order) -> None:
-        """Tell safety, then write its order; where it has none, the one that was asked for."""
-        tell()
+    def command(self, servo: TendonServo, order: Order) -> None:
+        """Write the order of safety; where it has none, the one that was asked for."""
         self._applied = Order.FOLLOW  # a goal that is kept up may be in force
         if self.carry_out(servo) is Order.FOLLOW:
             self._apply(servo, order)
@@ -83,7 +85,7 @@ class GoalWriter:
             self.write(servo, servo.write_hold)
         elif order is Order.RELEASE:
             slack_m, velocity = self._safety.slack_m, self.velocity_limit
-            self.write(servo, lambda: servo.write_goal(slack_m, velocity))
+            self.write(servo, lambda: servo.write_goal(slack_m, velocity, lets_out=True))
         elif self._applied is Order.RELEASE and self._safety.zero is Zero.UNKNOWN:
             self.write(servo, servo.write_hold)  # slack by the sensor, before the goal
         self._applied = order

@@ -60,6 +60,7 @@ CURRENT_UNIT_A = 2.69e-3
 VOLTAGE_UNIT_V = 0.1
 
 STATUS_ALERT = 0x80
+STATUS_DAMAGED = 3
 STATUS_ERRORS = {
     1: 'the instruction could not be carried out',
     2: 'unknown instruction',

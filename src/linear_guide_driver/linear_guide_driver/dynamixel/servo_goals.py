@@ -10,8 +10,8 @@ motions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 import logging
 import threading
 import time
@@ -20,8 +20,9 @@ from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.goal_writer import GoalWriter
 from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.dynamixel.tendon_servo import TendonServo
-from linear_guide_driver.dynamixel.tendon_setup import open_servo
+from linear_guide_driver.dynamixel.tendon_setup import open_servo, ServoSetup, set_up_servo
 from linear_guide_driver.errors import (
+    capitalise,
     LinearGuideDriverError,
     MotionFailedError,
     MotionRefusedError,
@@ -38,6 +39,7 @@ POLL_WAIT_S = 1.0
 LET_OUT_S = 2.0
 """Longest wait of `ServoGoals.close` for a tendon to become slack."""
 
+RELEASED = 'The tendon was released.'
 RESTARTED = 'The driver has started with a taut tendon: it is let out.'
 
 _logger = logging.getLogger(__name__)
@@ -95,8 +97,13 @@ class ServoGoals:
 
     @property
     def trouble(self) -> str:
-        """The fault that keeps the servo from moving; empty when there is none."""
+        """The fault that keeps the servo from winding in; empty when there is none."""
         return '' if self._monitor is None else self._monitor.trouble
+
+    @property
+    def remedy(self) -> str:
+        """What ends the trouble, as the end of a sentence."""
+        return '' if self._monitor is None else self._monitor.remedy
 
     @property
     def recoveries(self) -> int:
@@ -122,21 +129,16 @@ class ServoGoals:
         """
         self.close()
         bus, setup = open_servo(self._config)
-        self.identification = setup.identification
-        self._writer.begin(setup.velocity_limit)
-        self.temperature_limit_c = float(setup.temperature_limit_c)
-        if setup.was_held and not setup.is_zero_kept:
-            self.safety.set_zero(
-                Zero.UNKNOWN, 'the servo held a tendon whose zero it does not know'
-            )
-        else:
-            self.safety.set_zero(Zero.UNCONFIRMED)
-        if setup.is_zero_kept:
-            _logger.warning(RESTARTED)
-            self.safety.release(RESTARTED)
+        self._take_over(setup)
         self._servo = TendonServo(bus, self._config)
         self._monitor = ServoMonitor(
-            bus, self._config, self._on_poll, self._on_state, self._on_fault
+            bus,
+            self._config,
+            self._on_poll,
+            self._on_state,
+            self._on_loss,
+            self._on_trouble,
+            self._restore,
         )
         self._monitor.start()
         self._monitor.wait_poll(POLL_WAIT_S)
@@ -146,7 +148,7 @@ class ServoGoals:
         servo, monitor = self._servo, self._monitor
         if servo is None or monitor is None:
             return
-        if not monitor.trouble:
+        if not monitor.outage:
             self._let_out(monitor)
         bus = servo.bus
         with bus.lock:
@@ -162,8 +164,8 @@ class ServoGoals:
 
     def _begin(
         self, pull: Pull, speed_m_s: float, should_stop: Callable[[], bool]
-    ) -> tuple[int, float]:
-        """Write a new goal if safety admits it; return its number and the present displacement.
+    ) -> tuple[int, float, float]:
+        """Write a new goal if safety admits it.
 
         Parameters
         ----------
@@ -174,26 +176,39 @@ class ServoGoals:
         should_stop : callable
             Asked last; nothing moves when it returns True.
 
+        Returns
+        -------
+        number : int
+            Of the goal.
+        start_m, goal_m : float
+            Present displacement, and the goal [m].
+
         Raises
         ------
         MotionRefusedError, MotionStoppedError, DeviceConnectionError, DeviceRefusedError
         """
-        servo, _ = self._require_sound()
+        servo, monitor = self._require_connection()
         with servo.bus.lock:
             # Asked under the lock that `hold_here` takes, too: a stop comes either before
             # the goal is written, and is seen here, or after it, and overrides it.
             if should_stop():
                 raise MotionStoppedError('The pull was stopped before it began.')
+            if pull.lets_out and monitor.outage:
+                self.safety.release(RELEASED)  # carried out when the servo answers
+            self._check_reachable(monitor)
             start_m = servo.read_displacement_m()
             now_ns = time.monotonic_ns()
-            self.safety.admit(pull, start_m, now_ns)
+            fault = f'{capitalise(monitor.fault)}; {monitor.remedy}.' if monitor.fault else ''
+            self.safety.admit(pull, start_m, now_ns, fault)
+            goal_m = start_m if pull.target_tension_n else pull.displacement_m
+            if pull.lets_out:
+                goal_m = min(self.safety.slack_m, start_m)
             if self.safety.decide(start_m, now_ns) is Order.FOLLOW:
-                goal_m = start_m if pull.target_tension_n else pull.displacement_m
                 velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
-                self._writer.write_pull(servo, goal_m, velocity)
+                self._writer.write_pull(servo, goal_m, velocity, lets_out=pull.lets_out)
             else:
                 self._writer.carry_out(servo, start_m)
-            return self._writer.number, start_m
+            return self._writer.number, start_m, goal_m
 
     def _watch(
         self, number: int, target: str, should_stop: Callable[[], bool]
@@ -217,25 +232,23 @@ class ServoGoals:
         if should_stop():
             self._stop_goal(number)
             raise MotionStoppedError(f'{self._describe_end(target)} {self.safety.reason}'.strip())
-        if monitor.trouble:
-            raise MotionFailedError(f'The pull failed: {monitor.trouble}.')
+        if monitor.outage:
+            raise MotionFailedError(f'The pull failed: {monitor.outage}.')
         if number != self._writer.number:
             raise MotionStoppedError(f'{self._describe_end(target)} {self.safety.reason}'.strip())
         return state
 
     def _stop_goal(self, number: int) -> None:
         """Hold the tendon where it is, unless a later command, as a release, is in force."""
-        servo, _ = self._require_sound()
-        with servo.bus.lock:
+        with self._commanding():
             if number == self._writer.number:
                 self.hold_here()
 
     def _follow(self, number: int, displacement_m: float) -> bool:
         """Shift a goal that is still in force; return whether it is."""
-        servo = self._servo
-        if servo is None:
+        if self._servo is None:
             return False
-        with servo.bus.lock:
+        with self._commanding() as servo:
             if number != self._writer.number:
                 return False
             self._writer.shift(servo, lambda: servo.write_goal(displacement_m))
@@ -243,8 +256,7 @@ class ServoGoals:
 
     def _hold(self, number: int) -> None:
         """Hold the tendon where it is, unless a later command has come."""
-        servo, _ = self._require_connection()
-        with servo.bus.lock:
+        with self._commanding() as servo:
             if number == self._writer.number:
                 self._writer.write(servo, servo.write_hold)
 
@@ -260,9 +272,11 @@ class ServoGoals:
     def request_release(
         self,
         end_pull: Callable[[], None] = lambda: None,
-        reason: str = 'The tendon was released.',
+        reason: str = RELEASED,
     ) -> None:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
+
+        While the servo cannot be reached this raises, and is carried out when it answers.
 
         Parameters
         ----------
@@ -288,12 +302,11 @@ class ServoGoals:
         A silent servo is left alone: a question that it hears would feed its bus watchdog,
         which is what stops it.
         """
-        if self.trouble:
+        monitor = self._monitor
+        if monitor is None or monitor.outage:
             return
-        with suppress(LinearGuideDriverError):
-            servo, _ = self._require_sound()
-            with servo.bus.lock:
-                self._writer.carry_out(servo)
+        with suppress(LinearGuideDriverError), self._commanding() as servo:
+            self._writer.carry_out(servo)
 
     def _shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in, in the servo itself [m].
@@ -302,12 +315,12 @@ class ServoGoals:
         ------
         DeviceConnectionError, DeviceRefusedError, MotionRefusedError
         """
-        servo, monitor = self._require_sound()
-        with servo.bus.lock:  # so that no poll sees the torque off
+        with self._commanding() as servo:  # so that no poll sees the torque off
             self._writer.number += 1
             servo.write_zero(shift_m)
             self.safety.set_zero(Zero.KNOWN)
-        monitor.wait_poll(POLL_WAIT_S)  # so that no state counts from the old zero
+        # So that no state counts from the old zero.
+        self._require_connection()[1].wait_poll(POLL_WAIT_S)
 
     def _describe_end(self, target: str) -> str:
         """Return a sentence that says how far a pull came."""
@@ -327,7 +340,7 @@ class ServoGoals:
             self.request_release(reason='The driver is closed: the tendon is let out.')
             while time.monotonic() < deadline_s:
                 state = monitor.wait_poll(POLL_WAIT_S)
-                if monitor.trouble:
+                if monitor.outage:
                     break
                 if state and self.safety.is_slack(state.displacement_m, time.monotonic_ns()):
                     return
@@ -342,24 +355,65 @@ class ServoGoals:
             raise MotionRefusedError('The tendon actuator is not connected; connect it first.')
         return servo, monitor
 
-    def _require_sound(self) -> tuple[TendonServo, ServoMonitor]:
+    @contextmanager
+    def _commanding(self) -> Iterator[TendonServo]:
+        """Hold the bus's lock for a command to a servo that can be reached."""
         servo, monitor = self._require_connection()
-        if monitor.needs_connect:
-            raise MotionRefusedError(
-                f'The tendon actuator cannot move: {monitor.trouble}; remove the cause and '
-                'configure the driver again.'
-            )
-        return servo, monitor
+        with servo.bus.lock:
+            self._check_reachable(monitor)
+            yield servo
 
-    def _on_fault(self, reason: str) -> None:
-        self.safety.lose(f'{reason[:1].upper()}{reason[1:]}.', time.monotonic_ns())
-        self._on_trouble(reason)
+    @staticmethod
+    def _check_reachable(monitor: ServoMonitor) -> None:
+        """Refuse a command while the torque is off or the connection is made again."""
+        if monitor.is_lost or monitor.is_shut_down:
+            raise MotionRefusedError(
+                f'The tendon actuator cannot move: {monitor.outage}; {monitor.remedy}.'
+            )
+
+    def _take_over(self, setup: ServoSetup) -> None:
+        """Begin with a servo that has just been set up."""
+        self.identification = setup.identification
+        self._writer.begin(setup.velocity_limit)
+        self.temperature_limit_c = float(setup.temperature_limit_c)
+        if setup.was_held and not setup.is_zero_kept:
+            self.safety.set_zero(
+                Zero.UNKNOWN, 'the servo held a tendon whose zero it does not know'
+            )
+        else:
+            self.safety.set_zero(Zero.UNCONFIRMED)
+        if setup.is_zero_kept:
+            _logger.warning(RESTARTED)
+            self.safety.release(RESTARTED)
+
+    def _restore(self) -> None:
+        """Open a lost line again; set the servo up if its torque went off. On the poll thread.
+
+        A torque that has stayed on proves that the servo kept its zero. The next poll unlocks its
+        goals and carries safety's order out.
+        """
+        servo, _ = self._require_connection()
+        bus = servo.bus
+        bus.open()
+        is_kept = (
+            bus.read(registers.TORQUE_ENABLE) != 0
+            and bus.read(registers.OPERATING_MODE) == registers.MODE_CURRENT_BASED_POSITION
+        )
+        if is_kept or bus.read(registers.HARDWARE_ERROR):  # the poll tells the error
+            return
+        servo.forget_goal()  # or it would seem to be missed, and be written again
+        self._take_over(set_up_servo(bus, self._config))
+
+    def _on_loss(self, reason: str) -> None:
+        self.safety.lose(f'{capitalise(reason)}.', time.monotonic_ns())
 
     def _on_poll(self, polled: registers.ServoState) -> TendonState:
         """Carry safety's order out with each new state, under the bus's lock."""
         servo, _ = self._require_connection()
         state = servo.to_state(polled, self._clock_ns())
-        if polled.is_torque_on and not polled.hardware_error:
+        if not polled.is_torque_on:
+            self.safety.set_zero(Zero.UNKNOWN, "the servo's torque went off")
+        else:
             # Off: a command that sets it anew was cut off half way.
             is_tripped = polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF)
             if is_tripped:
@@ -372,18 +426,18 @@ class ServoGoals:
                 if number != self._repeated:
                     _logger.warning('the servo has missed a goal; it is written again')
                 self._repeated = number
-                servo.repeat_goal()
+                servo.repeat_goal(lets_out=not self.safety.is_pulling)
         return state
 
     def _on_alarm(self, reason: str) -> None:
         self._require_connection()[1].tell_trouble(reason)
 
     def _on_written(self) -> None:
-        _, monitor = self._require_connection()
-        if monitor.trouble:  # a fresh command was heard, so the silence is over
-            monitor.clear()
+        self._require_connection()[1].clear()  # a command was heard, so the silence is over
 
     def _command(self, tell: Callable[[], None], order: Order) -> None:
-        servo, _ = self._require_sound()
+        servo, monitor = self._require_connection()
         with servo.bus.lock:
-            self._writer.command(servo, tell, order)
+            tell()
+            self._check_reachable(monitor)
+            self._writer.command(servo, order)

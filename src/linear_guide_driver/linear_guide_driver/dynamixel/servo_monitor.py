@@ -3,7 +3,8 @@
 
 """Reads the servo's state at a steady rate and notices faults at once, whatever it is doing.
 
-The reads also feed the servo's bus watchdog: when they end, the servo stops by itself.
+The reads also feed the servo's bus watchdog: when they end, the servo stops by itself. The thread
+ends with the client alone. After an outage it goes on asking, or makes the connection again.
 """
 
 from __future__ import annotations
@@ -15,17 +16,20 @@ import time
 
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
-from linear_guide_driver.errors import DeviceRefusedError, LinearGuideDriverError
+from linear_guide_driver.errors import DeviceConnectionError, LinearGuideDriverError
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
 
-SILENT_POLLS = 5
-"""Polls in a row without an answer after which the servo counts as silent: about 0.2 s.
+FAILED_POLLS = 5
+"""Polls in a row that are not answered, or refused, after which it is an outage: about 0.2 s.
 
 Fewer ended pulls on a busy host, where an answer can be late three times in a row.
 """
 
-REFUSED_POLLS = 3
-"""Polls in a row that the servo refuses after which the driver gives up."""
+FIRST_BACK_OFF_S, LONGEST_BACK_OFF_S = 0.25, 2.0
+"""Pause before a lost connection is made again; each failure doubles it."""
+
+CLOSING_S = 6.0
+"""Longest wait for the thread: a servo that is just set up comes to rest within three seconds."""
 
 _logger = logging.getLogger(__name__)
 
@@ -44,17 +48,25 @@ class ServoMonitor:
         Makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock.
     on_state : callable
         Called with each state, on the poll thread.
+    on_loss : callable
+        Called with a reason at each failure, on the thread that noticed it.
     on_trouble : callable
-        Called with a reason when a fault is new, on the thread that noticed it.
+        Called with a reason when an outage or a fault is new, on the thread that noticed it.
+    restore : callable
+        Makes a lost connection again, on the poll thread; raises when it cannot.
 
     Attributes
     ----------
     state : TendonState or None
         The last state; None before the first poll.
-    trouble : str
-        The fault that has ended motion; empty when there is none.
-    needs_connect : bool
-        Whether the fault has cost the servo's settings or its reference.
+    outage : str
+        Why no command can be watched: the servo does not answer, or its torque is off.
+    fault : str
+        Fault that the servo reports while its torque is on. It must not wind in.
+    is_lost : bool
+        The line is lost, or the torque went off: the connection is made again before a command.
+    is_shut_down : bool
+        The servo has switched its torque off because of a fault. Only a restart ends that.
     """
 
     def __init__(
@@ -63,22 +75,43 @@ class ServoMonitor:
         config: TendonActuatorConfig,
         on_poll: Callable[[registers.ServoState], TendonState],
         on_state: Callable[[TendonState], None],
+        on_loss: Callable[[str], None],
         on_trouble: Callable[[str], None],
+        restore: Callable[[], None],
     ) -> None:
         self._bus, self._config = bus, config
-        self._on_poll, self._on_state, self._on_trouble = on_poll, on_state, on_trouble
+        self._on_poll, self._on_state = on_poll, on_state
+        self._on_loss, self._on_trouble, self._restore = on_loss, on_trouble, restore
         self._changed = threading.Condition()
         self._closing = threading.Event()
         self._polls = 0
+        self._failed_polls = 0
+        self._back_off_s = FIRST_BACK_OFF_S
         self.state: TendonState | None = None
-        self.trouble = ''
-        self.needs_connect = False
-        self._thread = threading.Thread(target=self._poll, name='tendon poll', daemon=True)
+        self.outage = ''
+        self.fault = ''
+        self.is_lost = False
+        self.is_shut_down = False
+        self._thread = threading.Thread(target=self._run, name='tendon poll', daemon=True)
+
+    @property
+    def trouble(self) -> str:
+        """Outage or fault; empty when there is none."""
+        return self.outage or self.fault
+
+    @property
+    def remedy(self) -> str:
+        """What ends the trouble, as the end of a sentence."""
+        if self.is_shut_down or (self.fault and not self.outage):
+            return 'remove the cause and configure the driver again'
+        if self.is_lost:
+            return 'the driver connects again by itself'
+        return 'the driver asks again by itself; look after wiring and power'
 
     @property
     def is_reading(self) -> bool:
-        """Whether states may still come: it is not closed, and there is no fault."""
-        return not (self.trouble or self._closing.is_set())
+        """Whether states may still come: it is not closed, and there is no outage."""
+        return not (self.outage or self._closing.is_set())
 
     def start(self) -> None:
         """Start to poll."""
@@ -90,88 +123,105 @@ class ServoMonitor:
             self._closing.set()
             self._changed.notify_all()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(2.0)
+            self._thread.join(CLOSING_S)
 
-    def fail(self, reason: str, needs_connect: bool = False) -> None:
-        """Note a fault; the first one is the cause, what follows are its consequences."""
+    def fail(self, reason: str, *, is_lost: bool = False) -> None:
+        """Note an outage; the first reason is the cause, what follow are its consequences."""
         with self._changed:
-            is_new = not self.trouble
-            self.trouble = self.trouble or reason
-            self.needs_connect = self.needs_connect or needs_connect
+            is_new = not self.outage or (is_lost and not self.is_lost)
+            if is_new:
+                self.outage = reason
+            self.is_lost = self.is_lost or is_lost
             self._changed.notify_all()
+        self._on_loss(reason)
         if is_new:
-            self._tell(self._on_trouble, reason)
+            self.tell_trouble(reason)
 
     def clear(self) -> None:
-        """Forget the fault: the servo answers again."""
+        """Forget the outage if the line is not lost: the servo answers again."""
         with self._changed:
-            self.trouble = ''
-            self._changed.notify_all()
+            if self.outage and not self.is_lost:
+                _logger.warning('the servo answers again')
+                self.outage = ''
+                self._changed.notify_all()
 
     def wait_poll(self, timeout_s: float) -> TendonState | None:
-        """Return the next state, or None when a fault, the end or the timeout came first [s]."""
+        """Return the next state, or None when an outage, the end or the timeout came first [s]."""
         with self._changed:
             count = self._polls
             self._changed.wait_for(
-                lambda: self._polls > count or bool(self.trouble) or self._closing.is_set(),
+                lambda: self._polls > count or bool(self.outage) or self._closing.is_set(),
                 timeout_s,
             )
             return self.state if self._polls > count else None
-
-    # -- inside --------------------------------------------------------------------------
-
-    def _poll(self) -> None:
-        period_s = 1.0 / self._config.poll_rate_hz
-        due_s = time.monotonic()
-        silent_polls = refused_polls = 0
-        while not self._closing.wait(max(0.0, due_s - time.monotonic())):
-            due_s = max(due_s + period_s, time.monotonic())
-            state = None
-            try:
-                with self._bus.lock:  # no command comes between a state and its judgement
-                    block = self._bus.read_block(registers.STATE_BLOCK)
-                    state = self._take(registers.decode_state(block))
-                silent_polls = refused_polls = 0
-            except SilentServoError as error:
-                silent_polls += 1
-                if silent_polls == SILENT_POLLS:
-                    self.fail(f'the servo is silent ({error})')
-                    silent_polls = 0
-                    # It may still hear us: say nothing until its watchdog has stopped it,
-                    # or until a fresh command has been heard.
-                    with self._changed:
-                        self._changed.wait_for(
-                            lambda: not self.trouble or self._closing.is_set(),
-                            2 * self._config.watchdog_s,
-                        )
-            except LinearGuideDriverError as error:
-                # One damaged packet makes the servo refuse a question; several are a fault.
-                refused_polls += 1
-                if refused_polls < REFUSED_POLLS and isinstance(error, DeviceRefusedError):
-                    continue
-                self.fail(str(error), needs_connect=True)
-                return
-            except Exception as error:  # nobody reads on, and no order is carried out
-                self.fail(f'reading the servo failed: {error!r}', needs_connect=True)
-                raise
-            if state is not None:
-                self._tell(self._on_state, state)
 
     def tell_trouble(self, reason: str) -> None:
         """Pass a reason on to ``on_trouble``, whose own faults end nothing."""
         self._tell(self._on_trouble, reason)
 
+    def poll_once(self) -> float:
+        """Read the servo, or make a lost connection again; return the pause that follows [s]."""
+        was_lost = self.is_lost
+        try:
+            if was_lost:
+                self._restore()
+                self.is_lost, self._back_off_s = False, FIRST_BACK_OFF_S
+                self.clear()  # the poll that follows tells what else is wrong
+            with self._bus.lock:  # no command comes between a state and its judgement
+                block = self._bus.read_block(registers.STATE_BLOCK)
+                state = self._take(registers.decode_state(block))
+            self._failed_polls = 0
+        except LinearGuideDriverError as error:
+            if was_lost and self.is_lost:
+                self.outage = str(error)
+                self._back_off_s = min(2 * self._back_off_s, LONGEST_BACK_OFF_S)
+                return self._back_off_s
+            is_silent = isinstance(error, SilentServoError)
+            if isinstance(error, DeviceConnectionError) and not is_silent:
+                self.fail(str(error), is_lost=True)
+                return self._back_off_s
+            self._failed_polls += 1
+            if self._failed_polls < FAILED_POLLS:
+                return 0.0
+            self.fail(f'the servo {"is silent" if is_silent else "refuses to be read"} ({error})')
+        except Exception as error:  # the poll must outlive it: it lets the tendon out
+            if not self.outage:
+                _logger.exception('reading the servo failed')
+            self.fail(f'reading the servo failed: {error!r}', is_lost=self.is_lost)
+        else:
+            self._tell(self._on_state, state)
+            return 0.0
+        self._failed_polls = 0
+        # It may still hear us: say nothing until its watchdog has stopped it.
+        return 2 * self._config.watchdog_s
+
+    # -- inside --------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        period_s = 1.0 / self._config.poll_rate_hz
+        due_s = time.monotonic()
+        while not self._closing.wait(max(0.0, due_s - time.monotonic())):
+            due_s = max(due_s + period_s, time.monotonic())
+            pause_s = self.poll_once()
+            with self._changed:  # a fresh command that is heard ends the pause
+                self._changed.wait_for(lambda: not self.outage or self._closing.is_set(), pause_s)
+
     def _take(self, servo: registers.ServoState) -> TendonState:
-        if servo.hardware_error:
-            words = registers.describe_hardware_error(servo.hardware_error)
-            self.fail(f'the servo has shut down: {words}', needs_connect=True)
+        words = registers.describe_hardware_error(servo.hardware_error)
+        self.is_shut_down = bool(words) and not servo.is_torque_on
+        if self.is_shut_down:
+            self.fail(f'the servo has shut down: {words}')
         elif not servo.is_torque_on:
-            self.fail(
-                "the servo's torque went off, so the slack reference is lost", needs_connect=True
-            )
-        elif self.trouble and not self.needs_connect:
-            self.clear()  # it answers again
+            self.fail("the servo's torque went off, so the slack reference is lost", is_lost=True)
+        elif words and not self.fault:
+            self.fault = f'the servo reports a fault: {words}'
+            self._on_loss(self.fault)
+            self.tell_trouble(self.fault)
+        if not words:
+            self.fault = ''
         state = self._on_poll(servo)
+        if servo.is_torque_on:
+            self.clear()  # also what a command has noted meanwhile: it answers
         with self._changed:
             self.state = state
             self._polls += 1

@@ -128,7 +128,7 @@ class TendonActuatorClient(ServoGoals):
         with self._one_pull():
             target = f'{tension_n:.2f} N'
             pull = Pull(max_displacement_m, contact, target_tension_n=tension_n)
-            goal, start_m = self._begin(pull, speed_m_s, should_stop)
+            goal, start_m, _ = self._begin(pull, speed_m_s, should_stop)
             keeper = TensionKeeper(
                 TensionController(
                     tension_n, self.safety.limit_n, speed_m_s, start_m, max_displacement_m
@@ -259,9 +259,8 @@ class TendonActuatorClient(ServoGoals):
         until: Callable[[TendonState], bool] = lambda _: False,
     ) -> TendonState:
         """Wind until there, or until ``until`` says so, and then hold."""
-        goal_m = pull.displacement_m
+        goal, start_m, goal_m = self._begin(pull, speed_m_s, should_stop)
         target = f'{goal_m:.4f} m'
-        goal, start_m = self._begin(pull, speed_m_s, should_stop)
         deadline_s = time.monotonic() + abs(goal_m - start_m) / speed_m_s + SLACK_S
         one_unit_m_s = registers.velocity_to_m_s(1, self._config.pulley_radius_m)
         while True:

@@ -22,6 +22,7 @@ class TendonServo:
         self._config = config
         self._sign = -1 if config.reverse else 1
         self._goal_counts: int | None = None  # the last one, if the servo has acknowledged it
+        self._lets_out = False  # whether the last goal must not wind in
 
     def read_displacement_m(self) -> float:
         """Return the present displacement [m]."""
@@ -31,15 +32,29 @@ class TendonServo:
         """Return whether the servo's watchdog has locked its goals."""
         return self.bus.read(registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
 
-    def write_goal(self, displacement_m: float, velocity: int | None = None) -> None:
-        """Wind to a displacement [m]; at ``velocity`` in the servo's units, if given."""
+    def write_goal(
+        self, displacement_m: float, velocity: int | None = None, *, lets_out: bool = False
+    ) -> None:
+        """Wind to a displacement.
+
+        Parameters
+        ----------
+        displacement_m : float
+            [m]
+        velocity : int, optional
+            In the servo's units.
+        lets_out : bool
+            A tendon that is further out already is held there.
+        """
         if velocity is not None:
             self.bus.write(registers.PROFILE_VELOCITY, velocity)
-        self._write_counts(self._to_counts(displacement_m))
+        if lets_out:
+            displacement_m = min(displacement_m, self.read_displacement_m())
+        self._write_counts(self._to_counts(displacement_m), lets_out=lets_out)
 
     def write_hold(self) -> None:
         """Hold where the servo stands."""
-        self._write_counts(self.bus.read(registers.PRESENT_POSITION))
+        self._write_counts(self.bus.read(registers.PRESENT_POSITION), lets_out=True)
 
     def has_missed_goal(self, goal_counts: int) -> bool:
         """Return whether the servo holds another goal than it has acknowledged.
@@ -54,10 +69,21 @@ class TendonServo:
         """
         return self._goal_counts not in (None, goal_counts)
 
-    def repeat_goal(self) -> None:
-        """Write the last goal again."""
+    def forget_goal(self) -> None:
+        """Forget the last goal: somebody else has written another one."""
+        self._goal_counts = None
+
+    def repeat_goal(self, *, lets_out: bool) -> None:
+        """Write the last goal again; the servo may have moved on meanwhile.
+
+        Parameters
+        ----------
+        lets_out : bool
+            Whatever the goal was, do not wind in.
+        """
         if self._goal_counts is not None:
-            self._write_counts(self._goal_counts)
+            displacement_m = self._to_displacement_m(self._goal_counts)
+            self.write_goal(displacement_m, lets_out=lets_out or self._lets_out)
 
     def unlock(self) -> None:
         """Unlock goals that the watchdog has locked, with the goal where the servo stands."""
@@ -86,8 +112,9 @@ class TendonServo:
             received_at_ns=received_at_ns,
         )
 
-    def _write_counts(self, goal_counts: int) -> None:
+    def _write_counts(self, goal_counts: int, *, lets_out: bool) -> None:
         self._goal_counts = None  # not known if the servo does not answer
+        self._lets_out = lets_out
         self.bus.write(registers.GOAL_POSITION, goal_counts)
         self._goal_counts = goal_counts
 

@@ -89,5 +89,6 @@ class TensionController:
         # Never far ahead of a tendon that does not follow: nothing winds up.
         lead_m = self._speed_m_s * LEAD_S
         goal_m = min(max(goal_m, displacement_m - lead_m), displacement_m + lead_m)
-        self._goal_m = min(max(goal_m, 0.0), self._max_m)
+        # A tendon below its zero is not wound in to there while it is to be let out.
+        self._goal_m = min(max(goal_m, min(0.0, displacement_m)), self._max_m)
         return self._goal_m

@@ -32,6 +32,11 @@ class Pull(NamedTuple):
     target_tension_n: float = 0.0
     is_homing: bool = False
 
+    @property
+    def lets_out(self) -> bool:
+        """Whether it lets the tendon out to slack, and no further in than it is."""
+        return self.displacement_m <= 0.0 and not (self.is_homing or self.target_tension_n)
+
 
 def check_pull(pull: Pull, limits_n: Mapping[str, float]) -> float:
     """Return the tension limit of a pull's contact [N].

@@ -17,7 +17,7 @@ Four rules hold in every state:
 
 1. Above the limit the order is to let out. It depends on the present tension, not on how it
    came about, so no stop, loss or goal turns it into holding.
-2. Letting out is always admitted. Only winding in is checked.
+2. Letting out is always admitted, and never winds in. Only winding in is checked.
 3. A taut tendon is not at rest: after a loss it is held for a while, then let out, unless a
    fresh pull is admitted.
 4. Nothing but homing winds in while the zero of the displacement is unknown.
@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import threading
 
-from linear_guide_driver.errors import MotionRefusedError
+from linear_guide_driver.errors import capitalise, MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
 from linear_guide_driver.safety.pull import check_pull, Pull
 from linear_guide_driver.safety.states import Ending, Order, State, Zero
@@ -44,8 +44,6 @@ SLACK_SHARE = 0.5
 SETTLED_NS = 500_000_000
 """Only a tension that the sensor reads for so long after the tendon has come to rest at its zero
 refutes the zero: samples come later than positions."""
-
-NO_SAMPLES = 'No valid strain sample arrives; look after the tendon sensor.'
 
 
 class TendonSafety:
@@ -84,6 +82,7 @@ class TendonSafety:
         self._state = State.FREE
         self._release_at_ns: int | None = None
         self._reason = ''
+        self._loss = ''  # for which the tendon is held
         self._cause = Ending.STOPPED
         self._pull: Pull | None = None
         self._winds_in = False
@@ -142,9 +141,10 @@ class TendonSafety:
 
     @property
     def slack_m(self) -> float:
-        """Displacement that a release goes to at the most [m].
+        """Displacement that a release goes to, or stays below [m].
 
-        Without a known zero it may let out as much as any pull may have wound in.
+        Without a known zero it may let out as much as any pull may have wound in. A tendon that is
+        further out already is held: no release winds in.
         """
         return -self._config.max_displacement_m if self._zero is Zero.UNKNOWN else 0.0
 
@@ -156,6 +156,10 @@ class TendonSafety:
     def live_tension_n(self, now_ns: int) -> float | None:
         """Return the latest tension [N]; None when valid samples do not arrive."""
         return self._level.latest_n if self._level.is_live(now_ns) else None
+
+    def describe_silence(self, now_ns: int) -> str:
+        """Return how the samples fail to be live, within a sentence; empty when they are."""
+        return self._level.describe_silence(now_ns)
 
     def is_slack(self, displacement_m: float, now_ns: int) -> bool:
         """Return whether the tendon counts as slack at this displacement [m]."""
@@ -174,8 +178,10 @@ class TendonSafety:
 
     # -- what is heard ---------------------------------------------------------------------
 
-    def add_samples(self, tension_n: Sequence[float], is_saturated: bool, now_ns: int) -> bool:
-        """Take a block of valid samples; return whether the order may have changed.
+    def add_samples(
+        self, tension_n: Sequence[float], is_saturated: bool, now_ns: int, age_ns: int = 0
+    ) -> bool:
+        """Take the valid samples that have come; return whether the order may have changed.
 
         Parameters
         ----------
@@ -185,9 +191,11 @@ class TendonSafety:
             The sensor is at the end of its range: counts as above the limit.
         now_ns : int
             Time of arrival.
+        age_ns : int
+            How old the last sample is already, beyond what is usual [ns].
         """
         with self._lock:
-            if not self._level.add(tension_n, is_saturated, now_ns):
+            if not self._level.add(tension_n, is_saturated, now_ns, age_ns):
                 return False
             pull, highest_n = self._pull, max(tension_n)
             is_reached = (
@@ -210,7 +218,7 @@ class TendonSafety:
 
     # -- what is asked ---------------------------------------------------------------------
 
-    def admit(self, pull: Pull, start_m: float, now_ns: int) -> None:
+    def admit(self, pull: Pull, start_m: float, now_ns: int, fault: str = '') -> None:
         """Let a pull begin; or refuse it and change nothing.
 
         Parameters
@@ -219,24 +227,25 @@ class TendonSafety:
         start_m : float
             Displacement now, read under the bus's lock [m]: it tells whether the pull winds in.
         now_ns : int
+        fault : str
+            Fault of the servo, which must not wind in then, as a sentence.
 
         Raises
         ------
         MotionRefusedError
         """
         with self._lock:
-            lets_out = pull.displacement_m <= 0.0 and not (pull.is_homing or pull.target_tension_n)
-            limit_n = self._limit_n if lets_out else check_pull(pull, self.limits_n)
+            limit_n = self._limit_n if pull.lets_out else check_pull(pull, self.limits_n)
             self._confirm_zero(start_m, now_ns)
-            winds_in = (
-                pull.is_homing
-                or pull.target_tension_n > 0.0
-                or pull.displacement_m > max(0.0, start_m)
+            winds_in = not pull.lets_out and (
+                pull.is_homing or pull.target_tension_n > 0.0 or pull.displacement_m > start_m
             )
             if winds_in:
                 obstacle = '' if pull.is_homing else self._find_zero_obstacle(start_m)
-                obstacle = obstacle or self._find_obstacle(
-                    self._needs_samples(pull), limit_n, now_ns
+                obstacle = (
+                    fault
+                    or obstacle
+                    or self._find_obstacle(self._needs_samples(pull), limit_n, now_ns)
                 )
                 if obstacle:
                     raise MotionRefusedError(obstacle)
@@ -290,7 +299,9 @@ class TendonSafety:
                 if self._release_at_ns is None and (loss := self._find_loss(is_slack, now_ns)):
                     self._hold_then_release(loss, now_ns)
                 if self._release_at_ns is not None and now_ns >= self._release_at_ns:
-                    self._enter(State.RELEASING, f'{self._reason} It is let out now.', Ending.LOST)
+                    held_s = self._config.slack_after_s
+                    sentence = f'{self._loss} The tendon was held for {held_s:g} s and is let out.'
+                    self._enter(State.RELEASING, sentence, Ending.LOST)
             self._confirm_zero(displacement_m, now_ns)
             if self._state is State.RELEASING:
                 return Order.RELEASE
@@ -312,16 +323,16 @@ class TendonSafety:
         )
         if pull is None or is_final:
             return
-        if state is State.RELEASING and not self._winds_in and pull.displacement_m <= 0.0:
+        if state is State.RELEASING and pull.lets_out:
             return  # it lets out to slack itself
         self._ending = ending
 
     def _hold_then_release(self, loss: str, now_ns: int) -> None:
+        if self._release_at_ns is None:  # a second loss postpones nothing, and the first is told
+            self._release_at_ns, self._loss = now_ns + self._slack_after_ns, loss
         after_s = self._config.slack_after_s
-        sentence = f'{loss} The tendon is held and let out after {after_s:g} s.'
+        sentence = f'{self._loss} The tendon is held and let out after {after_s:g} s.'
         self._enter(State.HOLDING, sentence, Ending.LOST)
-        if self._release_at_ns is None:  # a second loss postpones nothing
-            self._release_at_ns = now_ns + self._slack_after_ns
 
     def _find_loss(self, is_slack: bool, now_ns: int) -> str:
         """Return what a taut tendon, or a pull that winds in, lacks; empty when nothing."""
@@ -329,9 +340,10 @@ class TendonSafety:
         if not self._winds_in and (is_slack or lets_out):
             return ''  # a slack tendon needs nothing, and letting out goes on
         needs_samples = self._needs_samples(self._pull or Pull(0.0))
-        return find_silence(self._watchdogs, now_ns) or (
-            NO_SAMPLES if needs_samples and not self._level.is_live(now_ns) else ''
-        )
+        if silence := find_silence(self._watchdogs, now_ns):
+            return silence
+        silence = self._level.describe_silence(now_ns) if needs_samples else ''
+        return silence and f'{capitalise(silence)}; look after the tendon sensor.'
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
         """Believe a zero that was taken at rest if the sensor reads a slack tendon there."""
@@ -361,10 +373,10 @@ class TendonSafety:
     def _find_obstacle(self, needs_samples: bool, limit_n: float, now_ns: int) -> str:
         if silence := find_silence(self._watchdogs, now_ns):
             return silence
-        if needs_samples and not self._level.is_live(now_ns):
+        if needs_samples and (silence := self._level.describe_silence(now_ns)):
             return (
-                'Winding in needs the tendon sensor and no valid strain sample arrives; start '
-                'the sensor, or set the parameter unguarded to true for plain pulls.'
+                f'Winding in needs the tendon sensor and {silence}; start the sensor, or set '
+                'the parameter unguarded to true for plain pulls.'
             )
         if self._level.is_above(limit_n, now_ns):
             return f'{self._level.describe_above(limit_n)}; let the tendon out first.'

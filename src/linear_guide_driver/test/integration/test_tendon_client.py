@@ -19,6 +19,7 @@ from linear_guide_driver import (
 )
 from linear_guide_driver.dynamixel import registers, servo_goals, tendon_client, tendon_setup
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
+from linear_guide_driver.safety.states import State
 from tactile_testing.waiting import wait_until
 
 
@@ -169,6 +170,31 @@ def test_a_servo_that_another_program_holds_is_let_go_and_must_be_homed(connect,
     assert servo.table[64] == 1
     with pytest.raises(MotionRefusedError, match=r'zero is unknown.*home the tendon'):
         tendon.pull_to(0.001)
+
+
+@pytest.mark.parametrize('way', ['limit', 'service', 'goal', 'close'])
+def test_no_release_winds_in(connect, servo, way):
+    servo.put(64, 1, 1)  # held by another program: the zero is unknown
+    tendon = connect(max_displacement_m=0.002)
+    below = 2048 - 652  # 10 mm below the zero, as after homings that failed
+    servo.turn_to(below)
+    servo.put(116, 4, servo.get(132))
+    wait_until(lambda: tendon.state.displacement_m < -0.009)
+    if way in ('limit', 'close'):
+        tendon.safety.add_samples([5.0], False, time.monotonic_ns())
+    if way == 'limit':
+        wait_until(lambda: tendon.safety.state is State.RELEASING)
+        tendon.supervise()
+    elif way == 'service':
+        tendon.request_release()
+    elif way == 'goal':
+        assert tendon.pull_to(0.0).displacement_m < -0.009
+    else:
+        tendon.close()
+    written = [value for address, value in servo.writes if address == 116]
+    assert max(written) <= 0
+    assert written[-1] == -652
+    assert servo.position == below
 
 
 def test_slack_is_read_when_the_tendon_has_unwound_though_the_torque_was_off(connect, servo):

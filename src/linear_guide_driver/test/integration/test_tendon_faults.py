@@ -3,12 +3,15 @@
 
 """What the tendon's driver does when servo, bus or the driver itself fail."""
 
+import time
+
 from background import Background
 from pulls import begin_pull, check_failure
 import pytest
 
 from linear_guide_driver import MotionFailedError, MotionRefusedError
 from linear_guide_driver.dynamixel import registers
+from linear_guide_driver.safety.states import Zero
 from tactile_testing.waiting import wait_until
 
 COUNT_M = 2 * 3.141592653589793 * 0.01 / 4096
@@ -66,11 +69,90 @@ def test_a_hardware_alert_ends_the_pull_for_good(tendon, servo):
         tendon.pull_to(0.0)
 
 
-def test_a_servo_that_restarted_has_lost_its_reference(tendon, servo):
-    servo.put(64, 1, 0)
+def test_a_fault_with_the_torque_on_refuses_winding_in_alone(connect, servo):
+    tendon = connect(slack_after_s=30.0)
+    tendon.pull_to(0.01)
+    servo.put(70, 1, 0x01)
     wait_until(lambda: tendon.trouble != '')
-    with pytest.raises(MotionRefusedError, match='slack reference is lost'):
+    with pytest.raises(MotionRefusedError, match=r'voltage out of.*configure the driver again'):
+        tendon.pull_to(0.02)
+    tendon.pull_to(0.005)
+    tendon.safety.add_samples([16.0], False, time.monotonic_ns())
+    wait_until(lambda: servo.position == 2048)
+    tendon.pull_to(0.0)
+    tendon.request_release()
+    assert 'voltage out of range' in tendon.trouble
+
+
+def test_a_servo_that_lost_its_power_is_set_up_again_at_rest(connect, servo):
+    tendon = connect(slack_after_s=0.2)
+    pull = begin_pull(tendon, servo)
+    servo.is_silent = True
+    check_failure(pull, 'silent')
+    servo.lose_power()
+    rest = servo.position
+    servo.is_silent = False
+    wait_until(lambda: not tendon.trouble and servo.table[64])
+    assert tendon.safety.zero is Zero.UNCONFIRMED
+    assert (servo.position, servo.goal) == (rest, rest)
+    tendon.pull_to(0.005)
+    assert servo.goal == rest + 326
+    tendon.pull_to(0.0)
+    assert servo.position == rest
+
+
+@pytest.mark.parametrize('outage', ['refused', 'damaged', 'silent', 'stopped', 'unplugged'])
+def test_letting_out_survives_an_outage(connect, servo, outage):
+    tendon = connect(slack_after_s=0.2)
+    tendon.pull_to(0.01)
+    begin = {
+        'refused': lambda: setattr(servo, 'status_error', 1),
+        'damaged': lambda: setattr(servo, 'status_error', 3),
+        'silent': lambda: setattr(servo, 'is_silent', True),
+        'stopped': lambda: servo.stop_flow(True),
+        'unplugged': servo.unplug,
+    }
+    end = {
+        'refused': lambda: setattr(servo, 'status_error', 0),
+        'damaged': lambda: setattr(servo, 'status_error', 0),
+        'silent': lambda: setattr(servo, 'is_silent', False),
+        'stopped': lambda: servo.stop_flow(False),
+        'unplugged': servo.plug_in,
+    }
+    for _ in range(2):
+        begin[outage]()
+        wait_until(lambda: tendon.trouble != '')
+        assert 'by itself' in tendon.remedy
+        end[outage]()
+        wait_until(lambda: servo.position == 2048)  # nobody commands it
+        wait_until(lambda: not tendon.trouble and tendon.state.displacement_m == 0.0)
         tendon.pull_to(0.01)
+    tendon.safety.add_samples([16.0], False, time.monotonic_ns())
+    wait_until(lambda: servo.position == 2048)
+
+
+@pytest.mark.parametrize('way', ['service', 'goal'])
+def test_a_release_that_cannot_be_written_is_carried_out_later(connect, servo, way):
+    tendon = connect(slack_after_s=30.0)
+    tendon.pull_to(0.01)
+    servo.unplug()
+    wait_until(lambda: tendon.trouble != '')
+    with pytest.raises(MotionRefusedError, match='connects again by itself'):
+        tendon.request_release() if way == 'service' else tendon.pull_to(0.0)
+    servo.plug_in()
+    wait_until(lambda: servo.position == 2048)
+
+
+def test_a_tendon_that_another_program_took_meanwhile_is_let_go(connect, servo):
+    tendon = connect()
+    tendon.pull_to(0.01)
+    servo.unplug()
+    wait_until(lambda: tendon.trouble != '')
+    servo.put(11, 1, 3)
+    servo.plug_in()
+    wait_until(lambda: not tendon.trouble)
+    assert (64, 0) in servo.writes
+    assert tendon.safety.zero is Zero.UNKNOWN
 
 
 def test_a_silent_servo_ends_the_pull_and_can_be_commanded_again(connect, servo):
@@ -88,16 +170,19 @@ def test_an_unplugged_bus_ends_the_pull(tendon, servo):
     servo.close()
     check_failure(pull, 'is lost')
     wait_until(lambda: tendon.trouble != '')
-    with pytest.raises(MotionRefusedError, match='configure the driver again'):
+    wait_until(lambda: 'cannot open' in tendon.trouble)
+    with pytest.raises(MotionRefusedError, match=r'cannot open .* connects again by itself'):
         tendon.pull_to(0.0)
 
 
-@pytest.mark.filterwarnings('ignore::pytest.PytestUnhandledThreadExceptionWarning')
-def test_a_fault_of_the_reading_itself_is_trouble(tendon, servo, monkeypatch):
+def test_a_fault_of_the_reading_itself_is_trouble(connect, servo, monkeypatch):
     def fail(_):
         raise ValueError('a bug')
 
+    tendon = connect(slack_after_s=0.2)
     pull = begin_pull(tendon, servo)
-    monkeypatch.setattr(registers, 'decode_state', fail)
-    check_failure(pull, "Reading the servo failed: ValueError('a bug')")
-    assert 'a bug' in tendon.trouble
+    with monkeypatch.context() as patch:
+        patch.setattr(registers, 'decode_state', fail)
+        check_failure(pull, "Reading the servo failed: ValueError('a bug')")
+        assert 'a bug' in tendon.trouble
+    wait_until(lambda: servo.position == 2048)

@@ -137,7 +137,7 @@ def test_the_health_tells_of_a_dead_sensor_and_a_hot_servo(tendon, servo, sensor
 
     wait_for_health(OK, 'ready')
     sensor.status = StrainBlock.STATUS_STUCK
-    wait_for_health(WARN, 'have ceased')
+    wait_for_health(WARN, 'No valid strain sample arrives')
     servo.put(146, 1, 71)
     wait_for_health(WARN, 'shuts down at 80 C')
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What docs/motion.md promises of the tendon, through the real node and real bytes."""
 
+import threading
+
 import pytest
 from topic_peers import Peers
 
@@ -9,8 +11,8 @@ from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
 from linear_guide_driver.safety.states import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import PullTendon
-from tactile_msgs.msg import Readiness
-from tactile_ros.qos import LATEST
+from tactile_msgs.msg import Readiness, StrainBlock
+from tactile_ros.qos import LATEST, STREAM
 from tactile_testing.waiting import wait_until
 
 SLACK = 2048
@@ -157,6 +159,63 @@ def test_a_paused_clock_does_not_stop_the_watch(bench, servo, peers):
     wait_until(lambda: is_slack(servo))
 
 
+def test_all_samples_that_wait_count_at_once(bench, servo):
+    start(bench, servo)
+    taken = []
+    safety = bench.node._client.safety
+    add_samples = safety.add_samples
+
+    def note(tension_n, *arguments):
+        taken.append(list(tension_n))
+        return add_samples(tension_n, *arguments)
+
+    safety.add_samples = note
+    publisher = bench.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+    wait_until(publisher.get_subscription_count)
+    blocks, go_on = threading.Event(), threading.Event()
+
+    def block_the_executor():
+        blocks.set()
+        go_on.wait()
+
+    bench.executor.create_task(block_the_executor)
+    assert blocks.wait(20.0)
+    values = [0.001 * i for i in range(800)]
+    values[400] = 20.0  # above the limit, in the middle
+    for value in values:
+        publisher.publish(StrainBlock(tension_n=[value]))
+    assert publisher.wait_for_all_acked()
+    go_on.set()
+    wait_until(lambda: sum(map(len, taken)) == 800)
+    assert len(taken) <= 2  # the last ones may not be in the queue yet
+    assert taken[0][:700] == values[:700]
+    assert safety.tension_n == values[-1]
+
+
+def test_old_samples_are_no_live_ones(bench, servo, peers):
+    start(bench, servo, slack_after_s=0.2)
+    pull_taut(bench, peers)
+    peers.delay_s = 1.0
+    wait_until(lambda: is_slack(servo))
+    status, result = bench.result(pull(bench, TAUT_M))
+    assert (status, 's late; ' in result.message) == ('aborted', True), result.message
+    peers.delay_s = 0.0
+    peers.tension_n = 0.0
+    wait_until(lambda: not bench.node._find_missing())
+    pull_taut(bench, peers)
+
+
+@pytest.mark.parametrize('step_s', [-3600.0, 3600.0])
+def test_a_step_of_the_clock_makes_no_sample_old(bench, servo, peers, step_s):
+    start(bench, servo)
+    pull_taut(bench, peers)
+    peers.step_s = step_s
+    published = peers.published
+    wait_until(lambda: peers.published > published + 100)  # twice the guard's time
+    assert not bench.node._client.safety.is_alarm
+    assert bench.result(pull(bench, TAUT_M + 0.001))[0] == 'succeeded'
+
+
 def test_a_goal_right_after_the_start_waits_for_peers(bench, servo):
     start(bench, servo, peer_wait_s=20.0)
     readiness = []
@@ -179,6 +238,22 @@ def test_an_idle_trip_of_the_servos_watchdog_mends_itself(bench, servo, peers):
     servo.put(98, 1, 0)  # a command that set it anew was cut off half way
     wait_until(lambda: servo.table[98] == 50)
     assert bench.result(pull(bench, 0.002))[0] == 'succeeded'
+
+
+def test_a_driver_whose_cable_is_plugged_in_again_is_ready_by_itself(bench, servo, peers):
+    start(bench, servo)
+    pull_taut(bench, peers)
+    servo.unplug()
+    wait_until(lambda: any('by itself' in text for text in bench.node._find_missing()))
+    answer = bench.call('/tendon_actuator/release')
+    assert (answer.success, 'connects again by itself' in answer.message) == (False, True)
+    servo.plug_in()
+    wait_until(lambda: is_slack(servo))  # what was asked for meanwhile
+    peers.tension_n = 0.0
+    wait_until(lambda: not bench.node._find_missing())
+    pull_taut(bench, peers)
+    assert bench.call('/tendon_actuator/release').success
+    wait_until(lambda: is_slack(servo))
 
 
 # -- a driver that dies ---------------------------------------------------------------------------

@@ -4,7 +4,9 @@
 """A device behind a pseudo-terminal, served on a thread of its own."""
 
 import os
+from pathlib import Path
 import select
+import tempfile
 import threading
 import tty
 
@@ -13,9 +15,15 @@ class PtyPeer:
     """Calls `take` with what has arrived, nothing included, some hundred times a second."""
 
     def __init__(self):
+        self._folder = tempfile.TemporaryDirectory()
+        self.port = str(Path(self._folder.name, 'port'))
+        self.plug_in()
+
+    def plug_in(self):
+        """Offer a new pseudo-terminal under the same name."""
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
-        self.port = os.ttyname(self._slave)
+        os.symlink(os.ttyname(self._slave), self.port)
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
@@ -23,9 +31,14 @@ class PtyPeer:
         os.write(self._master, data)
 
     def close(self):
-        """Unplug. Harmless when called twice."""
+        """Unplug for good. Harmless when called twice."""
+        self.unplug()
+        self._folder.cleanup()
+
+    def unplug(self):
         master, self._master = self._master, -1
         if master >= 0:
+            os.unlink(self.port)
             os.close(self._slave)
             self._thread.join(1.0)
             os.close(master)

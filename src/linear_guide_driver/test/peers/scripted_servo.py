@@ -4,6 +4,7 @@
 """A Dynamixel XM430 behind a pty: Protocol 2.0 written from the e-Manual, not from the SDK."""
 
 import struct
+import termios
 import time
 
 from pty_peer import PtyPeer
@@ -27,29 +28,26 @@ def compute_crc(data):
     return crc
 
 
-class ScriptedServo(PtyPeer):
-    """Turns at the profile velocity; holds its watchdog; a test plants faults."""
+class ServoModel:
+    """Registers and shaft; turns at the profile velocity and holds its watchdog.
 
-    def __init__(self):
+    Parameters
+    ----------
+    clock : callable
+        Returns the time [s].
+    """
+
+    def __init__(self, clock=time.monotonic):
+        self._clock = clock
         self.table = bytearray(147)
         for address, size, value in TABLE:
             self.put(address, size, value)
         self.writes = []
-        self.packets = 0  # heard so far
-        self.is_silent = False
         self.lasting_error = 0  # the hardware error that a restart does not end
-        self._silent_until_s = 0.0
-        self.is_mute = False  # hears, but its answers are lost
-        self.lose = lambda address: False  # whether the packet for this register is lost
-        self.lost_answers = 0  # how many of the next answers are lost
-        self.late_s = 0.0  # how late the next answer is
-        self.owed = b''  # the data of an answer to an earlier question, which comes first
         self.trips_before = None  # register before whose next write the watchdog trips
         self.stuck_at = None  # counts beyond which the load does not yield
         self._part = 0.0  # of a count, turned already
-        self._heard_s = self._turned_s = time.monotonic()
-        self._partial = b''
-        super().__init__()
+        self._heard_s = self._turned_s = clock()
 
     def put(self, address, size, value):
         self.table[address : address + size] = value.to_bytes(size, 'little', signed=value < 0)
@@ -75,20 +73,19 @@ class ScriptedServo(PtyPeer):
         self.put(70, 1, hardware_error)
         self.put(64, 1, 0)
 
+    def lose_power(self):
+        """Forget everything but the EEPROM, and turns beyond one."""
+        counts = self.position
+        self.put(64, 83, 0)
+        for address, size, value in TABLE:
+            if address >= 64:
+                self.put(address, size, value)
+        self.turn_to(counts % 4096)
+
     # -- inside ------------------------------------------------------------------------
 
-    def take(self, data):
-        self._partial += data
-        self._turn()
-        while len(buffer := self._partial) >= 7:
-            end = 7 + buffer[5] + 256 * buffer[6]
-            if len(buffer) < end:
-                break
-            self._packet(buffer[:end])
-            self._partial = buffer[end:]
-
     def _turn(self):
-        now, before = time.monotonic(), self._turned_s
+        now, before = self._clock(), self._turned_s
         self._turned_s = now
         watchdog = self.get(98, 1, signed=False)
         if self.table[64] and 1 <= watchdog <= 127 and now - self._heard_s > watchdog * 0.02:
@@ -106,6 +103,57 @@ class ScriptedServo(PtyPeer):
             self.put(132, 4, self.get(132) + step)
         self.put(128, 4, velocity)
 
+    def _write(self, address, data):
+        value = int.from_bytes(data, 'little', signed=True)
+        if address < 64 and self.table[64]:
+            return 7
+        if address == self.trips_before:
+            self.trips_before = None
+            self.put(98, 1, 255)
+        if address in (102, 112, 116) and self.table[98] == 255:
+            return 4
+        if address == 102 and value > self.get(38, 2):
+            return 6
+        if address == 20:
+            self.put(132, 4, self.get(132) + value - self.get(20))
+        self.writes.append((address, value))
+        self.table[address : address + len(data)] = data
+        return 0
+
+
+class ScriptedServo(ServoModel, PtyPeer):
+    """Answers packets; a test plants faults."""
+
+    def __init__(self):
+        ServoModel.__init__(self)
+        self.packets = 0  # heard so far
+        self.is_silent = False
+        self._silent_until_s = 0.0
+        self.is_mute = False  # hears, but its answers are lost
+        self.lose = lambda address: False  # whether the packet for this register is lost
+        self.status_error = 0  # with which every instruction is refused
+        self.lost_answers = 0  # how many of the next answers are lost
+        self.late_s = 0.0  # how late the next answer is
+        self.owed = b''  # the data of an answer to an earlier question, which comes first
+        self._partial = b''
+        PtyPeer.__init__(self)
+
+    def stop_flow(self, is_stopped):
+        """Let the port take no bytes, or take them again."""
+        termios.tcflow(self._slave, termios.TCOOFF if is_stopped else termios.TCOON)
+
+    # -- inside ------------------------------------------------------------------------
+
+    def take(self, data):
+        self._partial += data
+        self._turn()
+        while len(buffer := self._partial) >= 7:
+            end = 7 + buffer[5] + 256 * buffer[6]
+            if len(buffer) < end:
+                break
+            self._packet(buffer[:end])
+            self._partial = buffer[end:]
+
     def _packet(self, packet):
         assert packet[:4] == b'\xff\xff\xfd\x00'
         assert struct.unpack('<H', packet[-2:])[0] == compute_crc(packet[:-2])
@@ -117,6 +165,9 @@ class ScriptedServo(PtyPeer):
             return
         self._heard_s = time.monotonic()
         self.packets += 1
+        if self.status_error:
+            self._answer(self.status_error)
+            return
         instruction, parameters = (
             packet[7],
             packet[8:-2].replace(b'\xff\xff\xfd\xfd', b'\xff\xff\xfd'),
@@ -137,23 +188,6 @@ class ScriptedServo(PtyPeer):
             self._silent_until_s = time.monotonic() + 0.3
         else:
             self._answer(2)
-
-    def _write(self, address, data):
-        value = int.from_bytes(data, 'little', signed=True)
-        if address < 64 and self.table[64]:
-            return 7
-        if address == self.trips_before:
-            self.trips_before = None
-            self.put(98, 1, 255)
-        if address in (102, 112, 116) and self.table[98] == 255:
-            return 4
-        if address == 102 and value > self.get(38, 2):
-            return 6
-        if address == 20:
-            self.put(132, 4, self.get(132) + value - self.get(20))
-        self.writes.append((address, value))
-        self.table[address : address + len(data)] = data
-        return 0
 
     def _answer(self, error, data=b''):
         if self.is_mute:

@@ -4,6 +4,7 @@
 """The sensor and another driver, as a motion node hears them."""
 
 import threading
+import time
 
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Empty
@@ -15,12 +16,15 @@ from tactile_ros.qos import STREAM
 class Peers:
     """Publishes strain and a heartbeat at 100 Hz until told otherwise. A context manager.
 
-    ``tension_n`` is a number or a function.
+    ``tension_n`` is a number or a function. Samples are stamped by a clock that is ``step_s``
+    ahead, and arrive ``delay_s`` later than they are taken.
     """
 
     def __init__(self, bench):
         self.tension_n = 0.0
         self.status = 0
+        self.delay_s = self.step_s = 0.0
+        self._taken_at_ns = self.published = 0
         self.beats = self.samples = True
         self._strain = bench.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
         self._heart = bench.peer.create_publisher(Empty, 'heart', qos_profile_sensor_data)
@@ -39,6 +43,16 @@ class Peers:
         while not self._end.wait(0.01):
             if self.samples:
                 tension_n = self.tension_n() if callable(self.tension_n) else self.tension_n
-                self._strain.publish(StrainBlock(tension_n=[tension_n], status=self.status))
+                self._publish(tension_n)
             if self.beats:
                 self._heart.publish(Empty())
+
+    def _publish(self, tension_n):
+        taken_at_ns = time.time_ns() - round(self.delay_s * 1e9)
+        # A pipe that gets longer delivers old samples slowly, and none before an earlier one.
+        self._taken_at_ns = max(self._taken_at_ns + 1, taken_at_ns)
+        stamp_ns = self._taken_at_ns + round(self.step_s * 1e9)
+        block = StrainBlock(tension_n=[tension_n], status=self.status)
+        block.header.stamp.sec, block.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+        self._strain.publish(block)
+        self.published += 1

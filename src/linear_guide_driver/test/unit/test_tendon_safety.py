@@ -142,6 +142,30 @@ def test_samples_are_needed_while_taut_and_silence_ends_in_slack(safety):
     assert safety.decide(TAUT_M, 2251 * MS) is Order.RELEASE
 
 
+def test_late_samples_are_silence_but_guard_the_limit(safety):
+    hold_taut(safety)
+    safety.add_samples([1.0], False, 100 * MS, 200 * MS)
+    assert safety.decide(TAUT_M, 150 * MS) is Order.FOLLOW
+    assert safety.decide(TAUT_M, 151 * MS) is Order.HOLD
+    assert safety.reason.startswith('The strain samples arrive 0.20 s late; look after')
+    with pytest.raises(MotionRefusedError, match=r'arrive 0\.20 s late'):
+        safety.admit(Pull(0.006), TAUT_M, 151 * MS)
+    assert safety.live_tension_n(151 * MS) is None
+    assert safety.add_samples([20.0], False, 200 * MS, 900 * MS)
+    assert safety.decide(TAUT_M, 200 * MS) is Order.RELEASE
+    assert '20.00 N, is above the limit' in safety.reason
+
+
+def test_a_loss_is_told_once(safety):
+    hold_taut(safety)
+    safety.lose('The servo is silent.', 0)
+    assert safety.reason == 'The servo is silent. The tendon is held and let out after 2 s.'
+    safety.lose('The line is lost.', 500 * MS)
+    assert safety.reason == 'The servo is silent. The tendon is held and let out after 2 s.'
+    assert sense(safety, 1.0, TAUT_M, 2000 * MS) is Order.RELEASE
+    assert safety.reason == 'The servo is silent. The tendon was held for 2 s and is let out.'
+
+
 def test_letting_out_that_was_stopped_needs_samples_as_any_taut_tendon_does(safety):
     hold_taut(safety)
     safety.admit(Pull(0.0), TAUT_M, 0)
