@@ -59,7 +59,7 @@ class TendonActuatorNode(MotionNode):
             '~/pull',
             self._pull,
             accepting=self.accepting,
-            preempts=lambda request: not (request.displacement_m or request.target_tension_n),
+            preempts=lambda request: not request.displacement_m,
         )
         GoalRunner(self, HomeTendon, '~/home', self._home, accepting=self.accepting)
         self.offer(stop=self._on_stop, release=self._on_release)
@@ -78,11 +78,10 @@ class TendonActuatorNode(MotionNode):
 
         def rest() -> dict[str, float]:
             reached_m = 0.0 if client.state is None else client.state.displacement_m
-            asks = bool(request.stop_tension_n or request.target_tension_n)
             return {
                 'displacement_m': reached_m,
                 'duration_s': time.monotonic() - started_s,
-                'tension_n': (client.safety.tension_n or 0.0) if asks else 0.0,
+                'tension_n': (client.safety.tension_n or 0.0) if request.stop_tension_n else 0.0,
             }
 
         def should_stop() -> bool:
@@ -92,27 +91,16 @@ class TendonActuatorNode(MotionNode):
             self.wait_for_peers(goal, lambda: client.safety.awaits_first)
         stopped_by_tension = False
         try:
-            if request.target_tension_n:
-                client.pull_to_tension(
-                    request.target_tension_n,
-                    request.displacement_m,
-                    request.speed_m_s,
-                    on_state,
-                    should_stop,
-                    contact=request.contact,
-                )
-                message = f'The tension is {client.safety.tension_n:.2f} N and is kept.'
-            else:
-                state = client.pull_to(
-                    request.displacement_m,
-                    request.speed_m_s,
-                    on_state,
-                    should_stop,
-                    contact=request.contact,
-                    stop_tension_n=request.stop_tension_n,
-                )
-                message = f'The tendon rests at {state.displacement_m:.4f} m.'
-                stopped_by_tension = client.safety.ending is Ending.REACHED
+            state = client.pull_to(
+                request.displacement_m,
+                request.speed_m_s,
+                on_state,
+                should_stop,
+                contact=request.contact,
+                stop_tension_n=request.stop_tension_n,
+            )
+            message = f'The tendon rests at {state.displacement_m:.4f} m.'
+            stopped_by_tension = client.safety.ending is Ending.REACHED
         except LinearGuideDriverError as error:
             raise GoalAborted(str(error), **rest()) from error
         if stopped_by_tension:

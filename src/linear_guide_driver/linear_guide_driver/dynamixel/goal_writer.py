@@ -95,18 +95,13 @@ class GoalWriter:
         self.recoveries += 1
         if self._safety.is_pulling:
             self._safety.lose(f'{describe_watchdog(self._config)}.', time.monotonic_ns())
-            self.number += 1  # a tension that is kept goes on being kept
+            self.number += 1
         servo.unlock()
         self._applied = Order.FOLLOW  # so that the present order is written again
 
     def write(self, servo: TendonServo, write: Callable[[], None]) -> None:
-        """Write the goal of a new command."""
+        """Write the goal of a new command, also when the watchdog has just acted."""
         self.number += 1
-        self.shift(servo, write)
-        self._on_written()
-
-    def shift(self, servo: TendonServo, write: Callable[[], None]) -> None:
-        """Write a goal without a new number, also when the watchdog has just acted."""
         try:
             write()
         except DeviceRefusedError:
@@ -115,3 +110,4 @@ class GoalWriter:
             self.recoveries += 1
             servo.unlock()
             write()
+        self._on_written()

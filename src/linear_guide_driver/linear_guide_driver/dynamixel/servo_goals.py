@@ -200,7 +200,7 @@ class ServoGoals:
             now_ns = time.monotonic_ns()
             fault = f'{capitalise(monitor.fault)}; {monitor.remedy}.' if monitor.fault else ''
             self.safety.admit(pull, start_m, now_ns, fault)
-            goal_m = start_m if pull.target_tension_n else pull.displacement_m
+            goal_m = pull.displacement_m
             if pull.lets_out:
                 goal_m = min(self.safety.slack_m, start_m)
             if self.safety.decide(start_m, now_ns) is Order.FOLLOW:
@@ -243,16 +243,6 @@ class ServoGoals:
         with self._commanding():
             if number == self._writer.number:
                 self.hold_here()
-
-    def _follow(self, number: int, displacement_m: float) -> bool:
-        """Shift a goal that is still in force; return whether it is."""
-        if self._servo is None:
-            return False
-        with self._commanding() as servo:
-            if number != self._writer.number:
-                return False
-            self._writer.shift(servo, lambda: servo.write_goal(displacement_m))
-            return True
 
     def _hold(self, number: int) -> None:
         """Hold the tendon where it is, unless a later command has come."""

@@ -108,11 +108,6 @@ class ServoMonitor:
             return 'the driver connects again by itself'
         return 'the driver asks again by itself; look after wiring and power'
 
-    @property
-    def is_reading(self) -> bool:
-        """Whether states may still come: it is not closed, and there is no outage."""
-        return not (self.outage or self._closing.is_set())
-
     def start(self) -> None:
         """Start to poll."""
         self._thread.start()

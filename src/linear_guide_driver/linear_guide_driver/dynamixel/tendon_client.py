@@ -12,8 +12,6 @@ import time
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.servo_goals import ServoGoals
 from linear_guide_driver.dynamixel.tendon_homing import find_taut
-from linear_guide_driver.dynamixel.tension_control import TensionController
-from linear_guide_driver.dynamixel.tension_keeper import TensionKeeper
 from linear_guide_driver.errors import (
     DeviceConnectionError,
     DeviceRefusedError,
@@ -27,9 +25,6 @@ from linear_guide_driver.safety.states import Ending, Zero
 
 POSITION_TOLERANCE_M = 0.0005
 """How far from its goal a finished pull may rest: the loop yields a little under load."""
-
-REACH_S = 30.0
-"""Added to the time to wind all the way before a tension counts as not to be reached."""
 
 HOMING_REACH_M = 0.005
 """At least so much slack is looked through, also by an actuator for small displacements."""
@@ -93,69 +88,6 @@ class TendonActuatorClient(ServoGoals):
             pull = Pull(displacement_m, contact, stop_tension_n)
             return self._wind(pull, speed_m_s, on_state, should_stop)
 
-    def pull_to_tension(
-        self,
-        tension_n: float,
-        max_displacement_m: float,
-        speed_m_s: float = 0.0,
-        on_state: Callable[[TendonState], None] = lambda _: None,
-        should_stop: Callable[[], bool] = lambda: False,
-        *,
-        contact: str = 'flexion',
-    ) -> TendonState:
-        """Wind the tendon until the sensor reads a tension; return the state then.
-
-        Afterwards the tension is kept, until the next command, a fault, or until no valid
-        sample arrives; then the tendon is held where it is, and let out later.
-
-        Parameters
-        ----------
-        tension_n : float
-            Tension to reach [N].
-        max_displacement_m : float
-            No further than this [m].
-        speed_m_s : float
-            Fastest winding [m/s]; 0: the configured default.
-        on_state, should_stop, contact
-            As in `pull_to`.
-
-        Raises
-        ------
-        MotionRefusedError, MotionFailedError, MotionStoppedError
-        """
-        check_reach(max_displacement_m, self._config.max_displacement_m)
-        speed_m_s = self._check_speed(speed_m_s)
-        with self._one_pull():
-            target = f'{tension_n:.2f} N'
-            pull = Pull(max_displacement_m, contact, target_tension_n=tension_n)
-            goal, start_m, _ = self._begin(pull, speed_m_s, should_stop)
-            keeper = TensionKeeper(
-                TensionController(
-                    tension_n, self.safety.limit_n, speed_m_s, start_m, max_displacement_m
-                ),
-                self._require_connection()[1],
-                self._read_tension,
-                lambda displacement_m: self._follow(goal, displacement_m),
-                lambda: self._hold(goal),
-                self._on_trouble,
-            )
-            keeper.start()
-            deadline_s = time.monotonic() + max_displacement_m / speed_m_s + REACH_S
-            while True:
-                state = self._watch(goal, target, should_stop)
-                if keeper.end:
-                    raise MotionFailedError(keeper.end)
-                if state is not None:
-                    on_state(state)
-                    if keeper.controller.is_near:
-                        return state
-                if keeper.controller.is_at_end or time.monotonic() > deadline_s:
-                    self._hold(goal)
-                    raise MotionFailedError(
-                        f'{self._describe_end(target)} The tension was not reached within '
-                        f'{max_displacement_m} m and in time; the tendon is held there.'
-                    )
-
     def home(
         self,
         taut_tension_n: float,
@@ -184,8 +116,8 @@ class TendonActuatorClient(ServoGoals):
         """
         reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
         contact = self.safety.strictest_contact
-        # As a target it would be refused above the limit; so it is here.
-        check_pull(Pull(0.0, contact, target_tension_n=taut_tension_n), self.safety.limits_n)
+        # A pull would not be allowed to stop above the limit; so it is here.
+        check_pull(Pull(0.0, contact, stop_tension_n=taut_tension_n), self.safety.limits_n)
 
         def wind(direction: int, until: Callable[[TendonState], bool]) -> TendonState:
             start = self.state

@@ -20,8 +20,8 @@ class Pull(NamedTuple):
         Where it ends at the latest [m].
     contact : str
         Key of the limits.
-    stop_tension_n, target_tension_n : float
-        Tension that ends it, or that it is to keep [N]; 0: none.
+    stop_tension_n : float
+        Tension that ends it [N]; 0: none.
     is_homing : bool
         Whether it looks for the zero.
     """
@@ -29,13 +29,12 @@ class Pull(NamedTuple):
     displacement_m: float
     contact: str = 'flexion'
     stop_tension_n: float = 0.0
-    target_tension_n: float = 0.0
     is_homing: bool = False
 
     @property
     def lets_out(self) -> bool:
         """Whether it lets the tendon out to slack, and no further in than it is."""
-        return self.displacement_m <= 0.0 and not (self.is_homing or self.target_tension_n)
+        return self.displacement_m <= 0.0 and not self.is_homing
 
 
 def check_pull(pull: Pull, limits_n: Mapping[str, float]) -> float:
@@ -51,15 +50,10 @@ def check_pull(pull: Pull, limits_n: Mapping[str, float]) -> float:
         raise MotionRefusedError(
             f'Contact "{pull.contact}" is unknown; it must be one of {", ".join(limits_n)}.'
         )
-    for name, tension_n in (('Stop', pull.stop_tension_n), ('Target', pull.target_tension_n)):
-        if not 0.0 <= tension_n <= limit_n:
-            raise MotionRefusedError(
-                f'{name} tension {tension_n} N must be between 0 and the {pull.contact} limit '
-                f'of {limit_n} N.'
-            )
-    if pull.stop_tension_n and pull.target_tension_n:
+    if not 0.0 <= pull.stop_tension_n <= limit_n:
         raise MotionRefusedError(
-            'A pull takes stop_tension_n or target_tension_n; set one of them to 0.'
+            f'Stop tension {pull.stop_tension_n} N must be between 0 and the {pull.contact} limit '
+            f'of {limit_n} N.'
         )
     return limit_n
 

@@ -237,9 +237,7 @@ class TendonSafety:
         with self._lock:
             limit_n = self._limit_n if pull.lets_out else check_pull(pull, self.limits_n)
             self._confirm_zero(start_m, now_ns)
-            winds_in = not pull.lets_out and (
-                pull.is_homing or pull.target_tension_n > 0.0 or pull.displacement_m > start_m
-            )
+            winds_in = not pull.lets_out and (pull.is_homing or pull.displacement_m > start_m)
             if winds_in:
                 obstacle = '' if pull.is_homing else self._find_zero_obstacle(start_m)
                 obstacle = (
@@ -383,5 +381,5 @@ class TendonSafety:
         return ''
 
     def _needs_samples(self, pull: Pull) -> bool:
-        asks = pull.is_homing or pull.stop_tension_n or pull.target_tension_n
+        asks = pull.is_homing or pull.stop_tension_n
         return bool(asks) or not self._config.unguarded

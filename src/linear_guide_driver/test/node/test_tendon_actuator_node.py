@@ -1,7 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-import threading
 
 import pytest
 from rclpy.qos import qos_profile_sensor_data
@@ -202,67 +201,6 @@ def test_without_a_sensor_nothing_winds_in_and_a_release_is_allowed(bench, servo
     assert (status, 'set the parameter unguarded' in result.message) == ('aborted', True)
     assert bench.result(pull(bench, 0.0))[0] == 'succeeded'
     assert servo.position == 2048
-
-
-def press(servo, yielded_mm=0.0):
-    """Return the tension of a finger on a rigid stop, 10 N a millimetre: a free one takes 7 s."""
-    return lambda: 10.0 * ((servo.position - 2048) / 65.19 - yielded_mm)
-
-
-def wait_for_tension_of_5_n(servo, yielded_mm):
-    wait_until(lambda: abs(press(servo, yielded_mm)() - 5.0) < 0.3)
-
-
-def test_a_target_tension_is_reached_kept_and_left_by_the_next_goal(tendon, servo, sensor):
-    sensor.tension_n = press(servo)
-    status, result = tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))
-    assert status == 'succeeded', result.message
-    assert result.message.endswith('N and is kept.')
-    assert result.tension_n == pytest.approx(5.0, abs=0.31)
-    assert not result.stopped_by_tension
-    # What is pressed yields by half a millimetre: the tendon follows without a new goal.
-    sensor.tension_n = press(servo, 0.5)
-    wait_for_tension_of_5_n(servo, 0.5)
-    assert tendon.result(pull(tendon, 0.001))[0] == 'succeeded'
-    assert servo.goal == 2048 + 65
-
-
-def test_a_kept_tension_outlives_a_trip_of_the_servos_watchdog(tendon, servo, sensor):
-    sensor.tension_n = press(servo)
-    assert tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))[0] == 'succeeded'
-    servo.put(98, 1, 255)
-    wait_until(lambda: servo.table[98] == 50)
-    sensor.tension_n = press(servo, 0.5)
-    wait_for_tension_of_5_n(servo, 0.5)
-
-
-@pytest.mark.parametrize('way', ['stop', 'silence', 'limit'])
-def test_what_ends_the_keeping_of_a_tension(tendon, servo, sensor, way):
-    sensor.tension_n = press(servo)
-    assert tendon.result(pull(tendon, 0.02, 0.02, target_tension_n=5.0))[0] == 'succeeded'
-    if way == 'stop':
-        assert tendon.call('/tendon_actuator/stop').success
-    elif way == 'silence':
-        sensor.status = StrainBlock.STATUS_DEVICE_ERROR
-        wait_until(lambda: 'tension keeper' not in [t.name for t in threading.enumerate()])
-    if way == 'limit':
-        sensor.tension_n = 15.5
-        wait_until(lambda: servo.position == 2048)
-    else:
-        goal = servo.goal
-        sensor.tension_n = 2.0  # would make it wind in
-        sensor.status = 0
-        wait_until(lambda: tendon.node._client.safety.tension_n == 2.0)
-        wait_until(lambda: 'tension keeper' not in [t.name for t in threading.enumerate()])
-        assert servo.goal == goal
-
-
-def test_a_target_beyond_reach_is_given_up_and_held(tendon, servo, sensor):
-    sensor.tension_n = 1.0
-    status, result = tendon.result(pull(tendon, 0.002, 0.04, target_tension_n=5.0))
-    assert status == 'aborted'
-    assert 'was not reached within 0.002 m' in result.message
-    wait_until(lambda: servo.goal == servo.position)
 
 
 def home(bench, taut_tension_n=0.0):
