@@ -119,7 +119,7 @@ def test_letting_out_leaves_the_limit_alone(safety, contact, tension_n, pull, li
 
 def test_a_refused_pull_changes_nothing(safety):
     hold_taut(safety, 'abduction')
-    for pull in (Pull(0.006, 'sideways'), Pull(0.006, 'flexion', 5.0, 5.0)):
+    for pull in (Pull(0.006, 'sideways'), Pull(0.006, 'flexion', 15.5)):
         with pytest.raises(MotionRefusedError):
             safety.admit(pull, TAUT_M, 0)
     safety.add_samples([4.0], False, 0)
