@@ -5,8 +5,9 @@
 
 Grbl keeps no watch over the line and forgets its position when it is reset while
 moving. Hence the rules here: a move is sent in short pieces; it ends with the ``ok`` of
-a dwell, never with a status; a stop is a feed hold, rest, then a reset; and whatever else
-happens to the controller makes the position unknown until the guide has been homed again.
+a dwell, never with a status; a dwell that stalls with moves queued is started again; a stop is
+a feed hold, rest, then a reset; and whatever else happens to the controller makes the position
+unknown until the guide has been homed again.
 """
 
 from __future__ import annotations
@@ -260,7 +261,7 @@ class LinearGuideClient:
                     ),
                     expected_s + SLACK_S,
                     is_stopped,
-                    lambda: self._watch(on_state, track),
+                    lambda: self._watch(connection, on_state, track),
                 )
                 late_s = time.monotonic() - started_s - expected_s
                 report = connection.wait_report(REPLY_TIMEOUT_S)
@@ -341,7 +342,12 @@ class LinearGuideClient:
             )
         return state.position_m
 
-    def _watch(self, on_state: Callable[[GuideState], None], track: MotionTrack) -> None:
+    def _watch(
+        self,
+        connection: GrblConnection,
+        on_state: Callable[[GuideState], None],
+        track: MotionTrack,
+    ) -> None:
         last = self._position.last
         if last is None or self._gate.is_stopping:  # a stop begins with a hold of our own
             return
@@ -350,6 +356,8 @@ class LinearGuideClient:
             raise MotionFailedError(f'the controller went to {state.state} by itself')
         if state.position_m is not None:
             track.add(arrived_at_ns, state.position_m)
+        if connection.has_stalled:
+            self._gate.unless_stopping(connection.start_cycle)
         on_state(state)
 
     def _come_to_rest(self, connection: GrblConnection, target_m: float) -> NoReturn:
