@@ -49,6 +49,8 @@ SLACK_S = 2.0
 LATE_S = 0.15
 """A move that takes so much longer than computed has paused on the way: pieces came late."""
 
+HOMING = 'the guide is being homed'
+HOMING_FAILED = 'the last homing did not succeed'
 NOT_HOMED = 'the guide has not been homed since the driver connected'
 
 _logger = logging.getLogger(__name__)
@@ -174,7 +176,7 @@ class LinearGuideClient:
                 connection.close()
                 self._connection, self._settings = connection, settings = self._open()
             self._gate.begin('homing', should_stop)
-            self._position.trouble = 'the last homing did not succeed'
+            self._position.trouble = HOMING
             started_s = time.monotonic()
             try:
                 connection.reset()
@@ -194,14 +196,17 @@ class LinearGuideClient:
                     'Homing was stopped; home before the next move.'
                 ) from None
             except LinearGuideDriverError as error:
-                self._position.lose('the last homing did not succeed')
+                self._position.lose(HOMING_FAILED)
                 raise MotionFailedError(f'Homing failed: {error}.') from error
             except BaseException:  # a fault of the caller's functions: nobody watches now
                 connection.reset()
                 raise
+            finally:
+                if self._position.trouble == HOMING:
+                    self._position.trouble = HOMING_FAILED
             position = mpos_to_m(report, self._config.travel_m)
             if position is None or not -1e-6 <= position <= self._config.travel_m + 1e-6:
-                self._position.trouble = 'the last homing did not succeed'
+                self._position.trouble = HOMING_FAILED
                 raise MotionFailedError(
                     f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
                     f'{self._config.travel_m} m; check the settings $23, $27 and $130.'

@@ -75,7 +75,6 @@ class TrialDevice:
         self._config, self._on_state = config, on_state
         self._heard_s: float | None = None
         self._readiness: Readiness | None = None
-        self._told_s = 0.0  # when it last said whether it is ready
         self._position_m: float | None = None
         self._left: concurrent.futures.Future[Any] | None = None  # a goal nobody waits for
         self._left_s = -math.inf  # since when
@@ -114,12 +113,6 @@ class TrialDevice:
         if self._node.count_publishers(f'{self.name}/ready'):
             return [f'The {self._words} has not said yet whether it is ready; see its log.']
         return []
-
-    @property
-    def needs_help(self) -> bool:
-        """Whether it has not been ready for so long that waiting does not help."""
-        is_unready = self._readiness is not None and not self._readiness.ready
-        return is_unready and time.monotonic() - self._told_s > self._config.server_timeout_s
 
     def describe_loss(self) -> str:
         """Return that its heartbeat has ended, and why if it said so; empty while it beats.
@@ -284,7 +277,7 @@ class TrialDevice:
         self._heard_s = time.monotonic()
 
     def _on_ready(self, readiness: Readiness) -> None:
-        self._readiness, self._told_s = readiness, time.monotonic()
+        self._readiness = readiness
 
     def _on_joint_state(self, state: JointState) -> None:
         if not state.position:

@@ -239,8 +239,7 @@ class TrialRunnerNode(TactileNode):
     def _wait_until_ready(self, trial: RunningTrial) -> None:
         deadline_s = time.monotonic() + self.config.server_timeout_s
         while missing := self._find_missing_parts():
-            needs_help = any(d is not None and d.needs_help for d in (self._guide, self._tendon))
-            if needs_help or time.monotonic() > deadline_s:
+            if time.monotonic() > deadline_s:
                 raise GoalAborted(' '.join(missing))
             trial.goal.wait(POLL_S)
             trial.goal.check()

@@ -26,6 +26,7 @@ from waiting import wait_until
 
 DEADLINE_S = 10.0
 PERIOD_S = 0.01
+SERVER_TIMEOUT_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ class Bench:
         self.tendon = Device('tendon_actuator', PullTendon, 'pull', context=context)
         self.sensor = Sensor(context)
         values = {
-            'server_timeout_s': 1.0,
+            'server_timeout_s': SERVER_TIMEOUT_S,
             'settle_s': 0.0,
             'guide_start_m': 0.01,
             'glide_length_m': 0.0105,
