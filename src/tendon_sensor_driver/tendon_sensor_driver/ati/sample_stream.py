@@ -137,6 +137,8 @@ class CountedStream:
         # The counter, not the clock, tells a restart: without it the host's clock was set.
         if instant.is_step or (instant.is_restart and not self._event & StrainStatus.RESTARTED):
             self._event |= StrainStatus.CLOCK_STEP
+        if instant.is_leap:
+            self._event |= StrainStatus.RESYNCHRONISED
         return self._place(batch._replace(timed=timed), order, instant)
 
     def flush(self) -> list[StrainBlock]:

@@ -100,6 +100,8 @@ class SampleStream:
             event |= StrainStatus.RECONNECTED | StrainStatus.RESTARTED
         if instant.is_step:
             event |= StrainStatus.CLOCK_STEP
+        if instant.is_leap:
+            event |= StrainStatus.RESYNCHRONISED
         self.status = status
         return self._sequencer.add(instant, tension_n, status, event, wrench)
 
