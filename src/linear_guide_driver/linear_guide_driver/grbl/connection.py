@@ -298,19 +298,20 @@ class GrblConnection:
     # -- inside ------------------------------------------------------------------------
 
     def _reset_until(self, is_done: Callable[[], bool]) -> None:
+        """Send resets until the banner comes, or the line is lost."""
         deadline_s = time.monotonic() + RESTART_S
-        self._link.write(grbl.SOFT_RESET)
-        if self._wait(is_done, min(REPEAT_RESET_S, RESTART_S)):
-            return
-        while time.monotonic() < deadline_s:
+        resets = 0
+        while resets == 0 or not self._wait(is_done, min(REPEAT_RESET_S, RESTART_S)):
+            if time.monotonic() > deadline_s:
+                raise DeviceConnectionError(
+                    f'no Grbl answers on {self._name}; check port, baud and power'
+                )
             self._link.write(grbl.SOFT_RESET)
-            if self._wait(is_done, REPEAT_RESET_S):
-                # Each reset may have caused a banner; all come before this report.
-                count = self._reports
-                self._link.write(grbl.STATUS_QUERY)
-                self._wait(lambda: self._reports > count or self.is_lost, REPEAT_RESET_S)
-                return
-        raise DeviceConnectionError(f'no Grbl answers on {self._name}; check port, baud and power')
+            resets += 1
+        if resets > 1:  # each may have caused a banner; all come before this report
+            count = self._reports
+            self._link.write(grbl.STATUS_QUERY)
+            self._wait(lambda: self._reports > count or self.is_lost, REPEAT_RESET_S)
 
     def _wait(self, is_done: Callable[[], bool], timeout_s: float) -> bool:
         with self._changed:

@@ -51,8 +51,8 @@ class RunningTrial:
         if away_s > most_s:
             raise GoalAborted(
                 f'the trial runner stood still for {away_s:.2f} s in the {self.phase}, and nobody '
-                f'watched it meanwhile; heartbeat_timeout_s allows {most_s:g} s. Repeat the trial, '
-                'and see what else its computer runs'
+                f'watched it meanwhile; heartbeat_timeout_s allows {most_s:g} s. Repeat the '
+                'trial, and see what else its computer runs'
             )
 
     def numbers(self) -> dict[str, Any]:

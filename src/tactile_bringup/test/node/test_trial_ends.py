@@ -142,7 +142,9 @@ def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, ph
     wait_until(lambda: time.monotonic() > frozen_s + 2.0)
     bench.process.send_signal(signal.SIGCONT)
     message = bench.end(handle).message
-    assert re.search(rf'the trial runner stood still for \d\.\d+ s in the {phase}', message), message
+    assert re.search(rf'the trial runner stood still for \d\.\d+ s in the {phase}', message), (
+        message
+    )
     bench.wait_for_phase('aborted')
     bench.wait_until_released()
 

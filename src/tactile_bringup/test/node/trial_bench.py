@@ -159,7 +159,7 @@ class Sensor(Node):
 class Bench:
     """Devices, sensor and runner, each on an executor of its own, as in processes of their own.
 
-    With ``is_apart`` the runner really is a process of its own, ``process``, which a test can stop.
+    With ``is_apart`` the runner really is a process of its own, which a test can stop.
     """
 
     def __init__(self, context, *, is_apart=False):

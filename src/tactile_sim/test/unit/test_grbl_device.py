@@ -246,7 +246,18 @@ def test_a_dwell_whose_stepper_runs_dry_waits_for_a_cycle_start():
 
 
 events = st.sampled_from(
-    ['restart', 'trip_limit', 'stall', 'G1X-150F900\n', 'G1X9F900\n', '$H\n', '!', '~', '\x18', 'G4P1\n']
+    [
+        'restart',
+        'trip_limit',
+        'stall',
+        'G1X-150F900\n',
+        'G1X9F900\n',
+        '$H\n',
+        '!',
+        '~',
+        '\x18',
+        'G4P1\n',
+    ]
 )
 
 
