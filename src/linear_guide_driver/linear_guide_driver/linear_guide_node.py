@@ -12,7 +12,7 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.errors import LinearGuideDriverError
-from linear_guide_driver.grbl.guide_client import LinearGuideClient
+from linear_guide_driver.grbl.guide_client import HOMING, LinearGuideClient
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 from tactile_msgs.action import HomeGuide, MoveGuide
@@ -149,9 +149,8 @@ class LinearGuideNode(MotionNode):
         return not self._client.is_lost
 
     def find_obstacles(self) -> list[str]:
-        trouble = self._client.trouble
-        homing = f'{trouble}; home the guide.' if trouble else ''
-        return [sentence for sentence in (homing, self._topics.find_silence()) if sentence]
+        trouble = f'{self._describe_trouble()}.' if self._client.trouble else ''
+        return [sentence for sentence in (trouble, self._topics.find_silence()) if sentence]
 
     def judge_health(self, state: GuideState) -> Health:
         client = self._client
@@ -166,5 +165,9 @@ class LinearGuideNode(MotionNode):
         if client.is_lost:
             return Health(ERROR, f'{client.trouble}; plug it in and home the guide', values)
         if client.trouble:
-            return Health(WARN, f'{client.trouble}; home the guide', values)
+            return Health(WARN, self._describe_trouble(), values)
         return Health(OK, 'The position is known.', values)
+
+    def _describe_trouble(self) -> str:
+        trouble = self._client.trouble
+        return f'{trouble}; {"wait for its end" if trouble == HOMING else "home the guide"}'

@@ -43,6 +43,7 @@ class MotionNode(TactileNode):
         self._topics = WatchedTopics(self)
         self._joint_states: Any = None
         self._diagnostics: Diagnostics | None = None
+        self._readiness: ReadinessPublisher | None = None
         self._parts = ExitStack()  # takes back what was made, last things first
 
     def is_well(self) -> bool:
@@ -74,8 +75,13 @@ class MotionNode(TactileNode):
         heartbeat = HeartbeatPublisher(
             self, lambda: self.is_active and self._client is not None and self.is_well()
         )
-        for part in (self._diagnostics, heartbeat, ReadinessPublisher(self, self._find_missing)):
+        self._readiness = ReadinessPublisher(self, self._find_missing)
+        for part in (self._diagnostics, heartbeat, self._readiness):
             self._parts.callback(part.close)
+
+    def on_goal_end(self) -> None:
+        if self._readiness is not None:  # whoever hears of the end may send the next goal at once
+            self._readiness.update()
 
     def tear_down(self) -> None:
         for runner in tuple(self.goal_runners):
@@ -83,7 +89,7 @@ class MotionNode(TactileNode):
         if self._client is not None:
             self._client.close()
             self._client = None
-        self._diagnostics = self._joint_states = None
+        self._diagnostics = self._readiness = self._joint_states = None
         self._parts.close()
 
     # -- for the goals of a subclass -----------------------------------------------------------

@@ -91,7 +91,9 @@ class TrialConfig:
     )
     heartbeat_timeout_s: float = parameter(
         0.4,
-        'silence of the heartbeat of the guide or of the tendon actuator that ends a trial',
+        'silence of the heartbeat of the guide or of the tendon actuator that ends a trial; so '
+        'does a standstill of the trial runner, or a taut tendon whose position is not told, for '
+        'as long',
         unit='s',
         range=(0.1, 10.0),
     )

@@ -29,17 +29,21 @@ SAMPLE = np.dtype(
 """One sample. ``latest_ns``: latest stamp so far, never falls, so it can be searched.
 ``stamp_error_s``: bound on the error of the stamp; negative: not known. ``step_ns``: by how much
 the host's clock was stepped between the sample before and this one. ``hole``: something is
-missing between them, or the clock was stepped."""
+missing between them, the samples paused, or the clock was stepped."""
 
 _LARGEST_STEP_NS = 1 << 62
 
 _CLOCK_STEP = int(StrainStatus.CLOCK_STEP)
 _SIMULATED = int(StrainStatus.SIMULATED)
+_RESYNCHRONISED = int(StrainStatus.RESYNCHRONISED)
 _BREAKS = _CLOCK_STEP | int(StrainStatus.RECONNECTED)
 """Where one of these begins, a block does not continue the one before."""
 
 SET_BACK_NS = 1_000_000_000
 """A block whose stamps lie further back than this is not late: the clock was set back."""
+
+PAUSE_NS = 500_000_000
+"""Longest leap of the stamps at a block that was resynchronised, beyond its numbers [ns]."""
 
 Samples = NDArray[Any]
 """An array of `SAMPLE`."""
@@ -154,7 +158,7 @@ class SampleBuffer:
         if len(new):
             lost_before = 0 if repeated else block.lost_before
             new['step_ns'][0] = _measure_step(last, new[0], block.period_ns)
-            self._join(last, new, lost_before)
+            self._join(last, new, lost_before, block.period_ns)
             self._append(new)
         return False
 
@@ -167,6 +171,9 @@ class SampleBuffer:
             block.sequence == int(last['sequence']) + 1
             and block.stamp_ns > last['latest_ns']
             and not int(block.status) & ~int(last['status']) & _BREAKS
+            and not _has_paused(
+                last, block.stamp_ns, block.sequence, int(block.status), block.period_ns
+            )
         )
 
     def _append_next(self, block: StrainBlock) -> None:
@@ -201,12 +208,15 @@ class SampleBuffer:
         columns['hole'][to] = columns['interpolated'][to] = False
         self._end += count
 
-    def _join(self, last: Any, new: Samples, lost_before: int) -> None:
+    def _join(self, last: Any, new: Samples, lost_before: int, period_ns: int) -> None:
         """Fill or mark what is missing between the last sample and the next ones."""
         lost = int(new['sequence'][0]) - int(last['sequence']) - 1
         if lost < 0:
             self.restart_count += 1
-        broken = new['status'][0] & ~last['status'] & _BREAKS
+        first = new[0]
+        broken = first['status'] & ~last['status'] & _BREAKS or _has_paused(
+            last, int(first['stamp_ns']), int(first['sequence']), int(first['status']), period_ns
+        )
         if lost < lost_before or broken or lost > self._max_gap_samples:
             new['hole'][0] = True
         elif lost > 0:
@@ -273,6 +283,14 @@ def _measure_step(last: Any, first: Any, period_ns: int) -> int:
     elapsed_ns = int(first['stamp_ns']) - int(last['stamp_ns'])
     step_ns = elapsed_ns - periods * period_ns or 1
     return max(-_LARGEST_STEP_NS, min(_LARGEST_STEP_NS, step_ns))
+
+
+def _has_paused(last: Any, stamp_ns: int, sequence: int, status: int, period_ns: int) -> bool:
+    """Return whether stamps leap after a sample although the host's clock was not set."""
+    if not status & ~int(last['status']) & _RESYNCHRONISED:
+        return False
+    elapsed_ns = stamp_ns - int(last['stamp_ns'])
+    return elapsed_ns - (sequence - int(last['sequence'])) * period_ns > PAUSE_NS
 
 
 def _interpolate(before: Any, after: Any, count: int) -> Samples:

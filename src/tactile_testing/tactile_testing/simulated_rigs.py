@@ -22,9 +22,14 @@ def let_servos_pause(monkeypatch):
 
 
 def home_fast(rig):
-    """Let the guide home at its top speed: settings 24 and 25 of Grbl, kept when it restarts."""
+    """Let the guide home at its top speed."""
+    home_at(rig, slow_mm_min=1000, fast_mm_min=6000)
+
+
+def home_at(rig, slow_mm_min, fast_mm_min):
+    """Let the guide home at these speeds: settings 24 and 25 of Grbl, kept when it restarts."""
     with serial.Serial(rig.ports.guide, 115200, timeout=5.0) as port:
-        port.write(b'$24=1000\n$25=6000\n')
+        port.write(f'$24={slow_mm_min}\n$25={fast_mm_min}\n'.encode())
         said = port.read_until(b'ok\r\nok\r\n')
         assert said.endswith(b'ok\r\nok\r\n'), said
 

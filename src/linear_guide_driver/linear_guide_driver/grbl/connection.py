@@ -29,6 +29,12 @@ BOOT_S = 2.5
 RESTART_S = 3.0
 """From a soft reset to the banner; after an alarm Grbl waits half a second of it."""
 
+REPEAT_RESET_S = 0.6
+"""A reset without a banner is repeated: Grbl swallows resets for 0.5 s after ALARM:1 and 2."""
+
+IDLE_REPORTS = 2
+"""So many idle reports in a row, with a line unanswered, tell that the controller has stalled."""
+
 STOP_S = 3.0
 """From a feed hold to rest."""
 
@@ -78,6 +84,7 @@ class GrblConnection:
         self._refusal = ''
         self._report: grbl.StatusReport | None = None
         self._reports = 0
+        self._idle_reports = 0  # in a row, while lines are unanswered
         self._banners = 0
         self._expects_banner = True
         self._settings: dict[int, str] = {}
@@ -161,6 +168,7 @@ class GrblConnection:
             raise MotionStoppedError
         with self._changed:
             self._unanswered.clear()
+            self._idle_reports = 0
             self._refusal = ''
             was_quiet = self._is_quiet
             self._is_quiet = was_quiet or not answers_status
@@ -227,6 +235,25 @@ class GrblConnection:
         with suppress(DeviceConnectionError):
             self._link.write(grbl.FEED_HOLD)
 
+    @property
+    def has_stalled(self) -> bool:
+        """Whether the controller is idle, again and again, while a line of a move is unanswered.
+
+        Grbl's dwell requests a cycle start once, then waits for the end of all motion. If the
+        stepper runs dry just then, Grbl goes idle with moves queued and waits for ever.
+        """
+        return self._idle_reports >= IDLE_REPORTS
+
+    def start_cycle(self) -> None:
+        """Let a stalled controller go on with what is queued. It would end a hold, too.
+
+        Raises
+        ------
+        DeviceConnectionError
+        """
+        self._idle_reports = 0
+        self._link.write(grbl.CYCLE_START)
+
     def reset(self) -> None:
         """Restart the controller; forget its faults.
 
@@ -239,11 +266,7 @@ class GrblConnection:
             self._expects_banner = True
             count = self._banners
         try:
-            self._link.write(grbl.SOFT_RESET)
-            if not self._wait(lambda: self._banners > count or self.is_lost, RESTART_S):
-                raise DeviceConnectionError(
-                    f'no Grbl answers on {self._name}; check port, baud and power'
-                )
+            self._reset_until(lambda: self._banners > count or self.is_lost)
         finally:
             with self._changed:
                 self._expects_banner = False
@@ -274,6 +297,22 @@ class GrblConnection:
 
     # -- inside ------------------------------------------------------------------------
 
+    def _reset_until(self, is_done: Callable[[], bool]) -> None:
+        """Send resets until the banner comes, or the line is lost."""
+        deadline_s = time.monotonic() + RESTART_S
+        resets = 0
+        while resets == 0 or not self._wait(is_done, min(REPEAT_RESET_S, RESTART_S)):
+            if time.monotonic() > deadline_s:
+                raise DeviceConnectionError(
+                    f'no Grbl answers on {self._name}; check port, baud and power'
+                )
+            self._link.write(grbl.SOFT_RESET)
+            resets += 1
+        if resets > 1:  # each may have caused a banner; all come before this report
+            count = self._reports
+            self._link.write(grbl.STATUS_QUERY)
+            self._wait(lambda: self._reports > count or self.is_lost, REPEAT_RESET_S)
+
     def _wait(self, is_done: Callable[[], bool], timeout_s: float) -> bool:
         with self._changed:
             return self._changed.wait_for(is_done, timeout_s)
@@ -299,6 +338,8 @@ class GrblConnection:
         if isinstance(event, grbl.StatusReport):
             self._report = event
             self._reports += 1
+            is_idle = event.state == 'Idle' and bool(self._unanswered)
+            self._idle_reports = self._idle_reports + 1 if is_idle else 0
             self._heard_at_s = time.monotonic()
         elif isinstance(event, grbl.Alarm):
             self._fail(f'the controller reported {event}')
@@ -306,6 +347,7 @@ class GrblConnection:
             self._banners += 1
             self.is_hal = event.is_hal
             self._unanswered.clear()
+            self._idle_reports = 0
             if not self._expects_banner:
                 self._fail('the controller restarted by itself')
         elif isinstance(event, grbl.Setting):
@@ -321,6 +363,7 @@ class GrblConnection:
                     self.planner_blocks = int(sizes[0])
         elif self._unanswered:
             line = self._unanswered.popleft()
+            self._idle_reports = 0
             if isinstance(event, grbl.Error) and not self._refusal:
                 self._refusal = f'the controller refused "{line.decode().strip()}" with {event}'
 

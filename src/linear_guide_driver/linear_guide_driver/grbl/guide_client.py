@@ -5,8 +5,9 @@
 
 Grbl keeps no watch over the line and forgets its position when it is reset while
 moving. Hence the rules here: a move is sent in short pieces; it ends with the ``ok`` of
-a dwell, never with a status; a stop is a feed hold, rest, then a reset; and whatever else
-happens to the controller makes the position unknown until the guide has been homed again.
+a dwell, never with a status; a dwell that stalls with moves queued is started again; a stop is
+a feed hold, rest, then a reset; and whatever else happens to the controller makes the position
+unknown until the guide has been homed again.
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ SLACK_S = 2.0
 LATE_S = 0.15
 """A move that takes so much longer than computed has paused on the way: pieces came late."""
 
+HOMING = 'the guide is being homed'
+HOMING_FAILED = 'the last homing did not succeed'
 NOT_HOMED = 'the guide has not been homed since the driver connected'
 
 _logger = logging.getLogger(__name__)
@@ -173,7 +176,7 @@ class LinearGuideClient:
                 connection.close()
                 self._connection, self._settings = connection, settings = self._open()
             self._gate.begin('homing', should_stop)
-            self._position.trouble = 'the last homing did not succeed'
+            self._position.trouble = HOMING
             started_s = time.monotonic()
             try:
                 connection.reset()
@@ -193,14 +196,17 @@ class LinearGuideClient:
                     'Homing was stopped; home before the next move.'
                 ) from None
             except LinearGuideDriverError as error:
-                self._position.lose('the last homing did not succeed')
+                self._position.lose(HOMING_FAILED)
                 raise MotionFailedError(f'Homing failed: {error}.') from error
             except BaseException:  # a fault of the caller's functions: nobody watches now
                 connection.reset()
                 raise
+            finally:
+                if self._position.trouble == HOMING:
+                    self._position.trouble = HOMING_FAILED
             position = mpos_to_m(report, self._config.travel_m)
             if position is None or not -1e-6 <= position <= self._config.travel_m + 1e-6:
-                self._position.trouble = 'the last homing did not succeed'
+                self._position.trouble = HOMING_FAILED
                 raise MotionFailedError(
                     f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
                     f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
@@ -260,7 +266,7 @@ class LinearGuideClient:
                     ),
                     expected_s + SLACK_S,
                     is_stopped,
-                    lambda: self._watch(on_state, track),
+                    lambda: self._watch(connection, on_state, track),
                 )
                 late_s = time.monotonic() - started_s - expected_s
                 report = connection.wait_report(REPLY_TIMEOUT_S)
@@ -341,7 +347,12 @@ class LinearGuideClient:
             )
         return state.position_m
 
-    def _watch(self, on_state: Callable[[GuideState], None], track: MotionTrack) -> None:
+    def _watch(
+        self,
+        connection: GrblConnection,
+        on_state: Callable[[GuideState], None],
+        track: MotionTrack,
+    ) -> None:
         last = self._position.last
         if last is None or self._gate.is_stopping:  # a stop begins with a hold of our own
             return
@@ -350,6 +361,8 @@ class LinearGuideClient:
             raise MotionFailedError(f'the controller went to {state.state} by itself')
         if state.position_m is not None:
             track.add(arrived_at_ns, state.position_m)
+        if connection.has_stalled:
+            self._gate.unless_stopping(connection.start_cycle)
         on_state(state)
 
     def _come_to_rest(self, connection: GrblConnection, target_m: float) -> NoReturn:

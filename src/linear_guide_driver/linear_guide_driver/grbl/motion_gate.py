@@ -78,6 +78,18 @@ class MotionGate:
             act(self._motion)
             return True
 
+    def unless_stopping(self, act: Callable[[], None]) -> None:
+        """Do what continues the running motion, unless it is to stop.
+
+        Parameters
+        ----------
+        act : callable
+            Called while no stop can come in, so that a stop follows it and never precedes it.
+        """
+        with self._lock:
+            if self._motion and not self._stop.is_set():
+                act()
+
     @contextmanager
     def no_motion(self, timeout_s: float) -> Iterator[None]:
         """Wait until no motion runs, for so long at the most, and keep any from beginning [s]."""

@@ -16,6 +16,7 @@ from linear_guide_driver.grbl.codes import describe_alarm, describe_error, STATE
 
 STATUS_QUERY = b'?'
 FEED_HOLD = b'!'
+CYCLE_START = b'~'
 SOFT_RESET = b'\x18'
 FEED_OVERRIDE_RESET = b'\x90'
 """Real-time bytes: no newline, acted on at once, even in the middle of a line."""

@@ -214,16 +214,40 @@ def test_a_failing_consumer_of_states_does_not_end_the_reader(grbl):
     client.close()
 
 
-def test_an_alarm_ends_the_move_and_asks_for_homing(guide, grbl, move):
-    grbl.raise_alarm(1)
+@pytest.mark.parametrize(('code', 'meaning'), [(1, 'hard limit'), (2, 'soft limit')])
+def test_an_alarm_ends_the_move_and_homing_right_after_it_works(guide, grbl, move, code, meaning):
+    grbl.raise_alarm(code)
     error = move.end()
     assert isinstance(error, MotionFailedError)
-    assert 'ALARM:1 (hard limit' in str(error)
+    assert f'ALARM:{code} ({meaning}' in str(error)
     assert guide.state.position_m is None
-    with pytest.raises(MotionRefusedError, match='ALARM:1'):
+    with pytest.raises(MotionRefusedError, match=f'ALARM:{code}'):
         guide.move_to(0.1, 0.05)
-    guide.home()
+    guide.home()  # Grbl swallows the first reset
     guide.move_to(0.002, 0.05)
+
+
+def test_a_move_whose_stepper_runs_dry_is_started_again(guide, grbl):
+    guide.home()
+    grbl.runs_dry = 2
+    guide.move_to(0.011, 0.05)
+    assert (grbl.runs_dry, grbl.mpos) == (0, -189.0)
+
+
+@pytest.mark.parametrize('who', ['driver', 'pendant'])
+def test_a_held_move_is_not_started_again(guide, grbl, who):
+    guide.home()
+    grbl.runs_dry = 1
+    move = Background(guide.move_to, 0.011, 0.05)
+    wait_until(lambda: grbl.is_dry)
+    if who == 'driver':
+        assert guide.request_stop()
+    else:
+        grbl._real_time(b'!')
+    error = move.end()
+    assert isinstance(error, MotionStoppedError if who == 'driver' else MotionFailedError)
+    assert b'~' not in grbl.real_time.partition(b'!')[2]
+    assert grbl.mpos < -189.0
 
 
 @pytest.mark.parametrize('is_moving', [True, False])

@@ -10,6 +10,7 @@ from linear_guide_driver.grbl.connection import GrblConnection
 from linear_guide_driver.linear_guide_node import LinearGuideNode
 from tactile_msgs.action import HomeGuide, MoveGuide
 from tactile_msgs.msg import Readiness
+from tactile_ros.node.requests import send
 from tactile_ros.qos import LATEST
 from tactile_testing.waiting import wait_until
 
@@ -172,6 +173,26 @@ def test_a_move_ends_when_a_peer_is_lost_while_the_ros_clock_stands(bench, grbl)
         wait_until(lambda: grbl.is_moving)
     assert bench.result(handle)[0] == 'aborted'
     assert not grbl.is_moving
+
+
+@pytest.mark.parametrize('is_canceled_first', [False, True])
+def test_ready_comes_before_the_result_of_a_homing(guide, grbl, is_canceled_first):
+    heard = []  # in the order of their arrival
+    guide.peer.create_subscription(
+        Readiness, '/linear_guide/ready', lambda m: heard.append(m.missing), LATEST
+    )
+    grbl.home_s = 1.0
+    handle = guide.send(HomeGuide, '/linear_guide/home')
+    wait_until(lambda: heard and heard[-1] == ['the guide is being homed; wait for its end.'])
+    if is_canceled_first:
+        guide.ask(handle.cancel_goal_async)
+        assert guide.result(handle)[0] == 'canceled'
+        assert heard[-1] == ['the last homing did not succeed; home the guide.']
+        handle = guide.send(HomeGuide, '/linear_guide/home')
+    reply = send(guide.peer, handle.get_result_async)
+    reply.add_done_callback(lambda _: heard.append('result'))
+    wait_until(lambda: 'result' in heard)
+    assert heard[heard.index('result') - 1] == []
 
 
 def test_ready_says_what_is_missing(guide, grbl, diagnostics):

@@ -3,7 +3,8 @@
 
 """A scripted Grbl 1.1 controller behind a pty: its X axis moves in real time.
 
-It knows no acceleration. Its planner holds `BLOCKS` moves; further lines wait unanswered.
+It knows no acceleration. Its planner holds `BLOCKS` moves; further lines wait unanswered. A dwell
+waits for the end of all moves, and requests a cycle start once, before it waits.
 """
 
 import re
@@ -18,6 +19,9 @@ SETTINGS = {
 
 
 BLOCKS = 15
+
+DEAF_S = 0.5
+"""After ALARM:1 and 2 Grbl swallows resets for so long."""
 
 
 class ScriptedGrbl(PtyPeer):
@@ -38,6 +42,9 @@ class ScriptedGrbl(PtyPeer):
         self.banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
         self.build = b'[VER:1.1h.20190830:]\r\n[OPT:%s,15,128]\r\nok\r\n'
         self.pause_s = 0.0  # for how long it shall stop on the way, once
+        self.runs_dry = 0  # how many times the stepper shall run dry while a dwell waits
+        self.is_dry = False  # Idle with moves queued, until a cycle start
+        self._critical_s = None  # when the alarm came that only a reset ends
         self.real_time = b''  # bytes that came, but for status queries
         self._mpos = -57.0  # machine position [mm]
         self._moves = []  # (target [mm], speed [mm/s])
@@ -65,6 +72,7 @@ class ScriptedGrbl(PtyPeer):
         self.say(b'ALARM:%d\r\n' % code)
         self._rest(self.mpos)
         self.state = 'Alarm'
+        self._critical_s = time.monotonic() if code in (1, 2) else None
 
     # -- inside ------------------------------------------------------------------------
 
@@ -73,6 +81,7 @@ class ScriptedGrbl(PtyPeer):
         self._moves.clear()
         self._waiting.clear()
         self._due.clear()
+        self.is_dry = False
 
     def _move(self):
         now = time.monotonic()
@@ -80,7 +89,7 @@ class ScriptedGrbl(PtyPeer):
         if self.pause_s:
             time.sleep(self.pause_s)
             self.pause_s, self._moved_s = 0.0, time.monotonic()
-        while self._moves and left_s > 0.0 and self.state != 'Hold':
+        while self._moves and left_s > 0.0 and self.state != 'Hold' and not self.is_dry:
             target, speed = self._moves[0]
             away = abs(target - self._mpos)
             if speed * left_s < away:
@@ -114,18 +123,24 @@ class ScriptedGrbl(PtyPeer):
         self._move()
         if char != b'?':
             self.real_time += char
+        if self._critical_s is not None:
+            if char != b'\x18' or time.monotonic() < self._critical_s + DEAF_S:
+                return
+            self._critical_s = None
         if char == b'?' and self.state != 'Home':
             if self.state == 'Hold':
                 word = 'Hold:0'
             elif self.state == 'Alarm':
                 word = 'Alarm'
             else:
-                word = 'Run' if self.is_moving else 'Idle'
-            feed = self._moves[0][1] * 60 if self.is_moving else 0
+                word = 'Run' if self.is_moving and not self.is_dry else 'Idle'
+            feed = self._moves[0][1] * 60 if word == 'Run' else 0
             self.say(f'<{word}|MPos:{self.mpos:.3f},0.000,0.000|FS:{feed:.0f},0>\r\n'.encode())
         elif char == b'!' and self.state == 'Idle':
             self._moves.clear()
             self.state = 'Hold'
+        elif char == b'~' and self.state == 'Idle':
+            self.is_dry = False
         elif char == b'\x18':
             if self.is_moving:
                 self.say(b'ALARM:3\r\n')
@@ -142,9 +157,14 @@ class ScriptedGrbl(PtyPeer):
         while self._waiting and not (
             len(self._moves) >= BLOCKS
             or self.state == 'Home'
+            or self._critical_s is not None
             or (self._waiting[0].startswith('G4') and self._moves)
         ):
             self._line(self._waiting.pop(0))
+        dwell_waits = bool(self._waiting) and self._waiting[0].startswith('G4') and self.is_moving
+        if self.runs_dry and dwell_waits and self.state == 'Idle' and not self.is_dry:
+            self.runs_dry -= 1
+            self.is_dry = True
 
     def _line(self, line):
         self.lines.append(line)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -26,11 +27,33 @@ class RunningTrial:
         self.has_moved = self.needs_strain = False
         self.glide_end_ns: int | None = None
         self.glide_speed_m_s = self.glide_lag_s = self.displacement_error_m = 0.0
-        self._started_s = time.monotonic()
+        self._started_s = self._looked_s = time.monotonic()
 
     @property
     def elapsed_s(self) -> float:
         return time.monotonic() - self._started_s
+
+    def look(self, most_s: float = math.inf) -> None:
+        """Note that somebody watches the trial now.
+
+        Parameters
+        ----------
+        most_s : float
+            Longest time since the last look [s].
+
+        Raises
+        ------
+        GoalAborted
+            When nobody has looked for longer: the process was stopped, or got no core.
+        """
+        now_s = time.monotonic()
+        away_s, self._looked_s = now_s - self._looked_s, now_s
+        if away_s > most_s:
+            raise GoalAborted(
+                f'the trial runner stood still for {away_s:.2f} s in the {self.phase}, and nobody '
+                f'watched it meanwhile; heartbeat_timeout_s allows {most_s:g} s. Repeat the '
+                'trial, and see what else its computer runs'
+            )
 
     def numbers(self) -> dict[str, Any]:
         """Return what the result says of the trial's motion."""

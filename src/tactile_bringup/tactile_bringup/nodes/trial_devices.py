@@ -75,8 +75,8 @@ class TrialDevice:
         self._config, self._on_state = config, on_state
         self._heard_s: float | None = None
         self._readiness: Readiness | None = None
-        self._told_s = 0.0  # when it last said whether it is ready
         self._position_m: float | None = None
+        self._reported_s = -math.inf  # when its last joint state came
         self._left: concurrent.futures.Future[Any] | None = None  # a goal nobody waits for
         self._left_s = -math.inf  # since when
         self._track: MotionTrack | None = None
@@ -115,12 +115,6 @@ class TrialDevice:
             return [f'The {self._words} has not said yet whether it is ready; see its log.']
         return []
 
-    @property
-    def needs_help(self) -> bool:
-        """Whether it has not been ready for so long that waiting does not help."""
-        is_unready = self._readiness is not None and not self._readiness.ready
-        return is_unready and time.monotonic() - self._told_s > self._config.server_timeout_s
-
     def describe_loss(self) -> str:
         """Return that its heartbeat has ended, and why if it said so; empty while it beats.
 
@@ -134,6 +128,16 @@ class TrialDevice:
             'is its node running and active?'
         )
         return ' '.join([sentence, *self._reasons()])
+
+    def describe_silence(self) -> str:
+        """Return that nobody sees where it is; empty while its joint states come."""
+        timeout_s = self._config.heartbeat_timeout_s
+        if time.monotonic() - self._reported_s <= timeout_s:
+            return ''
+        return (
+            f'No position came on {self.name}/joint_states for {timeout_s:g} s; see the '
+            f'diagnostics of the {self._words}.'
+        )
 
     def wait_for_reasons(self) -> str:
         """Return why the driver is not ready, as soon as it says so; empty if it does not."""
@@ -284,11 +288,12 @@ class TrialDevice:
         self._heard_s = time.monotonic()
 
     def _on_ready(self, readiness: Readiness) -> None:
-        self._readiness, self._told_s = readiness, time.monotonic()
+        self._readiness = readiness
 
     def _on_joint_state(self, state: JointState) -> None:
         if not state.position:
             return
+        self._reported_s = time.monotonic()
         stamp_ns = Time.from_msg(state.header.stamp).nanoseconds
         self._position_m = state.position[0]
         if self._track is not None and time.monotonic() <= self._track_end_s:

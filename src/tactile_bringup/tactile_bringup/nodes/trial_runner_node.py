@@ -52,7 +52,8 @@ class TrialRunnerNode(TactileNode):
 
     A phase is stamped from observed motion: a glide begins when the guide was seen to move, a
     hold when the tendon was seen at rest. A trial fails when a driver or the strain falls
-    silent, or when the observed motion was not the commanded one.
+    silent, when the observed motion was not the commanded one, or when the runner itself stood
+    still for longer than ``heartbeat_timeout_s``.
 
     When a trial ends early, for whatever reason, guide and tendon are stopped
     and the tendon is released; nothing moves again without a new goal.
@@ -239,34 +240,38 @@ class TrialRunnerNode(TactileNode):
     def _wait_until_ready(self, trial: RunningTrial) -> None:
         deadline_s = time.monotonic() + self.config.server_timeout_s
         while missing := self._find_missing_parts():
-            needs_help = any(d is not None and d.needs_help for d in (self._guide, self._tendon))
-            if needs_help or time.monotonic() > deadline_s:
+            if time.monotonic() > deadline_s:
                 raise GoalAborted(' '.join(missing))
             trial.goal.wait(POLL_S)
             trial.goal.check()
+        trial.look()
 
     def _wait_until(
         self, is_done: Callable[[], bool], trial: RunningTrial, timeout_s: float = float('inf')
     ) -> bool:
         """Wait while the trial is sound; return whether the condition came true in time."""
         deadline_s = time.monotonic() + timeout_s
-        while not is_done():
+        while True:
+            self._check(trial)  # first: what nobody has watched to its end is no success
+            if is_done():
+                return True
             if time.monotonic() > deadline_s:
                 return False
             trial.goal.wait(POLL_S)
-            self._check(trial)
-        return True
 
     def _check(self, trial: RunningTrial) -> None:
         """Raise unless the trial may go on."""
         trial.goal.check()
+        trial.look(self.config.heartbeat_timeout_s)
         for device in (self._guide, self._tendon):
             if device is not None and (loss := device.describe_loss()):
                 raise GoalAborted(loss)
         if loss := self._contact.describe_loss():
             raise ContactLost(loss)
-        if trial.needs_strain and self._strain and (loss := self._strain.describe_silence()):
-            raise GoalAborted(loss)
+        watched = (self._strain, self._tendon) if trial.needs_strain else ()
+        for source in watched:
+            if source is not None and (loss := source.describe_silence()):
+                raise GoalAborted(loss)
 
     def _end_early(self, trial: RunningTrial, error: Exception) -> None:
         """Bring the rig to rest and raise the trial's end."""

@@ -17,3 +17,10 @@ from trial_bench import Bench
 def bench(context):
     with Bench(context) as bench:
         yield bench
+
+
+@pytest.fixture
+def bench_apart(context):
+    """Return a bench whose trial runner is a process of its own."""
+    with Bench(context, is_apart=True) as bench:
+        yield bench

@@ -3,6 +3,8 @@
 
 """Trials that end early, on devices that a test can take away."""
 
+import re
+import signal
 import threading
 import time
 
@@ -127,6 +129,31 @@ def test_a_clock_that_is_set_back_in_the_hold_hides_nothing(bench, position_m, s
     bench.tendon.publish = publish
     assert sentence in bench.end(handle).message
     assert bench.phases[-1] == 'aborted'
+
+
+@pytest.mark.parametrize('phase', ['glide', 'hold'])
+def test_a_phase_in_which_the_runner_was_frozen_does_not_succeed(bench_apart, phase):
+    bench = bench_apart
+    handle = bench.start('texture' if phase == 'glide' else 'stiffness', hold_s=1.0)
+    bench.wait_for_phase(phase)
+    bench.process.send_signal(signal.SIGSTOP)
+    frozen_s = time.monotonic()
+    # Until the phase is long over. The devices here do not mind, and go on as commanded.
+    wait_until(lambda: time.monotonic() > frozen_s + 2.0)
+    bench.process.send_signal(signal.SIGCONT)
+    message = bench.end(handle).message
+    assert re.search(rf'the trial runner stood still for \d\.\d+ s in the {phase}', message), (
+        message
+    )
+    bench.wait_for_phase('aborted')
+    bench.wait_until_released()
+
+
+def test_a_hold_whose_tendon_is_reported_no_more_does_not_succeed(bench):
+    handle = bench.touch('stiffness')
+    bench.tendon.publish = lambda now: None  # and its heartbeat goes on
+    assert 'No position came on tendon_actuator/joint_states' in bench.end(handle).message
+    bench.wait_for_phase('aborted')
 
 
 def assert_is_tracked_no_more(bench, device):

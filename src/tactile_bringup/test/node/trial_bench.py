@@ -4,8 +4,12 @@
 """Trial runner and the devices that a test can take away, delay or make worse."""
 
 from dataclasses import dataclass
+import os
+from pathlib import Path
+import subprocess
 import threading
 
+from ament_index_python.packages import get_package_prefix
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -25,7 +29,10 @@ from tactile_ros.qos import EVENTS, LATEST, STREAM
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
+START_S = 60.0
+"""For a process to start on a busy computer."""
 PERIOD_S = 0.01
+SERVER_TIMEOUT_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -150,25 +157,32 @@ class Sensor(Node):
 
 
 class Bench:
-    """Devices, sensor and runner, each on an executor of its own, as in processes of their own."""
+    """Devices, sensor and runner, each on an executor of its own, as in processes of their own.
 
-    def __init__(self, context):
+    With ``is_apart`` the runner really is a process of its own, which a test can stop.
+    """
+
+    def __init__(self, context, *, is_apart=False):
         self.guide = Device('linear_guide', MoveGuide, 'move', context=context)
         self.tendon = Device('tendon_actuator', PullTendon, 'pull', context=context)
         self.sensor = Sensor(context)
         values = {
-            'server_timeout_s': 1.0,
+            'server_timeout_s': SERVER_TIMEOUT_S,
             'settle_s': 0.0,
             'guide_start_m': 0.01,
             'glide_length_m': 0.0105,
             'approach_speed_m_s': 0.2,
             'pull_speed_m_s': 0.03,
         }
-        self.runner = TrialRunnerNode(
-            context=context,
-            parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
-        )
-        assert self.runner.bring_up()
+        self.runner = self.process = None
+        if is_apart:
+            self.process = start_runner(context.get_domain_id(), values)
+        else:
+            self.runner = TrialRunnerNode(
+                context=context,
+                parameter_overrides=[Parameter(name, value=v) for name, v in values.items()],
+            )
+            assert self.runner.bring_up()
         self.client = Node('client', context=context)
         self.events = []
         self.readiness = []
@@ -182,10 +196,11 @@ class Bench:
         self.groups = {
             node: NodeGroup([node], context=context)
             for node in (self.guide, self.tendon, self.sensor, self.runner, self.client)
+            if node is not None
         }
         for group in self.groups.values():
             group.__enter__()
-        assert self.action.wait_for_server(timeout_sec=DEADLINE_S)
+        assert self.action.wait_for_server(timeout_sec=START_S)
 
     @property
     def phases(self):
@@ -195,6 +210,9 @@ class Bench:
         return self
 
     def __exit__(self, *error):
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
         for group in reversed(self.groups.values()):
             group.close()
 
@@ -218,6 +236,16 @@ class Bench:
     def wait_until_released(self):
         wait_until(lambda: self.tendon.goals and self.tendon.goals[-1].displacement_m == 0.0)
         wait_until(lambda: self.tendon.position_m == 0.0)
+
+
+def start_runner(domain_id, values):
+    """Start the trial runner's program on a ROS domain, with these parameters."""
+    program = Path(get_package_prefix('tactile_bringup'), 'lib/tactile_bringup/trial_runner_node')
+    parameters = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
+    return subprocess.Popen(
+        [program, '--ros-args', *parameters],
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)},
+    )
 
 
 def stamp_ns(event):

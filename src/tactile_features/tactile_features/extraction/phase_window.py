@@ -25,7 +25,7 @@ from tactile_features.records import (
     TrialEvent,
 )
 from tactile_features.spec import spec_of
-from tactile_features.windows import SAMPLE, SampleBuffer, Samples
+from tactile_features.windows import PAUSE_NS, SAMPLE, SampleBuffer, Samples
 from tactile_ros.strain import StrainStatus
 
 _BAD_STATUS = {
@@ -289,6 +289,12 @@ class PhaseWindow:
                 return (
                     f'{behind - before - 1} samples are missing after sequence number {before}; '
                     f'max_gap_samples allows {self._config.max_gap_samples}'
+                )
+            first_ns, second_ns = samples['stamp_ns'][holes[0] : holes[0] + 2].tolist()
+            if second_ns - first_ns > PAUSE_NS:
+                return (
+                    f'the samples paused for {(second_ns - first_ns) / 1e9:.3f} s before sequence '
+                    f"number {behind}: the sensor stood still; see the sensor's diagnostics"
                 )
             return f'the stream broke off and began again at sequence number {behind}'
         # Lost around the first or the last sample: whether they belonged to the

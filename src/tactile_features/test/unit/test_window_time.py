@@ -162,6 +162,16 @@ def test_windows_before_and_after_a_step_are_whole(step_s):
     assert (one.first_sequence, other.first_sequence) == (23, 48)
 
 
+@pytest.mark.parametrize('phase', ['glide', 'hold'])
+def test_a_pause_of_the_samples_is_not_told_as_a_step_of_the_clock(phase):
+    first = block(30, shift_s=1.38, status=StrainStatus.RESYNCHRONISED)
+    after = block(31, 100, shift_s=1.38)
+    (window,) = run(event(2.0, phase), block(0, 30), first, after, event(6.0, 'release'))
+    assert window.outcome == Outcome.GAP
+    assert 'the samples paused for 1.480 s before sequence number 30' in window.reason
+    assert 'clock' not in window.reason
+
+
 # -- samples that do not come --------------------------------------------------------------
 
 HOLD = event(2.0, 'hold'), block(0, 30), event(4.0, 'release')

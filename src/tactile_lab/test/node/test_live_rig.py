@@ -19,13 +19,19 @@ from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_msgs.action import RunTrial
+from tactile_msgs.action import HomeGuide, RunTrial
 from tactile_msgs.msg import TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.node.requests import send
 from tactile_ros.qos import EVENTS
 from tactile_sim.rig_process import SimulatedRig
-from tactile_testing.simulated_rigs import home_fast, let_servos_pause, PATIENT, truth_at_rest
+from tactile_testing.simulated_rigs import (
+    home_at,
+    home_fast,
+    let_servos_pause,
+    PATIENT,
+    truth_at_rest,
+)
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 20.0
@@ -47,6 +53,7 @@ class Watcher(Node):
         self.events = []
         self.create_subscription(TrialEvent, 'trial_runner/events', self.events.append, EVENTS)
         self.client = ActionClient(self, RunTrial, 'trial_runner/run_trial')
+        self.homing = ActionClient(self, HomeGuide, 'linear_guide/home')
 
     def phases(self):
         return [event.phase for event in self.events]
@@ -62,6 +69,10 @@ class Watcher(Node):
         assert self.client.wait_for_server(timeout_sec=DEADLINE_S)
         goal = RunTrial.Goal(protocol=protocol, contact='flexion', trial_id='t')
         return send(self, lambda: self.client.send_goal_async(goal)).result(DEADLINE_S)
+
+    def start_homing(self):
+        assert self.homing.wait_for_server(timeout_sec=DEADLINE_S)
+        return send(self, lambda: self.homing.send_goal_async(HomeGuide.Goal())).result(DEADLINE_S)
 
 
 @pytest.fixture(autouse=True)
@@ -124,6 +135,26 @@ def test_guide_that_was_not_homed_ends_the_trial_with_a_sentence(rig, context):
             operator.run_trial(TrialRequest('texture', 'flexion'))
         watcher.wait_for_phase('aborted')
         assert watcher.phases() == ['approach', 'aborted']
+
+
+@pytest.mark.parametrize('is_canceled_first', [False, True])
+def test_a_trial_right_after_a_slow_homing_runs(rig, context, is_canceled_first):
+    """A homing that takes longer than a trial waits for devices, as those of real guides do."""
+    timeout_s = 1.0
+    home_at(rig, slow_mm_min=300, fast_mm_min=300)  # 100 mm at 5 mm/s
+    with running_rig(rig, context, parameters={'server_timeout_s': timeout_s}) as parts:
+        operator, watcher, nodes = parts
+        rig.mount('stiffness', 'none', 'flexion')
+        if is_canceled_first:
+            canceled_s = time.monotonic()
+            handle = watcher.start_homing()
+            wait_until(lambda: 'being homed' in nodes['linear_guide']._client.trouble)
+            send(watcher, handle.cancel_goal_async).result(DEADLINE_S)
+            wait_until(lambda: time.monotonic() > canceled_s + 2 * timeout_s)
+        homed_s = time.monotonic()
+        operator.home_guide()
+        assert time.monotonic() > homed_s + timeout_s
+        assert operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'first')) == 'first'
 
 
 def test_cancelled_glide_stops_the_guide_and_releases_the_tendon(rig, context):

@@ -202,6 +202,7 @@ class GoalRunner:
         self._thread = threading.Thread(target=run, name='goal', daemon=True)
         self._thread.start()
         await done
+        self._node.on_goal_end()
         try:
             return self._finish(handle, outcome[0])
         finally:

@@ -30,6 +30,8 @@ class TactileNode(LifecycleNode):
         raises refuses the transition; the message is logged.
     ``start()`` / ``stop()``
         activate / deactivate: let the data flow, or not.
+    ``on_goal_end()``
+        the work of a goal has ended; its client does not know yet. On the executor's thread.
     ``tear_down()``
         cleanup, shutdown, error, end of the process: give everything back. Must
         be harmless when called twice or after a ``set_up`` that failed half way.
@@ -109,6 +111,8 @@ class TactileNode(LifecycleNode):
     def start(self) -> None: ...
 
     def stop(self) -> None: ...
+
+    def on_goal_end(self) -> None: ...
 
     def tear_down(self) -> None: ...
 

@@ -53,7 +53,7 @@ _ON_ANY_LINE: Mapping[str, Mapping[str, Option]] = {
 }
 KINDS: Mapping[str, Mapping[str, Mapping[str, Option]]] = {
     'sensor': {**_ON_ANY_LINE, 'saturate': {}, 'stuck': {}, 'menu': {}, 'restart': {}},
-    'guide': {**_ON_ANY_LINE, 'alarm': {}, 'restart': {}},
+    'guide': {**_ON_ANY_LINE, 'alarm': {}, 'restart': {}, 'stall': {}},
     'tendon': {
         **_ON_ANY_LINE,
         'corrupt': _SHARE,
@@ -64,7 +64,7 @@ KINDS: Mapping[str, Mapping[str, Mapping[str, Option]]] = {
     },
 }
 """What each device can suffer, with options; docs/faults.md says what happens."""
-MOMENTS = ('alarm', 'overload', 'restart')
+MOMENTS = ('alarm', 'overload', 'restart', 'stall')
 """Kinds that happen at once and have no duration."""
 
 
@@ -265,6 +265,9 @@ class GuideLine(FaultyLine[GrblDevice]):
                 return None
             case 'restart':
                 self._device.restart(now_s)
+                return None
+            case 'stall':
+                self._device.stall(now_s)
                 return None
         return super()._make_fault(kind, options, now_s)
 

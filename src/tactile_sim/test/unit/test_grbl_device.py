@@ -222,7 +222,8 @@ def test_the_limit_switch_stops_it_dead_until_a_reset(doing):
     bench.send(doing, after_s=0.2)
     bench.device.trip_limit(bench.now_s)
     here_m = bench.device.position_m(bench.now_s)
-    assert bench.send('', after_s=0.499).endswith('ALARM:1\r\n')
+    assert bench.send('', after_s=0.4).endswith('ALARM:1\r\n')
+    assert bench.send('\x18', after_s=0.099) == ''  # swallowed
     assert bench.send('?$X\n~!\x85', after_s=0.001) == '[MSG:Reset to continue]\r\n'
     assert bench.send('?$X\n', after_s=20.0) == ''
     assert bench.device.position_m(bench.now_s) == here_m
@@ -231,8 +232,32 @@ def test_the_limit_switch_stops_it_dead_until_a_reset(doing):
     assert bench.send('G0X-1\n') == 'error:9\r\n'
 
 
+def test_a_dwell_whose_stepper_runs_dry_waits_for_a_cycle_start():
+    bench = Bench()
+    bench.device.stall(bench.now_s)
+    assert bench.send('G21G90G94\nG1X-169F900\nG4P0.01\n', after_s=60.0).count('ok') == 2
+    assert bench.send('?').startswith('<Idle|MPos:-')
+    assert bench.mpos() < -169.0
+    assert bench.send('~', after_s=3.0) == 'ok\r\n'
+    assert bench.mpos() == -169.0
+    bench.device.stall(bench.now_s)
+    bench.send('G1X-199F900\nG4P0.01\n', after_s=1.0)
+    assert '<Hold:0|' in bench.send('!?')
+
+
 events = st.sampled_from(
-    ['restart', 'trip_limit', 'G1X-150F900\n', 'G1X9F900\n', '$H\n', '!', '~', '\x18', 'G4P1\n']
+    [
+        'restart',
+        'trip_limit',
+        'stall',
+        'G1X-150F900\n',
+        'G1X9F900\n',
+        '$H\n',
+        '!',
+        '~',
+        '\x18',
+        'G4P1\n',
+    ]
 )
 
 
@@ -240,7 +265,7 @@ events = st.sampled_from(
 def test_no_order_of_events_leaves_it_dead_or_off_the_rail(happenings):
     bench = Bench(homed=False)
     for event, after_s in happenings:
-        if event in ('restart', 'trip_limit'):
+        if event in ('restart', 'trip_limit', 'stall'):
             getattr(bench.device, event)(bench.now_s)
         else:
             bench.send(event)

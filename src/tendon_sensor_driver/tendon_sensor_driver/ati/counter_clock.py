@@ -134,6 +134,8 @@ class CounterClock(SampleClock):
         # The counter, not the clock, shows a restart: without it the host's clock was set.
         if instant.is_step or (instant.is_restart and not self._event & StrainStatus.RESTARTED):
             self._event |= int(StrainStatus.CLOCK_STEP)
+        if instant.is_leap:
+            self._event |= int(StrainStatus.RESYNCHRONISED)
         return self._make_runs(order, ahead[indices] - ahead[timed], instant)
 
     def _make_runs(self, order: Order, ticks: NDArray[np.int64], instant: Instant) -> list[Run]:

@@ -30,7 +30,7 @@ _LEAST_STEP_NS = SECOND_NS // 10
 _QUICK_NS = SECOND_NS // 1000
 _ATTEMPTS = 3
 _RESTART = int(StrainStatus.RECONNECTED | StrainStatus.RESTARTED)
-_STEP = int(StrainStatus.CLOCK_STEP)
+_STEP, _LEAP = int(StrainStatus.CLOCK_STEP), int(StrainStatus.RESYNCHRONISED)
 
 
 class ArrivalClock:
@@ -91,6 +91,9 @@ class Instant(NamedTuple):
         Whether the device's clock started anew: ``device_ns`` does not continue.
     is_step
         Whether the stamp leaps because the host's clock was set.
+    is_leap
+        Whether the stamp leaps though the host's clock was not set, as far as the monotonic
+        clock tells: the device or the line stood still.
     """
 
     device_ns: int | None
@@ -98,6 +101,7 @@ class Instant(NamedTuple):
     stamp_error_s: float
     is_restart: bool = False
     is_step: bool = False
+    is_leap: bool = False
 
 
 class Batch(NamedTuple):
@@ -144,7 +148,7 @@ class Run(NamedTuple):
     lost : int
         Samples missing before the first.
     event : int
-        Bits of `StrainStatus`: restart or clock step before the first.
+        Bits of `StrainStatus`: restart, clock step or leap before the first.
     """
 
     samples: slice | NDArray[np.intp]
@@ -206,6 +210,8 @@ class SampleClock:
             event = _RESTART if instant.is_restart else 0
             if instant.is_step:
                 event |= _STEP
+            if instant.is_leap:
+                event |= _LEAP
             lost = self._count_lost(instant)
             runs.append(Run(slice(i, i + 1), instant.stamp_ns, instant.stamp_error_s, lost, event))
         return runs
@@ -271,8 +277,9 @@ class DeviceClock(SampleClock):
     stamp = device time + offset. The offset follows the line under "arrival minus device
     time" (`ClockSkewFilter`), which knows the drift, by at most 1/20 of the device time that
     passes: two stamps differ by what the device says, within 6 %, and never go backwards.
-    A step of the host's clock that `note_step` tells moves line and stamps at once. One that
-    nobody told moves the stamps only when the line has come more than 1 s above them.
+    A step of the host's clock that `note_step` tells moves line and stamps at once. A rise of the
+    line that nobody told comes from the device, whose clock stood still. It moves the stamps when
+    the line has come more than 1 s above them.
 
     The stated error is one tick, plus what the offset still lacks of the line, plus how far
     the line may be off; in the first five seconds it is not known. It is relative to the shortest
@@ -370,23 +377,24 @@ class DeviceClock(SampleClock):
         away_ns = self._get_away(self._skew.at(self._last_ns))
         left_ns = max(abs(away_ns) - (device_ns - self._last_ns) // _SLEW_DIVISOR, 0)
         offset_ns = self._skew.at(device_ns) + (left_ns if away_ns > 0 else -left_ns)
-        is_step = offset_ns - self._offset_ns > STEP_NS
+        is_leap = offset_ns - self._offset_ns > STEP_NS
         self._offset_ns = offset_ns
-        return self._stamp(device_ns, is_restart=False, is_step=is_step)
+        return self._stamp(device_ns, is_restart=False, is_leap=is_leap)
 
     def _get_away(self, line_ns: int) -> int:
         """Return how far the offset is above the line [ns]; nothing when it is to step."""
         away_ns = self._offset_ns - line_ns
         return away_ns if away_ns >= -STEP_NS else 0
 
-    def _stamp(self, device_ns: int, *, is_restart: bool, is_step: bool = False) -> Instant:
+    def _stamp(self, device_ns: int, *, is_restart: bool, is_leap: bool = False) -> Instant:
         stamp_ns = device_ns + self._offset_ns
         if self._last is not None:
             stamp_ns = max(stamp_ns, self._last.stamp_ns + 1)  # ticks of single nanoseconds
         self._last_ns = device_ns
         self._outlier = None
         self._is_reconnected = False
-        self._last = Instant(device_ns, stamp_ns, self._compute_error(), is_restart, is_step)
+        error_s = self._compute_error()
+        self._last = Instant(device_ns, stamp_ns, error_s, is_restart, is_leap=is_leap)
         return self._last
 
     def _compute_error(self) -> float:

@@ -10,7 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
+from tactile_ros.strain import StrainStatus
+from tendon_sensor_driver.records import Reading, TendonSensorConfig
 from tendon_sensor_driver.stream.clock import ArrivalClock, DeviceClock
+from tendon_sensor_driver.stream.strain_stream import StrainStream
 
 SECOND_NS = 1_000_000_000
 PERIOD_NS = 16_666_667
@@ -52,15 +55,21 @@ def test_steps_that_are_told_leave_the_error_as_stated(steps, seed):
     assert (clock.restarts, clock.outliers, clock.late_samples) == (0, 0, 0)
 
 
-def test_a_step_that_nobody_told_is_marked_when_the_stamps_leap():
-    clock = DeviceClock(0.001, PERIOD_NS)
-    leaps = []
+def test_a_device_that_stood_still_is_no_step_of_the_hosts_clock():
+    """The monotonic clock tells no step, so the time that lacks is the device's."""
+    stream = StrainStream(TendonSensorConfig(rate_hz=60.0))
+    blocks = []
     for i in range(30 * 60):
-        elapsed_ns = i * SECOND_NS // 60
-        step_ns = 5 * SECOND_NS if elapsed_ns > 12 * SECOND_NS else 0
-        instant = clock.place(elapsed_ns // MS_NS, EPOCH_NS + elapsed_ns + step_ns)
-        leaps += [i] if instant.is_step else []
-    assert len(leaps) == 1
+        device_ns = i * SECOND_NS // 60
+        pause_ns = 1380 * MS_NS if device_ns > 12 * SECOND_NS else 0
+        arrived_ns = EPOCH_NS + device_ns + pause_ns
+        blocks += stream.add_reading(Reading(device_ns // MS_NS, float(i), arrived_ns))
+    marked = [b for b in blocks if b.status]
+    assert [b.status for b in marked] == [StrainStatus.RESYNCHRONISED]
+    at = blocks.index(marked[0])
+    leap_s = (blocks[at].stamp_ns - blocks[at - 1].stamp_ns) / 1e9
+    assert leap_s == pytest.approx(1.380, abs=0.05)
+    assert stream.lost_samples == 0
 
 
 def test_the_time_of_arrival_tells_steps_from_delays_of_its_own():

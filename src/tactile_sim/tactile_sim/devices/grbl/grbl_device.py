@@ -60,6 +60,7 @@ class GrblDevice:
         self._dwell_end_s: float | None = None
         self._soft_limit_hit = False
         self._reset_at_s: float | None = None
+        self._stalls = self._has_stalled = False
         self._message_at_s: float | None = None
         self._reporter = StatusReporter()
         self._output += BANNER + (LOCK_MESSAGE if self._alarmed else b'')
@@ -100,6 +101,15 @@ class GrblDevice:
         self._homing = self._soft_limit_hit = False
         self._dwell_end_s = None
         self._raise_alarm(1)
+
+    def stall(self, now_s: float) -> None:
+        """Let the stepper run dry while the next dwell waits: idle, with moves queued.
+
+        A dwell requests a cycle start once, before it waits for the end of all motion.
+        """
+        self._advance(now_s)
+        self._stalls = True
+        self._run_lines()
 
     def _stop_dead(self, now_s: float) -> None:
         self._advance(now_s)
@@ -172,9 +182,11 @@ class GrblDevice:
         elif byte == ord('!'):
             if self._planner.queued and not self._planner.held:
                 self._planner.hold(self._now_s)
+            self._has_stalled = False
         elif byte == ord('~'):
             if self._planner.held and not self._soft_limit_hit:
                 self._planner.resume(self._now_s)
+                self._has_stalled = False
         elif byte < 0x80:
             self._take_character(byte)
 
@@ -205,6 +217,10 @@ class GrblDevice:
             else:
                 if replied:
                     self._say_ok()
+        dwell_waits = bool(self._lines) and 'G4' in self._lines[0][0] and self._planner.queued
+        if self._stalls and dwell_waits and not self._planner.held:
+            self._stalls, self._has_stalled = False, True
+            self._planner.hold(self._now_s)
 
     def _waiting(self) -> bool:
         return bool(
@@ -294,12 +310,11 @@ class GrblDevice:
     def _reset(self) -> None:
         position, velocity = self._planner.state_at(self._now_s)
         self._planner.place(self._on_rail(position))
-        if self._reset_at_s is not None:
-            return
+        if self._reset_at_s is not None or self._message_at_s is not None:
+            return  # for RESET_DELAY_S after alarm 1 or 2, Grbl swallows it
         if self._homing or velocity != 0.0:
             # The motor stops dead and loses steps: the position is not to be trusted.
             self._raise_alarm(6 if self._homing else 3)
-            self._message_at_s = None
             self._reset_at_s = self._now_s + RESET_DELAY_S
             return
         if self._critical == 2:
@@ -322,7 +337,9 @@ class GrblDevice:
         velocity = self._planner.state_at(self._now_s)[1]
         if self._alarmed:
             return 'Alarm'
-        if self._planner.held:
+        if self._has_stalled and not velocity:
+            return 'Idle'
+        if self._planner.held and not self._has_stalled:
             return 'Hold:1' if velocity else 'Hold:0'
         return 'Run' if self._planner.queued else 'Idle'
 

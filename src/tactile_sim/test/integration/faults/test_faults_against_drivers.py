@@ -179,6 +179,13 @@ def test_late_answers_do_not_end_a_move(rig, guide):
     assert guide.trouble == ''
 
 
+def test_a_move_that_stalls_is_started_again(rig, guide):
+    rig.fault('guide', 'stall')
+    guide.move_to(0.05, 0.03)
+    assert rig.truth()['guide_position_m'] == pytest.approx(0.05, abs=1e-4)
+    assert guide.trouble == ''
+
+
 # -- tendon --------------------------------------------------------------------------------
 
 
