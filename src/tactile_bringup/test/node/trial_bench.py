@@ -201,6 +201,8 @@ class Bench:
         for group in self.groups.values():
             group.__enter__()
         assert self.action.wait_for_server(timeout_sec=START_S)
+        if is_apart:  # it has found the devices, and is heard
+            wait_until(lambda: self.readiness and self.readiness[-1].ready, timeout_s=START_S)
 
     @property
     def phases(self):
