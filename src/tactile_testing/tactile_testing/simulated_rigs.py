@@ -17,7 +17,7 @@ def let_servos_pause(monkeypatch):
     How soon a servo counts as silent is tested with the driver. Where a trial is tested, such a
     wait is no fault. `tactile trials` runs a trial again that ended so.
     """
-    monkeypatch.setattr('linear_guide_driver.dynamixel.servo_monitor.SILENT_POLLS', 25)
+    monkeypatch.setattr('linear_guide_driver.dynamixel.servo_monitor.FAILED_POLLS', 25)
     monkeypatch.setattr('linear_guide_driver.dynamixel.bus.ATTEMPTS', 20)
 
 

@@ -68,7 +68,7 @@ class TensionLevel:
         """Return how the samples fail to be live, within a sentence; empty when they are [ns]."""
         if self.is_live(now_ns):
             return ''
-        if self._has_arrived(now_ns - self._timeout_ns):
+        if 2 * self._age_ns > self._timeout_ns and self._has_arrived(now_ns - self._timeout_ns):
             return f'the strain samples arrive {self._age_ns / 1e9:.2f} s late'
         return 'no valid strain sample arrives'
 
