@@ -25,6 +25,7 @@ from tactile_bags.recorded_topics import (
     AUDIT,
     EVENT,
     EVENT_TOPIC,
+    FEATURES_TOPIC,
     recorded_topics,
     RecordedTopic,
     STRAIN_TOPIC,
@@ -70,7 +71,7 @@ class BagRecorderNode(DataNode):
 
     Attributes
     ----------
-    message_count : int
+    message_count, window_count : int
         Messages written.
     audits : deque of Audit
         Of the trials that have ended, the last `MAX_AUDITS` of them.
@@ -98,6 +99,7 @@ class BagRecorderNode(DataNode):
         self._has_said_missing = False
         self._is_simulated = False  # a sample that was recorded, or an event
         self.message_count = 0
+        self.window_count = 0
         self.audits: deque[Audit] = deque(maxlen=MAX_AUDITS)
         self._summary = AuditSummary()
         self.failure = ''
@@ -173,6 +175,7 @@ class BagRecorderNode(DataNode):
             return
         writer.write_raw(name, self._arrival_ns(), data)
         self.message_count += 1
+        self.window_count += topic == FEATURES_TOPIC
         if topic.latched:
             self._latched.setdefault(name, deque(maxlen=KEPT_LATCHED)).append(data)
         if topic in (STRAIN_TOPIC, EVENT_TOPIC):

@@ -38,6 +38,7 @@ from tactile_lab.watch.watching import watching
 from tactile_ros.errors import TactileError
 from tactile_sim.rig_process import SimulatedRig
 
+WINDOW_TIMEOUT_S = 1.0
 AUDIT_TIMEOUT_S = 2.0
 """How long the first sample after a trial may take to come; only with it the trial is audited."""
 
@@ -126,14 +127,28 @@ class LiveRig:
             When somebody has pressed Stop on a live page.
         """
         check_recording(self.recorder)
+        windows = self.recorder.window_count
         try:
             self.operator.run_trial(request)
         finally:
             audit = self.wait_for_audit(request.trial_id)
+            self.wait_for_window(windows)
         check_recording(self.recorder)
         listens = models_for(self.models, request.protocol, request.contact)
         answer = self.operator.wait_for_answer(request.trial_id) if listens else None
         return LiveTrial(request, answer, audit)
+
+    def wait_for_window(self, before: int) -> None:
+        """Wait until the recording has more windows than before; a trial without a phase has none.
+
+        The window of a trial comes some tenths of a second after its last event, also of one that
+        was interrupted.
+        """
+        deadline = time.monotonic() + WINDOW_TIMEOUT_S
+        while self.recorder.window_count <= before and not self.recorder.has_failed:
+            if time.monotonic() > deadline:
+                return
+            time.sleep(0.02)
 
     def wait_for_audit(self, trial_id: str) -> Audit | None:
         """Wait until a trial's last samples are recorded; return its audit, if it comes."""
