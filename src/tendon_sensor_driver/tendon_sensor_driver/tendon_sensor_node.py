@@ -125,6 +125,8 @@ class TendonSensorNode(DataNode):
 
     def _publish(self, block: StrainRecord) -> None:
         """Send one block, unless deactivated."""
+        if block.stamp_ns < 0:
+            return  # /clock has told no time yet: rclpy's Time raises at a negative stamp
         if block.status and block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._zero.apply(block)
