@@ -76,6 +76,7 @@ class Recorder:
     has_failed = False
     failure = ''
     audits = ()
+    window_count = 0
 
 
 def click(browser, button):
