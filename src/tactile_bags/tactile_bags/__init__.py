@@ -19,7 +19,7 @@ _HOMES = {
     'FEATURES': 'recorded_topics',
     'FEATURES_TOPIC': 'recorded_topics',
     'JOINT_STATE': 'recorded_topics',
-    'RUNNING_FEATURES_TOPIC': 'recorded_topics',
+    'PARTIAL_FEATURES_TOPIC': 'recorded_topics',
     'RecordedTopic': 'recorded_topics',
     'SLIP': 'recorded_topics',
     'STRAIN': 'recorded_topics',
@@ -30,7 +30,7 @@ _HOMES = {
     'classification_topic': 'recorded_topics',
     'join_topic': 'recorded_topics',
     'message_store': 'recorded_topics',
-    'running_topic': 'recorded_topics',
+    'partial_topic': 'recorded_topics',
 }
 
 __all__ = sorted(_HOMES)

@@ -53,15 +53,15 @@ class RecordedTopic:
 STRAIN_TOPIC = RecordedTopic('tendon_sensor/strain', STRAIN)
 EVENT_TOPIC = RecordedTopic('trial_runner/events', EVENT, latched=True, of_rig=True)
 FEATURES_TOPIC = RecordedTopic('tactile_features/features', FEATURES)
-RUNNING_FEATURES_TOPIC = RecordedTopic(
-    'tactile_features/running_features', FEATURES, optional=True
+PARTIAL_FEATURES_TOPIC = RecordedTopic(
+    'tactile_features/partial_features', FEATURES, optional=True
 )
 
 FINGER_TOPICS = (
     STRAIN_TOPIC,
     EVENT_TOPIC,
     FEATURES_TOPIC,
-    RUNNING_FEATURES_TOPIC,
+    PARTIAL_FEATURES_TOPIC,
     RecordedTopic('tactile_features/detected_events', EVENT, latched=True, optional=True),
     RecordedTopic('slip_detector/slip', SLIP, optional=True),
     RecordedTopic('tendon_sensor/wrench', WRENCH),
@@ -77,15 +77,15 @@ def classification_topic(classifier: str) -> RecordedTopic:
     return RecordedTopic(f'{classifier}/classification', CLASSIFICATION)
 
 
-def running_topic(classifier: str) -> RecordedTopic:
+def partial_topic(classifier: str) -> RecordedTopic:
     """Return the topic of its answers while a window still fills."""
-    return RecordedTopic(f'{classifier}/running', CLASSIFICATION, optional=True)
+    return RecordedTopic(f'{classifier}/partial_classification', CLASSIFICATION, optional=True)
 
 
 def recorded_topics(classifiers: tuple[str, ...]) -> tuple[RecordedTopic, ...]:
     """Return every topic of one finger that a recording holds."""
     of_classifiers = (
-        f(name) for name in classifiers for f in (classification_topic, running_topic)
+        f(name) for name in classifiers for f in (classification_topic, partial_topic)
     )
     return (*FINGER_TOPICS, *of_classifiers)
 

@@ -70,7 +70,7 @@ class ClassificationResult:
         Negative: the model has none.
     false_alarm_rate : float
         Share of windows of known labels that the threshold rejects [1]; negative: none.
-    running, decided : bool
+    partial, decided : bool
         An answer on the first part of a window, and whether the stopping rule holds.
     error_rate : float
         Share of wrong answers that the stopping rule allows [1]; negative: no rule.
@@ -97,7 +97,7 @@ class ClassificationResult:
     window_end_ns: int
     frame_id: str
     false_alarm_rate: float = -1.0
-    running: bool = False
+    partial: bool = False
     decided: bool = True
     error_rate: float = -1.0
     recalibration_trials: int = 0

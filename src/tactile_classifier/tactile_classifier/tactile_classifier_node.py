@@ -30,8 +30,8 @@ LOG_PERIOD_S = 10.0
 class TactileClassifierNode(DataNode):
     """Publishes ``~/classification`` for every window of features that its model accepts.
 
-    With a model that answers partial windows, also ``~/running`` for these, while the
-    window fills; the first decided answer of each trial goes to the log.
+    With a model that answers partial windows, also ``~/partial_classification`` for these, while
+    the window fills; the first decided answer of each trial goes to the log.
 
     With the parameter ``vision_messages`` answers go to ``~/vision_classification``, too.
 
@@ -52,7 +52,7 @@ class TactileClassifierNode(DataNode):
     refused_count : int
         Those of them, partial ones too, whose features are of another specification than the
         model's: they are answered with the reason.
-    running_count : int
+    partial_count : int
         Partial windows that were answered.
     """
 
@@ -63,11 +63,11 @@ class TactileClassifierNode(DataNode):
         self.ignored_count = 0
         self.published_count = 0
         self.refused_count = 0
-        self.running_count = 0
+        self.partial_count = 0
         self._mismatch = ''
         self._recalibrated_with = 0
         self._publisher: Any = None
-        self._running_publisher: Any = None
+        self._partial_publisher: Any = None
         self._vision_publisher: Any = None
         self._diagnostics: Diagnostics | None = None
         self._inputs: list[RecordSubscription] = []
@@ -85,12 +85,12 @@ class TactileClassifierNode(DataNode):
                 RESULTS,
             )
         self._subscribe('tactile_features/features', self._on_features, recalibration)
-        if model.running_samples:
-            self._running_publisher = self._add_publisher('~/running')
-            self._subscribe('tactile_features/running_features', self._on_running, recalibration)
-            counts = ', '.join(map(str, model.running_samples))
+        if model.partial_samples:
+            self._partial_publisher = self._add_publisher('~/partial_classification')
+            self._subscribe('tactile_features/partial_features', self._on_partial, recalibration)
+            counts = ', '.join(map(str, model.partial_samples))
             self.get_logger().info(
-                f'{model.model_id} answers partial windows: the parameter running_samples of the '
+                f'{model.model_id} answers partial windows: the parameter partial_samples of the '
                 f'feature node should be [{counts}]'
             )
         self._diagnostics = Diagnostics(self, lambda: model.model_id, self._assess)
@@ -128,10 +128,10 @@ class TactileClassifierNode(DataNode):
         if self._diagnostics is not None:
             self._diagnostics.close()
             self._diagnostics = None
-        for publisher in (self._publisher, self._running_publisher, self._vision_publisher):
+        for publisher in (self._publisher, self._partial_publisher, self._vision_publisher):
             if publisher is not None:
                 publisher.close()
-        self._publisher = self._running_publisher = self._vision_publisher = None
+        self._publisher = self._partial_publisher = self._vision_publisher = None
 
     def _on_features(self, recalibration: LiveRecalibration, window: FeatureWindow) -> None:
         model = recalibration.model
@@ -149,7 +149,7 @@ class TactileClassifierNode(DataNode):
             self._vision_publisher.publish(result)
         self.published_count += 1
 
-    def _on_running(self, recalibration: LiveRecalibration, window: FeatureWindow) -> None:
+    def _on_partial(self, recalibration: LiveRecalibration, window: FeatureWindow) -> None:
         model = recalibration.model
         if not self.is_active:
             return
@@ -157,8 +157,8 @@ class TactileClassifierNode(DataNode):
             return
         self._note_mismatch(model.describe_mismatch(window))
         result = recalibration.classify(window)
-        self._running_publisher.publish(result)
-        self.running_count += 1
+        self._partial_publisher.publish(result)
+        self.partial_count += 1
         trial = (result.trial_id, result.window_start_ns)
         if result.decided and trial != self._decided_trial:
             self._decided_trial = trial
@@ -194,7 +194,7 @@ class TactileClassifierNode(DataNode):
                 'answers': self.published_count,
                 'windows for others': self.ignored_count,
                 'windows of another specification': self.refused_count,
-                'early predictions': self.running_count,
+                'early predictions': self.partial_count,
                 'recalibrated with trials': self._recalibrated_with,
                 'active': self.is_active,
             },

@@ -31,7 +31,7 @@ from tactile_ros.configs import check_parameters, parameter
 MIN_DETECTION_HZ = 20.0
 """Slowest sensor in whose tension phases are found."""
 
-MIN_RUNNING_SAMPLES = 30
+MIN_PARTIAL_SAMPLES = 30
 """Fewest samples of a partial window: half a second at 60 Hz."""
 
 
@@ -52,10 +52,10 @@ class FeatureConfig(WindowParameters):
         'glide_waveform and spatial_waveform, the tension itself over time and over the surface; '
         'or a set of another package',
     )
-    running_samples: tuple[int, ...] = parameter(
+    partial_samples: tuple[int, ...] = parameter(
         (),
         'lengths of the partial windows of texture whose features are published on '
-        '~/running_features, in samples; rising, 30 or more and fewer than texture_samples',
+        '~/partial_features, in samples; rising, 30 or more and fewer than texture_samples',
         unit='1',
         element=int,
     )
@@ -149,18 +149,18 @@ class FeatureConfig(WindowParameters):
                 f'{MIN_DETECTION_HZ:g} Hz'
             )
         # A parameter file gives a list, which is no constant.
-        object.__setattr__(self, 'running_samples', tuple(self.running_samples))
+        object.__setattr__(self, 'partial_samples', tuple(self.partial_samples))
         texture = self.feature_set(PHASE_GLIDE)
         self.feature_set(PHASE_HOLD)
-        if self.running_samples and not texture.has_parts:
+        if self.partial_samples and not texture.has_parts:
             raise FeatureError(
-                f'{texture.name} has no partial windows; leave running_samples empty'
+                f'{texture.name} has no partial windows; leave partial_samples empty'
             )
-        counts = (MIN_RUNNING_SAMPLES - 1, *self.running_samples, self.texture_samples)
-        if self.running_samples and not all(a < b for a, b in pairwise(counts)):
+        counts = (MIN_PARTIAL_SAMPLES - 1, *self.partial_samples, self.texture_samples)
+        if self.partial_samples and not all(a < b for a, b in pairwise(counts)):
             raise FeatureError(
-                f'running_samples are {list(self.running_samples)}; they must rise from '
-                f'{MIN_RUNNING_SAMPLES} or more to fewer than texture_samples, which is '
+                f'partial_samples are {list(self.partial_samples)}; they must rise from '
+                f'{MIN_PARTIAL_SAMPLES} or more to fewer than texture_samples, which is '
                 f'{self.texture_samples}'
             )
         texture_s = self.texture_crop_start_s + self.texture_samples / self.rate_hz

@@ -86,6 +86,7 @@ def feature_window_from_msg(msg: Any) -> FeatureWindow:
             window_end_ns=_stamp_from_msg(msg.window_end),
             frame_id=msg.header.frame_id,
             measures=tuple(_copy(measure, Measure) for measure in msg.measures),
+            partial=bool(msg.running),
         )
     )
 
@@ -110,6 +111,7 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
         window_start=_stamp_to_msg(fields.pop('window_start_ns')),
         window_end=end,
         outcome=int(fields.pop('outcome')),
+        running=fields.pop('partial'),
         values=fields.pop('values').tolist(),
         measures=[
             MeasureMsg(defined=not measure['reason'], **measure)

@@ -110,7 +110,7 @@ class FeatureWindow:
         sample belongs to the window [ns].
     first_sequence, sample_count, interpolated_count : int
         0 when no sample belongs to the window.
-    running : bool
+    partial : bool
         The first part of a window that still fills.
     speed_m_s : float
         Sliding speed that the features were computed with; 0: they need none [m/s].
@@ -140,7 +140,7 @@ class FeatureWindow:
     interpolated_count: int
     status: int
     frame_id: str
-    running: bool = False
+    partial: bool = False
     speed_m_s: float = 0.0
     measures: tuple[Measure, ...] = ()
     specification_digest: str = ''

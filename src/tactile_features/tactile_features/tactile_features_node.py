@@ -39,7 +39,7 @@ HISTORY_S = 5.0
 class TactileFeaturesNode(DataNode):
     """Publishes ``~/features`` for the trials seen on the strain and event topics.
 
-    Windows that still fill go to ``~/running_features``, where nobody takes them for
+    Windows that still fill go to ``~/partial_features``, where nobody takes them for
     finished ones; phases found in the signal go to ``~/detected_events``.
 
     A window whose samples do not come is refused after ``samples_timeout_s``, also while
@@ -58,7 +58,7 @@ class TactileFeaturesNode(DataNode):
         super().__init__(node_name, FeatureConfig, **node_options)
         self.extractor: TrialFeatureExtractor | None = None
         self._publisher: Any = None
-        self._running_publisher: Any = None
+        self._partial_publisher: Any = None
         self._event_publisher: Any = None
         self._strain: RecordSubscription | None = None
         self._events: Any = None
@@ -74,8 +74,8 @@ class TactileFeaturesNode(DataNode):
         self._publisher = self.publish_records(
             TactileFeatures, '~/features', feature_window_to_msg, RESULTS
         )
-        self._running_publisher = self.publish_records(
-            TactileFeatures, '~/running_features', feature_window_to_msg, RESULTS
+        self._partial_publisher = self.publish_records(
+            TactileFeatures, '~/partial_features', feature_window_to_msg, RESULTS
         )
         self._event_publisher = self.create_lifecycle_publisher(
             TrialEvent, '~/detected_events', EVENTS
@@ -119,12 +119,12 @@ class TactileFeaturesNode(DataNode):
         if self._events is not None:
             self.destroy_subscription(self._events)
             self._events = None
-        for publisher in (self._publisher, self._running_publisher):
+        for publisher in (self._publisher, self._partial_publisher):
             if publisher is not None:
                 publisher.close()
         if self._event_publisher is not None:
             self.destroy_lifecycle_publisher(self._event_publisher)
-        self._publisher = self._running_publisher = self._event_publisher = None
+        self._publisher = self._partial_publisher = self._event_publisher = None
 
     def _on_event(self, extractor: TrialFeatureExtractor, msg: Any, published_ns: int) -> None:
         """Take in an event. After a start the latched ones of earlier trials come first."""
@@ -146,9 +146,9 @@ class TactileFeaturesNode(DataNode):
                 self.get_logger().warning(
                     f'no features of trial {window.trial_id}: {window.reason}'
                 )
-            if not window.running:
+            if not window.partial:
                 self._window_counts[window.outcome] += 1
-            publisher = self._running_publisher if window.running else self._publisher
+            publisher = self._partial_publisher if window.partial else self._publisher
             publisher.publish(window)
 
     def _assess(self) -> Health:

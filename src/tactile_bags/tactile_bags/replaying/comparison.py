@@ -108,7 +108,7 @@ def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
 
 def _kind(result: Result) -> tuple[object, ...]:
     source = 'windows' if isinstance(result, FeatureWindow) else result.model_id
-    return source, result.running
+    return source, result.partial
 
 
 def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResults:

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -65,10 +66,10 @@ class TactileResults:
     def sort(self) -> TactileResults:
         """Bring the results into the order of time, whatever order they arrived in."""
         self.windows.sort(
-            key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, not w.running)
+            key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, not w.partial)
         )
         self.classifications.sort(
-            key=lambda c: (c.window_end_ns, c.trial_id, c.model_id, not c.running)
+            key=lambda c: (c.window_end_ns, c.trial_id, c.model_id, not c.partial)
         )
         return self
 
@@ -77,9 +78,16 @@ def recorded_config(bag: TactileBag) -> FeatureConfig:
     """Return the feature parameters that the recording was made with."""
     values = bag.metadata.get('feature_config')
     try:
-        return FeatureConfig() if values is None else FeatureConfig(**values)
+        return FeatureConfig(**_renamed(values or {}))
     except (TypeError, FeatureError) as error:
         raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
+
+
+def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters of a recording by the names of today."""
+    if not isinstance(values, Mapping):
+        raise TypeError(f'they are {type(values).__name__}, not names and values')
+    return {'partial_samples' if k == 'running_samples' else k: v for k, v in values.items()}
 
 
 def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:

@@ -12,7 +12,7 @@ from typing import Any
 from tactile_classifier.names import all_classifier_names, classifier_name, parse_classifier_name
 from tactile_ros.errors import TactileError
 
-RUNNING = 'running_samples'
+PARTIAL = 'partial_samples'
 
 
 def model_path(folder: Path, task: str, contact: str) -> Path:
@@ -109,13 +109,13 @@ def wanted_features(models: Mapping[str, str], stated: Mapping[str, Any]) -> dic
 
     wanted: dict[str, Any] = {}
     askers: dict[str, str] = {}
-    running: set[int] = set()
+    partial: set[int] = set()
     for path in models.values():
         values = read_manifest(path).feature_values()
-        of_running = values.pop(RUNNING, ())
+        of_partial = values.pop(PARTIAL, ())
         if any(stated.get(name, value) != value for name, value in values.items()):
             continue
-        running.update(of_running)
+        partial.update(of_partial)
         for name, value in values.items():
             if name in wanted and wanted[name] != value:
                 raise TactileError(
@@ -125,6 +125,6 @@ def wanted_features(models: Mapping[str, str], stated: Mapping[str, Any]) -> dic
                 )
             wanted[name] = value
             askers.setdefault(name, path)
-    if running:
-        wanted[RUNNING] = tuple(sorted(running))
+    if partial:
+        wanted[PARTIAL] = tuple(sorted(partial))
     return {name: value for name, value in wanted.items() if name not in stated}

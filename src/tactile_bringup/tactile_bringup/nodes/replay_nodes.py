@@ -21,8 +21,8 @@ from tactile_bags.recorded_topics import (
     EVENT,
     EVENT_TOPIC,
     FEATURES_TOPIC,
-    RUNNING_FEATURES_TOPIC,
-    running_topic,
+    PARTIAL_FEATURES_TOPIC,
+    partial_topic,
     STRAIN,
     STRAIN_TOPIC,
 )
@@ -92,11 +92,11 @@ def replay_through_nodes(
             executor.add_node(node)
         features, *classifiers = nodes
         topics = {FEATURES_TOPIC.name: TactileFeatures}
-        topics[RUNNING_FEATURES_TOPIC.name] = TactileFeatures
+        topics[PARTIAL_FEATURES_TOPIC.name] = TactileFeatures
         for name, classifier in zip(models, classifiers, strict=True):
             topics[classification_topic(name).name] = Classification
-            if classifier.model.running_samples:
-                topics[running_topic(name).name] = Classification
+            if classifier.model.partial_samples:
+                topics[partial_topic(name).name] = Classification
 
         def take(message: Any) -> None:
             if isinstance(message, TactileFeatures):

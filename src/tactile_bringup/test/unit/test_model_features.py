@@ -36,7 +36,7 @@ SPATIAL = FeatureConfig(
 def write(tmp_path):
     """Return a writer of models for windows cut by a config; the features mean nothing."""
 
-    def write(name, config, running=()):
+    def write(name, config, partial=()):
         task, _, contact = name.partition('_')
         labels = np.repeat(['a', 'b'], 24)
         spec = spec_for(task, config)
@@ -46,7 +46,7 @@ def write(tmp_path):
         table = FeatureTable(values, labels, spec, columns)
         path = tmp_path / 'models' / f'{name}.onnx'
         path.parent.mkdir(exist_ok=True)
-        write_model(path, train(table, 'tree', running=dict.fromkeys(running, table)))
+        write_model(path, train(table, 'tree', partial=dict.fromkeys(partial, table)))
         return path
 
     return write
@@ -71,14 +71,14 @@ def test_the_model_alone_is_enough(write, tmp_path):
         load_fitting_model(ClassifierConfig(**nodes['texture_flexion_classifier']))
 
 
-def test_running_windows_are_those_of_any_model(write, tmp_path):
+def test_partial_windows_are_those_of_any_model(write, tmp_path):
     usual = FeatureConfig()
     write('texture_flexion', usual, (30, 90))
     write('texture_abduction', usual, (60, 90))
     write('stiffness_flexion', FeatureConfig(stiffness_settle_s=0.75))
     nodes = by_name(sensing_graph('', find_models(tmp_path / 'models'), {}))
     features = nodes['tactile_features']
-    assert features['running_samples'] == (30, 60, 90)
+    assert features['partial_samples'] == (30, 60, 90)
     assert features['stiffness_settle_s'] == 0.75
     FeatureConfig(**features)
     del nodes['tactile_features'], nodes['tendon_sensor']
@@ -94,8 +94,8 @@ def test_what_the_user_states_wins_and_the_classifier_refuses(write):
     nodes = by_name(sensing_graph('', models, {'tactile_features': stated}))
     with pytest.raises(ModelFileError, match='window in samples differs'):
         load_fitting_model(ClassifierConfig(**nodes['texture_flexion_classifier']))
-    assert 'running_samples' not in wanted_features(models, {'running_samples': ()})
-    assert wanted_features(models, {'rate_hz': 60})['running_samples'] == (30, 120)
+    assert 'partial_samples' not in wanted_features(models, {'partial_samples': ()})
+    assert wanted_features(models, {'rate_hz': 60})['partial_samples'] == (30, 120)
 
 
 @pytest.mark.parametrize(
@@ -122,8 +122,8 @@ def test_a_finger_may_want_other_features_than_its_neighbour(write, tmp_path):
     index, thumb = (nodes[f'{name}/tactile_features'].parameters for name in ('index', 'thumb'))
     assert index['texture_features'] == 'texture_spatial'
     assert thumb['texture_features'] == 'texture_spectrum'
-    assert thumb['running_samples'] == (60,)
-    assert 'running_samples' not in index
+    assert thumb['partial_samples'] == (60,)
+    assert 'partial_samples' not in index
 
 
 def test_a_file_that_is_no_model_is_refused_before_anything_starts(write, tmp_path):

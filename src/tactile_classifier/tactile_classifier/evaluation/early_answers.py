@@ -84,7 +84,7 @@ class StoppingEvaluation(Result):
 @on_one_thread
 def evaluate_stopping(
     table: FeatureTable,
-    running: Mapping[int, FeatureTable],
+    partial: Mapping[int, FeatureTable],
     classifier: str,
     scaling: str = '',
     *,
@@ -98,7 +98,7 @@ def evaluate_stopping(
     ----------
     table : FeatureTable
         Full windows, of a known number of samples.
-    running : mapping of int to FeatureTable
+    partial : mapping of int to FeatureTable
         By samples seen: the first part of each window, trial by trial.
     classifier, scaling : str
         See `build_estimator`; an empty scaling means the task's default.
@@ -115,10 +115,10 @@ def evaluate_stopping(
         When the trials do not allow it.
     """
     scaling = scaling or default_scaling(table.task, classifier)
-    counts = sorted(running)
+    counts = sorted(partial)
     if not counts:
         raise EvaluationError('there are no partial windows to decide on')
-    stages = [running[count] for count in counts]
+    stages = [partial[count] for count in counts]
     seconds = tuple(count / table.spec.rate_hz for count in (*counts, table.spec.sample_count))
     wrong = np.zeros((len(seconds), len(table)), dtype=bool)
     stop = np.zeros((len(error_rates), len(table)), dtype=np.intp)

@@ -46,7 +46,7 @@ def describe_model(manifest: Manifest) -> dict[str, str]:
 
 
 def _describe(manifest: Manifest) -> dict[str, str]:
-    whole, *running = manifest.stages
+    whole, *partial = manifest.stages
     score, calibration, spec = manifest.cross_validation, manifest.calibration, manifest.spec
     more = len(manifest.labels) - MAX_LABELS
     labels = ', '.join(manifest.labels[:MAX_LABELS]) + f' and {more} more' * (more > 0)
@@ -78,10 +78,10 @@ def _describe(manifest: Manifest) -> dict[str, str]:
             f'above novelty {whole.novelty_threshold:.2f}, at '
             f'{100 * manifest.false_alarm_rate:g} % false rejection'
         )
-    if running:
+    if partial:
         facts['early predictions'] = ', '.join(
             f'{stage.sample_count / spec.rate_hz:g} s {100 * stage.accuracy:.1f} %'
-            for stage in running
+            for stage in partial
         )
     if 'recalibrated' in calibration:
         again = calibration['recalibrated']

@@ -110,7 +110,7 @@ class TactileModel:
         What it can answer, in the order of its scores.
     model_id : str
         Task, contact, classifier and the first 12 digits of the file's SHA-256.
-    running_samples : tuple of int
+    partial_samples : tuple of int
         Sample counts of the partial windows that it answers.
     """
 
@@ -126,7 +126,7 @@ class TactileModel:
                 hashlib.sha256(data).hexdigest()[:12],
             )
         )
-        self.running_samples = self.manifest.running_samples
+        self.partial_samples = self.manifest.partial_samples
         # What ready-cut windows do not state, `expect` says.
         self._expected = None if self.spec.missing_parameters else self.spec
         self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
@@ -185,7 +185,7 @@ class TactileModel:
         values : array_like of shape (windows, k)
             Features in the order and units of ``spec``.
         sample_count : int
-            Samples in the windows, one of ``running_samples``; 0: full windows.
+            Samples in the windows, one of ``partial_samples``; 0: full windows.
 
         Raises
         ------
@@ -206,7 +206,7 @@ class TactileModel:
             rows = rows - self._offsets[sample_count]
         if sample_count not in self._stages:
             raise KeyError(sample_count)
-        feed = {SAMPLES: np.array(sample_count)} if self.running_samples else {}
+        feed = {SAMPLES: np.array(sample_count)} if self.partial_samples else {}
         blocks = [
             self._session.run(self._outputs, {INPUT: rows[i : i + self._rows], **feed})
             for i in range(0, len(rows), self._rows)
@@ -222,7 +222,7 @@ class TactileModel:
     def accepts(self, window: FeatureWindow) -> bool:
         """Return whether the window is of its feature set, a known length, no other contact."""
         contacts = {self.contact, window.contact} - {''}
-        if window.running and window.sample_count not in self.running_samples:
+        if window.partial and window.sample_count not in self.partial_samples:
             return False
         return window.feature_set == self.spec.feature_set and len(contacts) < 2
 
@@ -236,7 +236,7 @@ class TactileModel:
 
         Without a correction of the window's session, the model is used as its file is.
         """
-        stage = self._stages[window.sample_count if window.running else 0]
+        stage = self._stages[window.sample_count if window.partial else 0]
         outcome, label, reason = Outcome.NO_FEATURES, '', self._why_not(window)
         scores: tuple[float, ...] = ()
         novelty = -1.0
@@ -280,9 +280,9 @@ class TactileModel:
             window_end_ns=window.window_end_ns,
             frame_id=window.frame_id,
             false_alarm_rate=self.manifest.false_alarm_rate,
-            running=window.running,
-            decided=decided if window.running else True,
-            error_rate=self.manifest.stop_error_rate if window.running else -1.0,
+            partial=window.partial,
+            decided=decided if window.partial else True,
+            error_rate=self.manifest.stop_error_rate if window.partial else -1.0,
             recalibration_trials=0 if correction is None else correction.trials,
         )
 
@@ -309,7 +309,7 @@ class TactileModel:
             ('rate in Hz', window.rate_hz, spec.rate_hz, 'rate_hz'),
         ]
         if window.outcome == FeatureOutcome.OK:
-            if spec.sample_count and not window.running:
+            if spec.sample_count and not window.partial:
                 samples = (window.sample_count, spec.sample_count)
                 pairs.append(('window in samples', *samples, 'texture_samples'))
             pairs.append(('number of features', len(window.values), len(spec.names), ''))
@@ -336,7 +336,7 @@ class TactileModel:
         k, labels = len(self.spec.names), len(self.labels)
         has_novelty = {stage.novelty_threshold >= 0.0 for stage in self.manifest.stages}
         wanted = [ANSWER, SCORES, NOVELTY] if has_novelty == {True} else [ANSWER, SCORES]
-        sources = [INPUT, SAMPLES] if self.running_samples else [INPUT]
+        sources = [INPUT, SAMPLES] if self.partial_samples else [INPUT]
         if [i.name for i in inputs] != sources or self._outputs != wanted:
             raise ModelFileError(
                 f'its graph does not lead from {", ".join(sources)} to {", ".join(wanted)}'

@@ -71,7 +71,7 @@ class LiveRecalibration:
         """Return the answer on a window that the model accepts, and learn from it."""
         if not self._trials:
             return self.model.classify(window)
-        stage = window.sample_count if window.running else 0
+        stage = window.sample_count if window.partial else 0
         session = self._sessions.get(stage)
         if session is None or session.session_id != window.session_id:
             session = self._sessions[stage] = _Session(window.session_id)

@@ -150,14 +150,14 @@ class Manifest:
     training: TrainingTrials = TrainingTrials()
 
     @property
-    def running_samples(self) -> tuple[int, ...]:
+    def partial_samples(self) -> tuple[int, ...]:
         """Sample counts of the partial windows that the model answers."""
         return tuple(stage.sample_count for stage in self.stages[1:])
 
     def feature_values(self) -> dict[str, Any]:
         """Return what the feature node must be told, by the fields of `FeatureConfig`."""
-        running = {'running_samples': self.running_samples} if self.running_samples else {}
-        return {**self.spec.config_values(), **running}
+        partial = {'partial_samples': self.partial_samples} if self.partial_samples else {}
+        return {**self.spec.config_values(), **partial}
 
     def to_json(self) -> str:
         """Return the manifest as JSON text."""

@@ -41,7 +41,7 @@ def write_recalibrated(
         The file to write, and the trained model.
     tables : mapping of int to FeatureTable
         Known trials of the session by samples: 0, the full windows, and each of the model's
-        ``running_samples``.
+        ``partial_samples``.
 
     Raises
     ------

@@ -85,7 +85,7 @@ def train(
     classifier: str,
     scaling: str = '',
     *,
-    running: Mapping[int, FeatureTable] | None = None,
+    partial: Mapping[int, FeatureTable] | None = None,
     false_alarm_rate: float = 0.05,
     stop_error_rate: float = 0.05,
     score: Score | None = None,
@@ -104,7 +104,7 @@ def train(
         Its columns ``contact``, ``simulated`` and ``session_id``, where present, count.
     classifier, scaling : str
         See `build_estimator`; an empty scaling means the task's default.
-    running : mapping of int to FeatureTable, optional
+    partial : mapping of int to FeatureTable, optional
         Features of the first so many samples of the same windows, trial by trial, of which
         the model is to give early predictions.
     false_alarm_rate : float
@@ -142,7 +142,7 @@ def train(
         raise DatasetError(f'there is one class only, "{table.labels[0]}"; record at least two')
     if len(table) < 3:
         raise DatasetError('training needs three trials at least')
-    tables = {0: table, **dict(sorted((running or {}).items()))}
+    tables = {0: table, **dict(sorted((partial or {}).items()))}
     for count, other in tables.items():
         if not np.array_equal(other.labels, table.labels) or table.spec.mismatch(other.spec):
             raise DatasetError(f'the table of {count} samples is not of the same trials')
@@ -150,9 +150,9 @@ def train(
     calibrated, stated, session = _calibrate(
         list(tables.values()), classifier, scaling, false_alarm_rate
     )
-    if running and not calibrated:
+    if partial and not calibrated:
         raise DatasetError(f'early predictions need calibrated ones: {stated["reason"]}')
-    raw = bool(calibrated) and not running and calibrated[0].choice.keeps_raw
+    raw = bool(calibrated) and not partial and calibrated[0].choice.keeps_raw
     if calibrated:
         choice = dataclasses.asdict(calibrated[0].choice)
         del choice['keeps_raw']
@@ -199,7 +199,7 @@ def train(
         or (FULL_WINDOW,),
         calibration=stated,
         false_alarm_rate=false_alarm_rate if calibrated else -1.0,
-        stop_error_rate=stop_error_rate if running else -1.0,
+        stop_error_rate=stop_error_rate if partial else -1.0,
         training=describe_training(table),
     )
     return Trained(tuple(stages), manifest)
@@ -233,14 +233,14 @@ def _calibrate(
 
 
 def _fit_stop_threshold(
-    running: list[CalibratedStage], error_rate: float, session: npt.NDArray[np.intp] | None
+    partial: list[CalibratedStage], error_rate: float, session: npt.NDArray[np.intp] | None
 ) -> float:
     """Return the stopping rule's threshold; -1, which never decides, when none is proven."""
-    if not running:
+    if not partial:
         return -1.0
     threshold = fit_stop_threshold(
-        np.stack([stage.confidence for stage in running]),
-        np.stack([stage.wrong for stage in running]),
+        np.stack([stage.confidence for stage in partial]),
+        np.stack([stage.wrong for stage in partial]),
         error_rate,
         session,
     )

@@ -33,8 +33,8 @@ def test_message_round_trip(model_path, make_window, changes):
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (10**9 + 2, 983_333_334)
 
 
-def test_a_running_answer_keeps_its_fields(model_path, make_window):
+def test_a_partial_answer_keeps_its_fields(model_path, make_window):
     whole = TactileModel.load(model_path).classify(make_window())
-    changes = {'running': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
+    changes = {'partial': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
     result = dataclasses.replace(whole, **changes)
     assert classification_from_msg(classification_to_msg(result)) == result

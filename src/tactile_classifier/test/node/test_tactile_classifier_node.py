@@ -60,19 +60,22 @@ class Graph:
             'discovery',
         )
 
-    def listen_running(self):
-        self.running_answers = []
+    def listen_partial(self):
+        self.partial_answers = []
         self.peer.create_subscription(
-            Classification, 'tactile_classifier/running', self.running_answers.append, RESULTS
+            Classification,
+            'tactile_classifier/partial_classification',
+            self.partial_answers.append,
+            RESULTS,
         )
-        self.running_features = self.peer.create_publisher(
-            TactileFeatures, 'tactile_features/running_features', RESULTS
+        self.partial_features = self.peer.create_publisher(
+            TactileFeatures, 'tactile_features/partial_features', RESULTS
         )
         self.connect()
         self.spin_until(
             lambda: (
-                self.running_features.get_subscription_count()
-                and self.peer.count_publishers('tactile_classifier/running')
+                self.partial_features.get_subscription_count()
+                and self.peer.count_publishers('tactile_classifier/partial_classification')
             ),
             'discovery',
         )
@@ -127,30 +130,30 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
     assert graph.node.model.model_id == model.model_id
 
 
-def test_running_windows_are_answered_on_a_topic_of_their_own(
+def test_partial_windows_are_answered_on_a_topic_of_their_own(
     make_graph, partial_tables, tmp_path, make_window, capfd
 ):
-    table, running = partial_tables
-    path = tmp_path / 'running.onnx'
-    model = write_model(path, train(table, 'knn', running=running))
+    table, partial = partial_tables
+    path = tmp_path / 'partial.onnx'
+    model = write_model(path, train(table, 'knn', partial=partial))
     graph = make_graph(model=str(path))
     assert graph.node.bring_up()
-    graph.listen_running()
+    graph.listen_partial()
     windows = [
-        make_window(values=running.get(count, table).values[0], running=True, sample_count=count)
+        make_window(values=partial.get(count, table).values[0], partial=True, sample_count=count)
         for count in (60, 90, 120)
     ]
     for window in windows:
-        graph.running_features.publish(feature_window_to_msg(window))
+        graph.partial_features.publish(feature_window_to_msg(window))
     graph.features.publish(feature_window_to_msg(make_window(values=table.values[0])))
-    graph.spin_until(lambda: graph.answers and len(graph.running_answers) == 2, 'the answers')
-    answers = [classification_from_msg(message) for message in graph.running_answers]
+    graph.spin_until(lambda: graph.answers and len(graph.partial_answers) == 2, 'the answers')
+    answers = [classification_from_msg(message) for message in graph.partial_answers]
     assert answers == [model.classify(windows[0]), model.classify(windows[2])]
-    assert all(answer.running and answer.decided for answer in answers)
-    assert not classification_from_msg(graph.answers[0]).running
-    assert graph.node.running_count == 2
+    assert all(answer.partial and answer.decided for answer in answers)
+    assert not classification_from_msg(graph.answers[0]).partial
+    assert graph.node.partial_count == 2
     log = capfd.readouterr().err
-    assert 'the parameter running_samples of the feature node should be [60, 120]' in log
+    assert 'the parameter partial_samples of the feature node should be [60, 120]' in log
     assert log.count('plate 0 after') == 1  # the first decided answer alone
 
 

@@ -36,7 +36,7 @@ def test_classification_repeats_the_window_and_names_the_model(model, make_windo
     assert result.frame_id == 'tendon_sensor_link'
     assert (result.score_kind, result.false_alarm_rate) == ('probability', 0.05)
     assert 0.0 <= result.novelty < result.novelty_threshold
-    assert (result.running, result.decided, result.error_rate) == (False, True, -1.0)
+    assert (result.partial, result.decided, result.error_rate) == (False, True, -1.0)
     assert result.simulated  # the model was trained on simulated trials
 
 

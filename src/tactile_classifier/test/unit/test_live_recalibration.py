@@ -27,11 +27,11 @@ LATER = (66, 127, 188, 9)
 
 @pytest.fixture(scope='module')
 def trained(partial_tables, tmp_path_factory):
-    """Return the path of a model with running parts, and its tables by samples."""
-    whole, running = partial_tables
+    """Return the path of a model with partial parts, and its tables by samples."""
+    whole, partial = partial_tables
     path = tmp_path_factory.mktemp('models') / 'texture.onnx'
-    write_model(path, train(whole, 'knn', running=running))
-    return path, {0: whole, **running}
+    write_model(path, train(whole, 'knn', partial=partial))
+    return path, {0: whole, **partial}
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def make(trained, make_window):
             'specification_digest': table.spec.digest,
             'session_id': 'today',
             'object_label': str(table.labels[trial]),
-            **({'running': True, 'sample_count': count} if count else {}),
+            **({'partial': True, 'sample_count': count} if count else {}),
         }
         return make_window(0, **{**fields, **changes})
 

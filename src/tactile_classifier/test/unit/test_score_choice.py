@@ -100,9 +100,9 @@ def test_more_sessions_are_calibrated_as_ever():
     assert trained.stages[0].calibration == Calibration.fit(scores, true)
 
 
-def test_running_answers_keep_probabilities(unlike):
+def test_partial_answers_keep_probabilities(unlike):
     # The stopping rule compares probabilities.
-    trained = train(unlike, 'svm_linear', running={30: unlike})
+    trained = train(unlike, 'svm_linear', partial={30: unlike})
     stated = trained.manifest.calibration['scores']
     assert stated['log_loss_calibrated'] - stated['log_loss_raw'] > stated['margin']
     assert (stated['kept'], trained.manifest.score_kind) == ('calibrated', 'probability')

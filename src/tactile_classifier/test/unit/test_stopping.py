@@ -108,8 +108,8 @@ def with_noise(table, amount, seed):
 
 def test_evaluation_counts_early_answers(texture_table):
     texture_table = texture_table.take(texture_table.labels < 'plate 4')
-    running = {60: with_noise(texture_table, 0.02, 1), 120: with_noise(texture_table, 0.001, 2)}
-    found = evaluate_stopping(texture_table, running, 'knn', error_rates=(0.05, 0.0001))
+    partial = {60: with_noise(texture_table, 0.02, 1), 120: with_noise(texture_table, 0.001, 2)}
+    found = evaluate_stopping(texture_table, partial, 'knn', error_rates=(0.05, 0.0001))
     assert found.seconds == (1.0, 2.0, 3.0)
     assert found.accuracies[0] < found.accuracies[1]
     rule, impossible = found.rules

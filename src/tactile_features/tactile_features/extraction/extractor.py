@@ -41,8 +41,8 @@ GRACE_S = 0.5
 class TrialFeatureExtractor:
     """Cuts one window out of every finished glide and hold phase.
 
-    With ``running_samples`` the first parts of a texture window come as soon as their
-    samples are there, marked as running, and before the window itself.
+    With ``partial_samples`` the first parts of a texture window come as soon as their
+    samples are there, marked as partial, and before the window itself.
 
     With ``phases`` other than ``stated`` the events are found in the tension, and those
     that are added are passed over.
@@ -116,7 +116,7 @@ class TrialFeatureExtractor:
             for event in self._signal.add(self._buffer.new_samples):
                 self._detected.append(event)
                 windows += self._take_event(event)
-        windows += self._take_running()
+        windows += self._take_partial()
         windows += self._take_complete()
         self._buffer.evict()
         return windows
@@ -153,9 +153,9 @@ class TrialFeatureExtractor:
                 self._waiting.append(window)
         if begun != event and event.phase == PHASE_GLIDE:
             self._filling.extend(
-                PartialWindow(event, count, self.config) for count in self.config.running_samples
+                PartialWindow(event, count, self.config) for count in self.config.partial_samples
             )
-        return self._take_running() + self._take_complete()
+        return self._take_partial() + self._take_complete()
 
     @property
     def waits_since_ns(self) -> int | None:
@@ -184,7 +184,7 @@ class TrialFeatureExtractor:
         """Return windows for the finished phases that still wait: no more samples will come."""
         return self._give_up(Outcome.GAP, 'the stream ended before all samples had come')
 
-    def _take_running(self) -> list[FeatureWindow]:
+    def _take_partial(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         while self._filling:
             window = self._filling[0].take(self._buffer)

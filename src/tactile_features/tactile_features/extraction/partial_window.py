@@ -51,4 +51,4 @@ class PartialWindow(PhaseWindow):
         return self._set.compute_part(samples, self._whole)
 
     def _window(self, *args: Any) -> FeatureWindow:
-        return dataclasses.replace(super()._window(*args), running=True)
+        return dataclasses.replace(super()._window(*args), partial=True)

@@ -187,7 +187,7 @@ class FeatureSet(ABC):
         FeatureError
             When the set has none, or the samples do not fit.
         """
-        raise FeatureError(f'{self.name} has no partial windows; leave running_samples empty')
+        raise FeatureError(f'{self.name} has no partial windows; leave partial_samples empty')
 
     @property
     def sample_count(self) -> int:

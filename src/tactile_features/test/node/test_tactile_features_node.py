@@ -205,27 +205,27 @@ def test_publishes_the_bits_of_the_core(make_bench):
 
 
 def test_what_still_fills_goes_to_a_topic_of_its_own(make_bench):
-    bench = make_bench(running_samples=[60, 120])
-    running = []
+    bench = make_bench(partial_samples=[60, 120])
+    partial = []
     bench.peer.create_subscription(
         TactileFeatures,
-        'tactile_features/running_features',
-        lambda msg: running.append(feature_window_from_msg(msg)),
+        'tactile_features/partial_features',
+        lambda msg: partial.append(feature_window_from_msg(msg)),
         RESULTS,
     )
     bench.bring_up()
-    topic = bench.node.resolve_topic_name('~/running_features')
+    topic = bench.node.resolve_topic_name('~/partial_features')
     bench.spin_until(lambda: bench.peer.count_publishers(topic) == 1)
     bench.events.publish(TRIAL[1])
     bench.send_blocks(0, 300)
-    bench.spin_until(lambda: len(running) == 2)
-    assert [(w.running, w.sample_count) for w in running] == [(True, 60), (True, 120)]
+    bench.spin_until(lambda: len(partial) == 2)
+    assert [(w.partial, w.sample_count) for w in partial] == [(True, 60), (True, 120)]
     assert not bench.windows
     bench.events.publish(TRIAL[2])
     bench.send_blocks(300, 200)
     bench.spin_until(lambda: bench.windows)
     assert bench.windows == compute_expected()[:1]
-    assert len(running) == 2
+    assert len(partial) == 2
 
 
 def test_publishes_the_phases_that_it_finds_itself(make_bench):

@@ -142,7 +142,7 @@ def test_a_refusal_says_nothing_that_a_terminal_obeys():
 @pytest.mark.parametrize(
     'config',
     [
-        FeatureConfig(running_samples=(90,)),
+        FeatureConfig(partial_samples=(90,)),
         FeatureConfig(texture_features='texture_spatial'),
         FeatureConfig(phases='texture'),
         FeatureConfig(phases='stiffness'),

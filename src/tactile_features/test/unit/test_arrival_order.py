@@ -35,7 +35,7 @@ def configs(draw):
     return FeatureConfig(
         rate_hz=20.0,
         texture_samples=texture_samples,
-        running_samples=(30, 40) if texture_samples == 45 else (),
+        partial_samples=(30, 40) if texture_samples == 45 else (),
         texture_crop_start_s=draw(st.sampled_from([0.0, 0.2])),
         texture_crop_end_s=draw(st.sampled_from([0.0, 0.1])),
         stiffness_settle_s=draw(st.sampled_from([0.0, 0.2])),
@@ -148,11 +148,11 @@ def extract(config, inputs):
         add = extractor.add_block if isinstance(item, StrainBlock) else extractor.add_event
         windows += add(item)
     windows += extractor.finish()
-    return [w for w in windows if not w.running], [w for w in windows if w.running]
+    return [w for w in windows if not w.partial], [w for w in windows if w.partial]
 
 
 outcomes: Counter[Outcome] = Counter()
-running_outcomes: Counter[Outcome] = Counter()
+partial_outcomes: Counter[Outcome] = Counter()
 
 
 @settings(max_examples=200, deadline=None)
@@ -181,13 +181,13 @@ def check_interleaving_and_grouping(config, seed):
             mixed.append(queue.pop())
     assert extract(config, mixed) == expected
     outcomes.update(w.outcome for w in expected[0])
-    running_outcomes.update(w.outcome for w in expected[1])
+    partial_outcomes.update(w.outcome for w in expected[1])
 
 
 def test_any_interleaving_and_grouping_gives_the_same_bits():
     outcomes.clear()
-    running_outcomes.clear()
+    partial_outcomes.clear()
     check_interleaving_and_grouping()
     assert set(outcomes) == set(Outcome), f'the examples did not meet every outcome: {outcomes}'
-    expected_running = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
-    assert set(running_outcomes) == expected_running, running_outcomes
+    expected_partial = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
+    assert set(partial_outcomes) == expected_partial, partial_outcomes

@@ -107,12 +107,12 @@ def test_a_window_without_samples_is_simulated_where_the_stream_is():
         assert window.simulated is bool(status)
 
 
-def test_a_running_window_is_simulated_by_its_samples():
-    config = dataclasses.replace(CONFIG, running_samples=(30,), texture_samples=40)
+def test_a_partial_window_is_simulated_by_its_samples():
+    config = dataclasses.replace(CONFIG, partial_samples=(30,), texture_samples=40)
     extractor = TrialFeatureExtractor(config)
     extractor.add_event(event(2.0, 'glide'))
     windows = extractor.add_block(block(0, 55, status=SIMULATED))
-    assert [(window.running, window.simulated) for window in windows] == [(True, True)]
+    assert [(window.partial, window.simulated) for window in windows] == [(True, True)]
 
 
 def test_stiffness_is_the_regression_over_the_hold_between_its_crops():

@@ -21,7 +21,7 @@ from tactile_ros.strain import StrainBlock
 S = 1_000_000_000
 PERIOD_NS = S // 50
 CONFIG = FeatureConfig(
-    rate_hz=50.0, texture_samples=100, texture_crop_start_s=0.2, running_samples=(30, 60)
+    rate_hz=50.0, texture_samples=100, texture_crop_start_s=0.2, partial_samples=(30, 60)
 )
 TENSION_N = np.random.default_rng(0).normal(5.0, 1.0, 400)
 
@@ -41,11 +41,11 @@ def test_it_comes_with_its_last_sample_before_the_end_of_the_glide_is_known():
     came = {n: w for n in range(200) for w in extractor.add_block(block(n, 1))}
     assert list(came) == [60 + 30 - 1, 60 + 60 - 1]
     assert [w.sample_count for w in came.values()] == [30, 60]
-    assert all(w.running and w.outcome == Outcome.OK for w in came.values())
+    assert all(w.partial and w.outcome == Outcome.OK for w in came.values())
     assert {w.window_start_ns for w in came.values()} == {60 * PERIOD_NS}
     assert [w.window_end_ns for w in came.values()] == [89 * PERIOD_NS, 119 * PERIOD_NS]
     (window,) = extractor.add_event(event(3.5, 'release'))
-    assert not window.running
+    assert not window.partial
     assert window.window_start_ns == 60 * PERIOD_NS
     assert extractor.window_counts[Outcome.OK] == 1
 
@@ -53,9 +53,9 @@ def test_it_comes_with_its_last_sample_before_the_end_of_the_glide_is_known():
 def test_it_gives_the_bits_of_a_batch_of_whole_windows():
     extractor = TrialFeatureExtractor(CONFIG)
     extractor.add_event(event(1.0, 'glide'))
-    running = extractor.add_block(block(0, 200))
+    partial = extractor.add_block(block(0, 200))
     whole = np.stack([TENSION_N[60:160], TENSION_N[100:200]])
-    for window in running:
+    for window in partial:
         values, spec = features_from_trials(
             'texture', whole, 50.0, first_samples=window.sample_count
         )
@@ -70,7 +70,7 @@ def test_a_gap_within_is_said_and_one_behind_does_not_matter():
         block(101, 99, lost_before=1)
     )
     assert early.outcome == Outcome.OK
-    assert (late.outcome, late.running) == (Outcome.GAP, True)
+    assert (late.outcome, late.partial) == (Outcome.GAP, True)
     assert 'sequence number 99' in late.reason
 
 
@@ -102,12 +102,12 @@ def test_the_whole_window_is_its_own_last_part():
 
 @pytest.mark.parametrize('counts', [(29,), (100,), (60, 60), (60, 40)])
 def test_counts_that_do_not_rise_within_the_window_are_refused(counts):
-    with pytest.raises(FeatureError, match='running_samples'):
-        FeatureConfig(rate_hz=50.0, texture_samples=100, running_samples=counts)
+    with pytest.raises(FeatureError, match='partial_samples'):
+        FeatureConfig(rate_hz=50.0, texture_samples=100, partial_samples=counts)
 
 
 def test_a_list_from_a_file_is_as_good():
-    assert FeatureConfig(running_samples=[60, 120]) == FeatureConfig(running_samples=(60, 120))
+    assert FeatureConfig(partial_samples=[60, 120]) == FeatureConfig(partial_samples=(60, 120))
 
 
 @pytest.mark.parametrize(('task', 'first'), [('stiffness', 60), ('texture', 101), ('texture', 1)])

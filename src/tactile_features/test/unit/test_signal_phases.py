@@ -24,7 +24,7 @@ from tactile_ros.strain import StrainBlock, StrainStatus
 
 RATE_HZ = 60.0
 STIFFNESS = FeatureConfig(phases='stiffness', detected_contact='flexion')
-TEXTURE = FeatureConfig(phases='texture', running_samples=(60, 120))
+TEXTURE = FeatureConfig(phases='texture', partial_samples=(60, 120))
 BENDS = {'contact': 1.0, 'hold': 1.5, 'glide': 2.0, 'release': 6.5, 'done': 6.9}
 """When the made-up pull begins, is held, glides, is released and is over [s]."""
 
@@ -200,7 +200,7 @@ def run(config, blocks):
     for block in blocks:
         windows += extractor.add_block(block)
         events += extractor.take_detected_events()
-    return [w for w in windows if not w.running], [w for w in windows if w.running], events
+    return [w for w in windows if not w.partial], [w for w in windows if w.partial], events
 
 
 @settings(max_examples=12, deadline=None)
@@ -215,14 +215,14 @@ def test_any_grouping_gives_the_same_bits(seed, config):
 
 def test_features_are_those_of_the_same_events_stated():
     blocks = blocks_of(pull(), Random(3))
-    windows, running, events = run(TEXTURE, blocks)
+    windows, partial, events = run(TEXTURE, blocks)
     stated = TrialFeatureExtractor(dataclasses.replace(TEXTURE, phases='stated'))
     for event in events:
         stated.add_event(event)
     expected = [w for block in blocks for w in stated.add_block(block)]
-    assert [w for w in expected if not w.running] == windows
-    assert [w for w in expected if w.running] == running
-    assert [w.outcome for w in windows + running] == [Outcome.OK] * 3
+    assert [w for w in expected if not w.partial] == windows
+    assert [w for w in expected if w.partial] == partial
+    assert [w.outcome for w in windows + partial] == [Outcome.OK] * 3
 
 
 def test_stated_events_are_passed_over_where_phases_are_found():

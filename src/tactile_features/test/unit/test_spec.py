@@ -144,7 +144,7 @@ def test_a_specification_sets_what_windows_depend_on_and_nothing_else():
 @pytest.mark.parametrize(
     ('fields', 'message'),
     [
-        ({'texture_features': 'texture_spatial', 'running_samples': (60,)}, 'running'),
+        ({'texture_features': 'texture_spatial', 'partial_samples': (60,)}, 'partial'),
         ({'texture_features': 'texture_spatial', 'spatial_length_m': 0.001}, 'finest scale'),
         ({'rate_hz': 0.0}, 'rate_hz is 0.0'),
         ({'rate_hz': float('nan')}, 'rate_hz is nan'),

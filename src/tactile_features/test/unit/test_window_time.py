@@ -116,11 +116,11 @@ def test_an_unknown_error_does_not_hide_a_known_one_above_the_limit(accepts_unkn
     assert 'wrong by 0.5000 s' in window.reason
 
 
-def test_the_running_windows_of_a_glide_allow_what_the_whole_one_does():
-    config = dataclasses.replace(CONFIG, texture_samples=60, running_samples=(30,))
+def test_the_partial_windows_of_a_glide_allow_what_the_whole_one_does():
+    config = dataclasses.replace(CONFIG, texture_samples=60, partial_samples=(30,))
     for error_s, outcome in ((0.03, Outcome.OK), (0.06, Outcome.BAD_TIME)):
         (window,) = run(event(2.0, 'glide'), block(0, 60, stamp_error_s=error_s), config=config)
-        assert (window.running, window.outcome) == (True, outcome)
+        assert (window.partial, window.outcome) == (True, outcome)
 
 
 # -- the host's clock is set ---------------------------------------------------------------

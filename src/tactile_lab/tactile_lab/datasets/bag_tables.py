@@ -103,7 +103,7 @@ def _choose(path: Path, config: FeatureConfig, chosen: Mapping[str, Any]) -> Fea
     if not chosen:
         return config
     try:
-        return replace(config, running_samples=(), **chosen)
+        return replace(config, partial_samples=(), **chosen)
     except FeatureError as error:
         raise BagError(f'{path}: {error}') from error
 
@@ -116,7 +116,7 @@ def _collect(
     left_out: list[str],
 ) -> None:
     # A table has features of full windows alone: measures would be made in vain.
-    config = replace(config, measures=False, running_samples=())
+    config = replace(config, measures=False, partial_samples=())
     replayed = replay_phases(bag, config, namespace, finish=True)
     dropped = find_dropped(bag.path)
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)

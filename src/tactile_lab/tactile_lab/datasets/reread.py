@@ -21,7 +21,7 @@ from tactile_features.records import FeatureWindow, Measure, Outcome
 
 
 def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int, ...]:
-    """Return the ``running_samples`` of windows that have filled for so long.
+    """Return the ``partial_samples`` of windows that have filled for so long.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int,
     """
     counts = tuple(round(second * config.rate_hz) for second in seconds)
     try:
-        return replace(config, running_samples=counts).running_samples
+        return replace(config, partial_samples=counts).partial_samples
     except FeatureError as error:
         raise BagError(f'no early predictions after {list(seconds)} s: {error}') from error
 
@@ -61,9 +61,9 @@ def read_partial_tables(table: FeatureTable, seconds: Sequence[float]) -> dict[i
         (*source, window.window_start_ns, window.sample_count): window.values
         for *source, window in _read_windows(
             table,
-            lambda config: replace(config, **fields, running_samples=counts, measures=False),
+            lambda config: replace(config, **fields, partial_samples=counts, measures=False),
         )
-        if window.running
+        if window.partial
     }
     columns = ('bag', 'namespace', 'window_start_ns')
     trials = list(zip(*(table.column(name).tolist() for name in columns), strict=True))
@@ -92,7 +92,7 @@ def read_measures(table: FeatureTable) -> list[tuple[Measure, ...]]:
     found = {
         (*source, window.window_start_ns, window.window_end_ns): window.measures
         for *source, window in _read_windows(
-            table, lambda config: replace(config, measures=True, running_samples=())
+            table, lambda config: replace(config, measures=True, partial_samples=())
         )
     }
     columns = ('bag', 'namespace', 'window_start_ns', 'window_end_ns')

@@ -50,7 +50,7 @@ class ObserverNode(Node):  # type: ignore[misc]
     def _on_window(self, message: TactileFeatures) -> None:
         window = feature_window_from_msg(message)
         with self._arrived:
-            if self._is_on and not window.running:
+            if self._is_on and not window.partial:
                 self._windows[window.trial_id] = window
                 self._arrived.notify_all()
 

@@ -160,9 +160,9 @@ def _evaluate_stopping(table: FeatureTable, hold_out: Sequence[str]) -> Stopping
         raise TactileError('some of the features alone have no early predictions')
     full_s = spec.sample_count / spec.rate_hz
     seconds = [full_s * step / STEPS for step in range(1, STEPS)]
-    running = read_partial_tables(table, seconds)
+    partial = read_partial_tables(table, seconds)
     return evaluate_stopping(
-        table, running, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
+        table, partial, CLASSIFIER, hold_out=hold_out, false_alarm_rate=FALSE_ALARM_RATE
     )
 
 

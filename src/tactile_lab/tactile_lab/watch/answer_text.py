@@ -19,7 +19,7 @@ def describe_answer(source: str, answer: ClassificationResult, true_label: str) 
     """Return an answer as what JSON can hold, with the likeliest labels first."""
     scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
     is_right = None
-    if true_label and answer.outcome == Outcome.LABEL and not answer.running:
+    if true_label and answer.outcome == Outcome.LABEL and not answer.partial:
         is_right = answer.label == true_label
     return {
         'source': source,
@@ -33,7 +33,7 @@ def describe_answer(source: str, answer: ClassificationResult, true_label: str) 
         'reason': answer.reason,
         'scores': [[label, rounded(score)] for label, score in scores],
         'kind': answer.score_kind,
-        'running': answer.running,
+        'partial': answer.partial,
         'decided': answer.decided,
         'model': answer.model_id,
         'simulated': answer.simulated,

@@ -293,7 +293,7 @@ class Finger:
             return None
         return {
             'set': window.feature_set,
-            'running': window.running,
+            'partial': window.partial,
             'reason': window.reason,
             'from': self._seconds(window.window_start_ns),
             'to': self._seconds(window.window_end_ns),
@@ -316,7 +316,7 @@ class Finger:
             and window.feature_set == SET_TEXTURE_SPECTRUM
             and window.outcome == Outcome.OK
         ):
-            part = 'partial window' if window.running else 'window of the trial'
+            part = 'partial window' if window.partial else 'window of the trial'
             step_hz = window.rate_hz / (2 * (len(window.values) - 1))
             return _describe_spectrum(window.values, step_hz, part)
         if not self.rate_hz:

@@ -107,9 +107,9 @@ class WatchState:
                 return
             finger.take_answer(source, answer)
             _, true_label = finger.last_answer() or (answer, '')
-            if not answer.running:
+            if not answer.partial:
                 self.say(describe_line(name, answer, true_label))
-        if not answer.running:
+        if not answer.partial:
             self.on_answer(name, answer, true_label)
 
     def take_health(

@@ -58,7 +58,7 @@ def test_a_model_over_distance_fits_nodes_with_the_same_parameters_alone(bags, t
     assert 'feature set' in model.spec.mismatch(spec_for('texture', FeatureConfig()))
     finer = dataclasses.replace(config, spatial_finest_m=0.00025)
     assert 'spatial_finest_m' in model.spec.mismatch(spec_for('texture', finer))
-    said = hear_tactile(*arguments, '--running', 1, '--force', code=2)
+    said = hear_tactile(*arguments, '--partial', 1, '--force', code=2)
     assert 'no early predictions' in said
 
 

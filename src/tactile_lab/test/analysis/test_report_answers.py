@@ -152,7 +152,7 @@ def test_summary_counts_what_has_no_value_and_leaves_it_out():
     ]
 
 
-def test_running_answers_of_chosen_features_are_not_compared_with_the_whole(texture_bag):
+def test_partial_answers_of_chosen_features_are_not_compared_with_the_whole(texture_bag):
     (table,) = read_tables([texture_bag]).tables.values()
     few = select_features(table, ','.join(table.spec.names[3:6]))
     (answers,) = run_plans([AnswersPlan(few, ('trial_block',))])

@@ -47,19 +47,19 @@ def test_seconds_that_do_not_fit_are_refused(table, seconds):
         read_partial_tables(table, seconds)
 
 
-def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
+def test_model_answers_partial_windows_and_no_file_is_replaced_unasked(bag, tmp_path):
     found = read_tables([bag])
     request = TrainRequest(
         folder=tmp_path / 'models',
         folds=3,
         repetitions=1,
         false_alarm_rate=0.1,
-        running='0.5,1.5',
+        partial='0.5,1.5',
         stop_error_rate=0.2,
     )
     (trained,) = train_models(found, request, Output(as_json=True))
     model = TactileModel.load(trained.path)
-    assert model.running_samples == (30, 90)
+    assert model.partial_samples == (30, 90)
     assert model.manifest.false_alarm_rate == 0.1
     assert model.manifest.stop_error_rate == 0.2
     sentences = describe_answers(model.manifest)
@@ -74,13 +74,13 @@ def test_model_answers_running_windows_and_no_file_is_replaced_unasked(bag, tmp_
 
 @pytest.mark.parametrize('detrend', ['none', 'mean', 'linear'])
 def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, detrend):
-    request = TrainRequest(folder=tmp_path, folds=3, repetitions=1, running='1', detrend=detrend)
+    request = TrainRequest(folder=tmp_path, folds=3, repetitions=1, partial='1', detrend=detrend)
     run_train([bag], request, as_json=False)
     assert f'spectrum_detrend {detrend}' in ' '.join(capsys.readouterr().out.split())
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
     with TactileBag(bag) as opened:
         config = dataclasses.replace(
-            recorded_config(opened), spectrum_detrend=detrend, running_samples=(30, 60)
+            recorded_config(opened), spectrum_detrend=detrend, partial_samples=(30, 60)
         )
         windows = replay_windows(opened, config)
     assert model.spec == spec_for('texture', config)
@@ -106,15 +106,15 @@ def test_detrending_is_for_the_spectrum_over_time(tmp_path):
 
 
 def test_text_that_is_no_seconds_is_refused(tmp_path):
-    with pytest.raises(TactileError, match='--running is "1;2"'):
-        TrainRequest(folder=tmp_path, running='1;2').running_seconds()
+    with pytest.raises(TactileError, match='--partial is "1;2"'):
+        TrainRequest(folder=tmp_path, partial='1;2').partial_seconds()
 
 
 def test_recalibration_reads_bags_of_the_session_and_replaces_nothing_unasked(
     bag, simulate_bag, tmp_path
 ):
     path = simulate_bag('texture', 'flexion', 3, seed=6, sessions=2)
-    request = TrainRequest(folder=tmp_path / 'models', folds=3, repetitions=1, running='1')
+    request = TrainRequest(folder=tmp_path / 'models', folds=3, repetitions=1, partial='1')
     (trained,) = train_models(read_tables([path]), request, Output(as_json=True))
     today = tmp_path / 'today'
     run_recalibrate(trained.path, [bag], today, force=False, as_json=True)

@@ -173,7 +173,7 @@ def test_what_a_hand_has_not_is_not_waited_for(context, tmp_path):
         missing = nodes['bag_recorder'].unmatched_topics()
     assert '/tendon_sensor/strain' in missing
     assert not any('linear_guide' in name or 'trial_runner' in name for name in missing)
-    assert '/tactile_features/running_features' not in missing
+    assert '/tactile_features/partial_features' not in missing
 
 
 def test_a_recording_that_lacks_a_topic_says_which(context, tmp_path):

@@ -74,7 +74,7 @@ def answer(label='R1', outcome=Answered.LABEL, trial='t1', **fields):
     )
 
 
-def window(values, feature_set='texture_spectrum', running=False):
+def window(values, feature_set='texture_spectrum', partial=False):
     return FeatureWindow(
         feature_set=feature_set,
         feature_set_version=2,
@@ -92,7 +92,7 @@ def window(values, feature_set='texture_spectrum', running=False):
         interpolated_count=0,
         status=0,
         frame_id='',
-        running=running,
+        partial=partial,
     )
 
 
@@ -168,7 +168,7 @@ def test_a_trial_is_followed_from_contact_to_label(state):
         (answer(outcome=Answered.UNKNOWN), None, 'unknown: unlike all'),
         (answer(outcome=Answered.NO_FEATURES), None, 'no answer: '),
         (answer(trial='another'), None, 'R1            (0.90 probability)'),
-        (answer(running=True), None, None),
+        (answer(partial=True), None, None),
     ],
 )
 def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, right, line):

@@ -206,11 +206,11 @@ class TrainRequest(TrialOptions):
             'classify as unknown. The threshold comes from held-out trials.',
         ),
     ] = 0.05
-    running: Annotated[
+    partial: Annotated[
         Optional[str],
         typer.Option(
             help='Texture: early predictions after these seconds of the window, as in '
-            '--running 0.5,1,1.5,2,2.5.'
+            '--partial 0.5,1,1.5,2,2.5.'
         ),
     ] = None
     stop_error_rate: Annotated[
@@ -247,8 +247,8 @@ class TrainRequest(TrialOptions):
     repetitions: RepetitionsOption = None
     seed: SeedOption = 0
 
-    def running_seconds(self) -> list[float]:
-        """Return ``running`` as numbers.
+    def partial_seconds(self) -> list[float]:
+        """Return ``partial`` as numbers.
 
         Raises
         ------
@@ -256,10 +256,10 @@ class TrainRequest(TrialOptions):
             When it is none.
         """
         try:
-            return [float(part) for part in (self.running or '').split(',') if part.strip()]
+            return [float(part) for part in (self.partial or '').split(',') if part.strip()]
         except ValueError:
             raise TactileError(
-                f'--running is "{self.running}"; it must be seconds with commas between them, '
+                f'--partial is "{self.partial}"; it must be seconds with commas between them, '
                 'such as 0.5,1,1.5'
             ) from None
 

@@ -41,7 +41,7 @@ from tactile_lab.datasets.tables import accuracy_caption, accuracy_table, tell_w
 from tactile_lab.experiment.folder import list_recordings
 from tactile_ros.errors import TactileError
 
-RunningReader = Callable[[FeatureTable, Sequence[float]], dict[int, FeatureTable]]
+PartialReader = Callable[[FeatureTable, Sequence[float]], dict[int, FeatureTable]]
 """As `read_partial_tables`."""
 
 
@@ -80,10 +80,10 @@ def run_train(recordings: Sequence[Path], request: TrainRequest, *, as_json: boo
             f'--features is "{named}"; it must be {AUTO} or name sets of features: '
             f'{", ".join((*list_feature_sets(PHASE_GLIDE), *list_feature_sets(PHASE_HOLD)))}'
         )
-    if request.running_seconds() and (request.over or automatic):  # wrong texts fail first
+    if request.partial_seconds() and (request.over or automatic):  # wrong texts fail first
         raise TactileError(
             'features over distance have no early predictions, and so --features auto has none: '
-            'leave --running out'
+            'leave --partial out'
         )
     own, leaves = split_sources(recordings, request.sources)
     if leaves:
@@ -151,7 +151,7 @@ def train_models(
     found: BagTables,
     request: TrainRequest,
     output: Output,
-    read_running: RunningReader = read_partial_tables,
+    read_partial: PartialReader = read_partial_tables,
 ) -> list[TrainedModel]:
     """Cross-validate the four classifiers on each table and write the chosen one's model.
 
@@ -160,7 +160,7 @@ def train_models(
     found : BagTables
     request : TrainRequest
     output : Output
-    read_running : callable
+    read_partial : callable
         Returns the features of the first parts of a table's windows.
 
     Raises
@@ -193,12 +193,12 @@ def train_models(
         for warning in tell_warnings([evaluation]):
             output.say(warning)
         chosen = request.scaling or default_scaling(task, request.classifier)
-        seconds = request.running_seconds() if task == PROTOCOL_TEXTURE else []
+        seconds = request.partial_seconds() if task == PROTOCOL_TEXTURE else []
         trained = train(
             table,
             request.classifier,
             chosen,
-            running=read_running(table, seconds) if seconds else None,
+            partial=read_partial(table, seconds) if seconds else None,
             false_alarm_rate=request.false_alarm_rate,
             stop_error_rate=request.stop_error_rate,
             score=evaluation.score(request.classifier, chosen),
@@ -250,9 +250,9 @@ def run_recalibrate(
     path = model_path(folder, model.task, model.contact)
     refuse_to_replace([path], force=force)
     make_output_folder(folder)
-    seconds = [count / model.spec.rate_hz for count in model.running_samples]
-    running = read_partial_tables(table, seconds) if seconds else {}
-    found = write_recalibrated(path, source, {0: table, **running})
+    seconds = [count / model.spec.rate_hz for count in model.partial_samples]
+    partial = read_partial_tables(table, seconds) if seconds else {}
+    found = write_recalibrated(path, source, {0: table, **partial})
     stated = describe_calibration(found.manifest)
     before, after = (each.manifest.stages[0].novelty_threshold for each in (model, found))
     output.say(
@@ -266,7 +266,7 @@ def describe_answers(manifest: Manifest) -> list[str]:
     """Return what held-out trials say of probabilities, threshold and early predictions."""
     if 'reason' in manifest.calibration:
         return [f'no probabilities and no "unknown": {manifest.calibration["reason"]}']
-    whole, *running = manifest.stages
+    whole, *partial = manifest.stages
     sentences = [
         f'probabilities: expected calibration error {100 * whole.calibration_error_before:.1f} % '
         f'before, {100 * whole.calibration_error_after:.1f} % after; unknown: above novelty '
@@ -281,12 +281,12 @@ def describe_answers(manifest: Manifest) -> list[str]:
         if share > 0.0
         else 'thresholds hold for trials like these; without several sessions a new one may differ'
     )
-    if running:
+    if partial:
         shares = ', '.join(
             f'{part.sample_count / manifest.spec.rate_hz:g} s {100 * part.accuracy:.1f} %'
-            for part in running
+            for part in partial
         )
-        threshold = running[0].stop_threshold
+        threshold = partial[0].stop_threshold
         rule = (
             f'decided early from a probability of {threshold:g}'
             if threshold >= 0.0

@@ -77,7 +77,7 @@
       }
       const old = Boolean(trial && trial.runs && trial.id !== answer.trial);
       panel.classList.toggle('old', old);
-      const words = [answer.task, answer.contact, answer.running ? 'early answer' : ''];
+      const words = [answer.task, answer.contact, answer.partial ? 'early answer' : ''];
       set(this.find('.task'), (old ? 'Before: ' : '') + words.filter(Boolean).join(', '));
       label.classList.toggle('unknown', answer.outcome !== 'label');
       set(label, { label: answer.label, unknown: 'unknown', no_features: 'no answer' }[answer.outcome]);

@@ -19,8 +19,8 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_lab.commands.output import Output
+from tactile_lab.commands.partial.live_trials import LiveSetup, run_live_trials
 from tactile_lab.commands.replay import replay_and_compare
-from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.reread import read_partial_tables
 from tactile_ros.errors import TactileError
@@ -51,10 +51,10 @@ def model(table, tmp_path):
 
     It is for any contact.
     """
-    path = tmp_path / 'running.onnx'
+    path = tmp_path / 'partial.onnx'
     contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
     mixed = dataclasses.replace(table, columns={**table.columns, 'contact': contacts})
-    write_model(path, train(mixed, 'knn', running=read_partial_tables(table, [0.5, 1.5])))
+    write_model(path, train(mixed, 'knn', partial=read_partial_tables(table, [0.5, 1.5])))
     return path
 
 
@@ -74,18 +74,18 @@ def glide(rig, bag, models):
     return trial
 
 
-def test_running_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
+def test_partial_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
     bag = tmp_path / 'bag'
     trial = glide(rig, bag, model)
     assert trial.answer.scores  # whatever it is: one window in twenty may be unknown
     with TactileBag(bag) as recording:
-        assert recorded_config(recording).running_samples == (30, 90)
+        assert recorded_config(recording).partial_samples == (30, 90)
         results = recorded_results(recording)
     for found in (results.windows, results.classifications):
-        assert Counter(item.running for item in found) == {True: 2, False: 1}
+        assert Counter(item.partial for item in found) == {True: 2, False: 1}
     (report,) = replay_and_compare(bag, None, through_nodes=True)
     assert report.is_equal, report.comparisons
     assert report.comparisons['recorded and plain core'].classification_count == 3
     model.rename(model.with_name('elsewhere.onnx'))
-    with pytest.raises(TactileError, match=r'running\.onnx; name them: --models'):
+    with pytest.raises(TactileError, match=r'partial\.onnx; name them: --models'):
         replay_and_compare(bag, None, through_nodes=False)

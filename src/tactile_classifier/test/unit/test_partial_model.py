@@ -22,23 +22,23 @@ def table(partial_tables):
 
 
 @pytest.fixture(scope='module')
-def running(partial_tables):
+def partial(partial_tables):
     return partial_tables[1]
 
 
 @pytest.fixture(scope='module', params=CLASSIFIERS)
-def trained(request, table, running):
-    return train(table, request.param, running=running)
+def trained(request, table, partial):
+    return train(table, request.param, partial=partial)
 
 
 @pytest.fixture(scope='module')
 def model(trained, tmp_path_factory):
-    return write_model(tmp_path_factory.mktemp('running') / 'm.onnx', trained)
+    return write_model(tmp_path_factory.mktemp('partial') / 'm.onnx', trained)
 
 
 def test_every_part_answers_as_scikit_learn_does(trained, model):
-    assert model.running_samples == (60, 120)
-    assert model.manifest.feature_values()['running_samples'] == (60, 120)
+    assert model.partial_samples == (60, 120)
+    assert model.manifest.feature_values()['partial_samples'] == (60, 120)
     for part in trained.stages:
         rows = (0.6 * part.values + 0.4 * part.values[::-1])[:100]
         found = model.compute(rows, part.sample_count)
@@ -51,49 +51,49 @@ def test_every_part_answers_as_scikit_learn_does(trained, model):
 
 
 @pytest.mark.parametrize('trained', ['knn'], indirect=True)
-def test_running_windows_change_nothing_for_whole_ones(trained, model, table, tmp_path):
+def test_partial_windows_change_nothing_for_whole_ones(trained, model, table, tmp_path):
     alone = write_model(tmp_path / 'm.onnx', train(table, trained.manifest.classifier))
     for one, two in zip(alone.compute(table.values), model.compute(table.values), strict=True):
         np.testing.assert_array_equal(one, two)
 
 
-def test_running_window_is_decided_by_its_probability(model, running, make_window):
+def test_partial_window_is_decided_by_its_probability(model, partial, make_window):
     threshold = model.manifest.stages[1].stop_threshold
     # A tree is as sure of every answer; on these trials that proves no threshold.
     assert (threshold > 0.0) == (model.manifest.classifier != 'tree')
     seen = set()
     for trial in range(0, 240, 7):
-        window = make_window(values=running[60].values[trial], running=True, sample_count=60)
+        window = make_window(values=partial[60].values[trial], partial=True, sample_count=60)
         assert model.accepts(window)
         result = model.classify(window)
-        assert (result.running, result.error_rate) == (True, 0.05)
+        assert (result.partial, result.error_rate) == (True, 0.05)
         is_known = result.outcome == Outcome.LABEL
         assert is_known == (result.novelty <= result.novelty_threshold)
         assert result.decided == (is_known and max(result.scores) >= threshold > 0.0)
         seen.add(result.decided)
     assert (True in seen) == (threshold > 0.0)
-    assert not model.accepts(make_window(running=True, sample_count=90))
+    assert not model.accepts(make_window(partial=True, sample_count=90))
 
 
 @pytest.mark.parametrize('trained', ['knn'], indirect=True)
 @pytest.mark.parametrize('sample_count', [60, 180])
 def test_what_is_unlike_all_training_is_unknown(model, table, make_window, sample_count):
     values = table.values[0] + 1.0
-    is_running = sample_count < 180
+    is_partial = sample_count < 180
     result = model.classify(
-        make_window(values=values, running=is_running, sample_count=sample_count)
+        make_window(values=values, partial=is_partial, sample_count=sample_count)
     )
     assert (result.outcome, result.label) == (Outcome.UNKNOWN, '')
     assert result.novelty > result.novelty_threshold > 0.0
     assert 'unlike all that the model was trained on' in result.reason
     assert len(result.scores) == 4
     assert result.false_alarm_rate == 0.05
-    assert result.decided is not is_running  # a full window is all there is
+    assert result.decided is not is_partial  # a full window is all there is
 
 
 @pytest.mark.parametrize('trained', ['knn'], indirect=True)
-def test_running_window_without_features_is_not_decided(model, make_window):
-    window = make_window(values=np.full(91, np.nan), running=True, sample_count=60)
+def test_partial_window_without_features_is_not_decided(model, make_window):
+    window = make_window(values=np.full(91, np.nan), partial=True, sample_count=60)
     result = model.classify(window)
     assert (result.outcome, result.decided) == (Outcome.NO_FEATURES, False)
 
@@ -129,11 +129,11 @@ def test_too_few_trials_give_raw_scores_and_the_reason(stiffness_table, tmp_path
     assert (model.manifest.score_kind, len(found.novelty)) == ('margin', 0)
 
 
-def test_rates_and_running_tables_are_checked(table, running):
+def test_rates_and_partial_tables_are_checked(table, partial):
     with pytest.raises(ValueError, match='a rate is 0'):
         train(table, 'tree', false_alarm_rate=0.0)
     with pytest.raises(DatasetError, match='table of 60 samples is not of the same trials'):
-        train(table, 'tree', running={60: running[60].take(np.arange(239))})
+        train(table, 'tree', partial={60: partial[60].take(np.arange(239))})
     few = np.r_[0:4, 60:64, 120:124]
     with pytest.raises(DatasetError, match='early predictions need calibrated ones: 12 trials'):
-        train(table.take(few), 'tree', running={60: running[60].take(few)})
+        train(table.take(few), 'tree', partial={60: partial[60].take(few)})
