@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""All that the packages use of rclpy without rclpy offering it.
+"""Private parts of rclpy that the packages use.
 
 Look here first when a new version of rclpy breaks something.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
@@ -16,14 +17,29 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
 RCLError = rclpy_implementation.RCLError
-"""What the C layer raises. `rclpy.exceptions` has no name for it."""
+"""Error of the C layer. `rclpy.exceptions` has no name for it."""
 
-InvalidHandle = rclpy_implementation.InvalidHandle
-"""What is raised for something that is being destroyed."""
 
-GuardCondition = rclpy_implementation.GuardCondition
-WaitSet = rclpy_implementation.WaitSet
-"""What executors wait with. rclpy offers no way to wait for data alone."""
+class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]
+    """Keeps the executor from waiting on a subscription that is asked for its messages.
+
+    rclpy offers no subscription without an executor.
+    """
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+
+def take_message(subscription: Subscription) -> tuple[Any, Any] | None:
+    """Return the oldest message that waits and its information; None when there is none.
+
+    rclpy offers this to executors only.
+    """
+    with subscription.handle:
+        taken: tuple[Any, Any] | None = subscription.handle.take_message(
+            subscription.msg_type, subscription.raw
+        )
+    return taken
 
 
 def parameter_overrides(node: Node) -> dict[str, Parameter]:
@@ -63,8 +79,3 @@ def take_waiting(subscription: Subscription, most: int) -> list[Any]:
                 break
             messages.append(taken[0])
     return messages
-
-
-def takes_message_info(subscription: Subscription) -> bool:
-    """Return whether the callback of a subscription takes the information beside the message."""
-    return subscription._callback_type is not Subscription.CallbackType.MessageOnly

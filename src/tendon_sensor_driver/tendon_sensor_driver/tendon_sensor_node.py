@@ -15,10 +15,10 @@ from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
 from tactile_msgs.msg import StrainBlock, Tare
-from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.local_bus import RecordPublisher
-from tactile_ros.bus.worker import Periodic
 from tactile_ros.health import diagnostics
+from tactile_ros.node.record_publisher import RecordPublisher
+from tactile_ros.node.stage_node import ignore, StageNode
+from tactile_ros.periodic import Periodic
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
@@ -41,116 +41,138 @@ WATCH_PERIOD_S = 0.1
 _NEWS_PERIODS = 10  # what was counted in the last second is news
 
 
-class TendonSensorNode(DataNode):
-    """Publishes the tension on one tendon as ``~/strain`` and ``~/wrench``.
+class SensorStage:
+    """One sensor from its link to blocks of tension: ``~/strain``, ``~/wrench``, ``~/tare``.
 
-    configure opens the link, activate lets the samples out, deactivate holds them back
-    while the link stays open, cleanup closes it. ``~/tare`` and ``~/clear_tare`` set what is
-    taken off, which is latched on ``~/tare_state``. The link is looked at ten times a second:
-    what changes for better or worse is on ``/diagnostics`` at once.
+    Parameters
+    ----------
+    node : TendonSensorNode
+        Hosts the topics and services.
+    config : TendonSensorConfig
+    emit : callable
+        Given each block while the node is active, on the thread of the sensor.
+
+    Raises
+    ------
+    TendonSensorError
+        When there is no such sensor, or it refuses its settings.
     """
 
-    def __init__(self, node_name: str = 'tendon_sensor', **node_options: Any) -> None:
-        super().__init__(node_name, TendonSensorConfig, **node_options)
-        self._client: SensorClient | None = None
-        self._diagnostics: diagnostics.Diagnostics | None = None
-        self._entities: list[tuple[Any, Any]] = []  # what to destroy, and with what
-        self._drift_n: float | None = None
-
-    def set_up(self, config: TendonSensorConfig) -> None:
+    def __init__(
+        self,
+        node: TendonSensorNode,
+        config: TendonSensorConfig,
+        emit: Callable[[StrainRecord], object],
+    ) -> None:
+        self._node = node
+        self._config = config
+        self._emit = emit
         self._zero = tare.Tare(config)
-        self._drift_n = None
-        self._strain = self._add_stream(
-            StrainBlock, '~/strain', lambda block: to_strain_msg(block, config.frame_id)
+        self._drift_n: float | None = None
+        self._strain = RecordPublisher(
+            node,
+            StrainBlock,
+            '~/strain',
+            lambda block: to_strain_msg(block, config.frame_id),
+            STREAM,
         )
-        self._wrench = self._add_stream(
+        self._wrench = RecordPublisher(
+            node,
             WrenchStamped,
             '~/wrench',
             lambda block: to_wrench_msg(block, config.frame_id, config.axis, config.scale),
+            STREAM,
         )
         # Not held back while inactive: it is a state, and a recorder wants it from the start.
-        self._tare_state = self._add(
-            self.create_publisher(Tare, '~/tare_state', LATEST), self.destroy_publisher
-        )
-        self._publish_tare(self._zero.clear(self._now_ns()))
-        client = self._make_client(config)
-        client.open()
+        self._tare_state = node.create_publisher(Tare, '~/tare_state', LATEST)
+        self._publish_tare(self._zero.clear(self._node.now_ns()))
+        self._services = [
+            node.create_service(Trigger, name, callback)
+            for name, callback in (
+                ('~/tare', self._on_tare),
+                ('~/clear_tare', self._on_clear_tare),
+            )
+        ]
+        self._diagnostics: diagnostics.Diagnostics | None = None
+        self._watching: Periodic | None = None
+        self._client: SensorClient | None = None
+        try:
+            client = self._open(config)
+        except Exception:
+            self.close()
+            raise
         self._client = client
         self._past: deque[Health] = deque([client.health()], maxlen=_NEWS_PERIODS)
         self._shown: tuple[object, ...] = ()
         self._diagnostics = diagnostics.Diagnostics(
-            self,
+            node,
             lambda: client.identity or (config.host if config.sensor == 'net_ft' else config.port),
-            self._assess,
+            lambda: self._assess(client),
         )
-        self._add(self.call_every(WATCH_PERIOD_S, self._watch), Periodic.cancel)
-        for name, callback in (('~/tare', self._on_tare), ('~/clear_tare', self._on_clear_tare)):
-            self._add(self.create_service(Trigger, name, callback), self.destroy_service)
+        self._watching = node.call_every(WATCH_PERIOD_S, lambda: self._watch(client))
 
-    def tear_down(self) -> None:
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def close(self) -> None:
+        """Close the sensor, then give back what its thread uses."""
+        if self._watching is not None:
+            self._watching.cancel()
         if self._diagnostics is not None:
             self._diagnostics.close()
-            self._diagnostics = None
-        if self._client is not None:  # before the publishers, which its thread uses
+        if self._client is not None:
             self._client.close()
-            self._client = None
-        while self._entities:
-            entity, destroy = self._entities.pop()
-            destroy(entity)
+        for service in self._services:
+            self._node.destroy_service(service)
+        self._node.destroy_publisher(self._tare_state)
+        self._strain.close()
+        self._wrench.close()
 
-    def _make_client(self, config: TendonSensorConfig) -> SensorClient:
+    def _open(self, config: TendonSensorConfig) -> SensorClient:
+        client: SensorClient
         if config.sensor == 'topic':
             from tendon_sensor_driver.topics.topic_client import TopicClient
 
-            return TopicClient(self, config, self._publish, self._now_ns)
-        return make_sensor(config, self._publish, self._now_ns)
+            client = TopicClient(self._node, config, self._on_block, self._node.now_ns)
+        else:
+            client = make_sensor(config, self._on_block, self._node.now_ns)
+        client.open()
+        return client
 
-    def _add_stream(
-        self, kind: type, topic: str, to_message: Callable[[StrainRecord], Any]
-    ) -> Any:
-        publisher = self.publish_records(kind, topic, to_message, STREAM)
-        return self._add(publisher, RecordPublisher.close)
+    # -- on the sensor's thread ----------------------------------------------------------
 
-    def _add(self, entity: Any, destroy: Any) -> Any:
-        self._entities.append((entity, destroy))
-        return entity
-
-    def _now_ns(self) -> int:
-        clock = self.get_clock()
-        if clock.ros_time_is_active:
-            return int(clock.now().nanoseconds)
-        return time.time_ns()  # the same, without objects of rclpy
-
-    # -- on the client's thread --------------------------------------------------------
-
-    def _publish(self, block: StrainRecord) -> None:
+    def _on_block(self, block: StrainRecord) -> None:
         """Send one block, unless deactivated."""
         if block.stamp_ns < 0:
             return  # /clock has told no time yet: rclpy's Time raises at a negative stamp
         if block.status and block.status & StrainStatus.RESTARTED:
             self._forget_after_restart()
         block = self._zero.apply(block)
-        if self.config.simulated:
+        if self._config.simulated:
             block = replace(block, status=block.status | StrainStatus.SIMULATED)
+        if not self._node.is_active:
+            return
         self._strain.publish(block)
         self._wrench.publish(block)
+        self._emit(block)
 
     def _forget_after_restart(self) -> None:
-        if self._zero.note_restart(self._now_ns()):
-            self.get_logger().warning(
-                f'{describe_restart(self.config)}; the tare is gone, tare again'
+        if self._zero.note_restart(self._node.now_ns()):
+            self._node.get_logger().warning(
+                f'{describe_restart(self._config)}; the tare is gone, tare again'
             )
             self._drift_n = None
             self._publish_tare(self._zero.bias)
 
-    # -- on the executor's and the worker's thread -------------------------------------
+    # -- on the executor -----------------------------------------------------------------
 
     def _on_tare(self, _: Any, response: Any) -> Any:
         try:
-            bias = self._zero.measure(self._now_ns())
+            bias = self._zero.measure(self._node.now_ns())
         except tare.TareError as error:
             response.message = f'no tare: {error}'
-            self.get_logger().warning(response.message)
+            self._node.get_logger().warning(response.message)
             return response
         self._drift_n = None
         self._publish_tare(bias)
@@ -159,43 +181,42 @@ class TendonSensorNode(DataNode):
             f'{bias.bias_n:.3f} N are taken off from now on, the mean of {bias.samples} samples '
             f'with a spread of {bias.spread_n:.3f} N'
         )
-        self.get_logger().info(response.message)
+        self._node.get_logger().info(response.message)
         return response
 
     def _on_clear_tare(self, _: Any, response: Any) -> Any:
         self._drift_n = None
-        self._publish_tare(self._zero.clear(self._now_ns()))
+        self._publish_tare(self._zero.clear(self._node.now_ns()))
         response.success = True
         response.message = 'nothing is taken off from now on'
         return response
 
     def _publish_tare(self, bias: tare.Bias) -> None:
-        self._tare_state.publish(to_tare_msg(bias, self.config.frame_id))
+        self._tare_state.publish(to_tare_msg(bias, self._config.frame_id))
 
-    def _watch(self) -> None:
+    # -- on the thread of periodic calls -------------------------------------------------
+
+    def _watch(self, client: SensorClient) -> None:
         """Look at the link; tell at once when what there is to say is of another kind."""
-        if self._client is None or self._diagnostics is None:
-            return
-        health = self._client.health()
+        health = client.health()
         self._past.append(health)
         level, sentence = self._judge(health)
         shown = (level, health.is_connected, health.status, health.device_status)
-        if shown == self._shown:
+        if shown == self._shown or self._diagnostics is None:
             return
         if level > LEVEL_OK:
-            self.get_logger().warning(sentence)
+            self._node.get_logger().warning(sentence)
         self._shown = shown
         self._diagnostics.publish()
 
     def _judge(self, health: Health) -> tuple[int, str]:
-        return assess_health(health, self._past[0], self.config, self._now_ns())
+        return assess_health(health, self._past[0], self._config, self._node.now_ns())
 
-    def _assess(self) -> diagnostics.Health:
-        assert self._client is not None
-        health = self._client.health()
+    def _assess(self, client: SensorClient) -> diagnostics.Health:
+        health = client.health()
         level, sentence = self._judge(health)
         bias = self._zero.bias
-        drift_n = self._zero.compute_drift(self._now_ns())
+        drift_n = self._zero.compute_drift(self._node.now_ns())
         self._drift_n = drift_n if drift_n is not None else self._drift_n
         values = {
             **to_values(health),
@@ -203,6 +224,36 @@ class TendonSensorNode(DataNode):
             'tare_drift_n': 'not known' if self._drift_n is None else f'{self._drift_n:.4f}',
         }
         return diagnostics.Health(bytes([level]), sentence, values)
+
+
+class TendonSensorNode(StageNode):
+    """Publishes the tension on one tendon as ``~/strain`` and ``~/wrench``.
+
+    configure opens the link, activate lets the samples out, deactivate holds them back
+    while the link stays open, cleanup closes it. ``~/tare`` and ``~/clear_tare`` set the tare,
+    which is latched on ``~/tare_state``. The link is looked at ten times a second:
+    a change for better or worse is on ``/diagnostics`` at once.
+
+    Attributes
+    ----------
+    emit : callable
+        Given each block while the node is active, on the thread of the sensor. Set before the
+        node is configured.
+    """
+
+    def __init__(self, node_name: str = 'tendon_sensor', **node_options: Any) -> None:
+        self.emit: Callable[[StrainRecord], object] = ignore
+        super().__init__(node_name, TendonSensorConfig, **node_options)
+
+    def now_ns(self) -> int:
+        """Return the present ROS time [ns]."""
+        clock = self.get_clock()
+        if clock.ros_time_is_active:
+            return int(clock.now().nanoseconds)
+        return time.time_ns()  # the same, without objects of rclpy
+
+    def make_stage(self, config: TendonSensorConfig) -> SensorStage:
+        return SensorStage(self, config, self.emit)
 
 
 def main() -> int:

@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 import threading
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -34,10 +34,11 @@ from tactile_bags.records import RecorderConfig
 from tactile_features.conversions import event_from_msg, strain_block_from_msg
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_msgs.msg import RecordingAudit, TrialEvent
-from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.worker import Periodic
 from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.message_classes import message_class
+from tactile_ros.node.polled_subscription import PolledSubscription
+from tactile_ros.node.polling_node import PollingNode
+from tactile_ros.periodic import Periodic
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, STREAM
 from tactile_ros.strain import StrainStatus
@@ -45,6 +46,12 @@ from tactile_ros.strain import StrainStatus
 SAVE_PERIOD_S = 0.5
 """How often what came is brought into the file, and from there to the disk: at most so much
 is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
+
+POLL_S = 0.02
+"""How often topics are asked for what has come. The middleware notes when it came."""
+
+MOST_DISORDER_NS = 1_000_000_000
+"""Arrivals that lie further back than this mean that the clock was set back [ns]."""
 
 HISTORY_S = 0.5
 """How long further latched messages from before the activation may come."""
@@ -56,7 +63,7 @@ MAX_AUDITS = 500
 """Audits of trials that are kept for who runs the node; the summary in the bag counts all."""
 
 
-class BagRecorderNode(DataNode):
+class BagRecorderNode(PollingNode):
     """Records while active; the bag is complete once the node is cleaned up.
 
     Messages are written as they arrived on the wire, so that a replay sends the
@@ -79,12 +86,15 @@ class BagRecorderNode(DataNode):
         Why the recording ended before its time, and what is saved; empty when it did not.
     """
 
+    poll_s = POLL_S
+
     def __init__(self, node_name: str = 'bag_recorder', **node_options: Any) -> None:
         super().__init__(node_name, RecorderConfig, **node_options)
         self._writer: BagWriter | None = None
         self._topics: dict[str, RecordedTopic] = {}
         self._auditors: dict[str, FingerAuditor] = {}
-        self._recording: dict[str, Any] = {}
+        self._recording: dict[str, PolledSubscription] = {}
+        self._ahead: list[_Arrival] = []  # taken, but not yet in order
         self._savers: list[_Saver] = []
         self._held: dict[str, list[bytes]] = {}  # from before the activation, by topic
         self._held_ns = 0  # when the last of them came, on the monotonic clock
@@ -141,39 +151,60 @@ class BagRecorderNode(DataNode):
             raise ValueError(f'the recording has failed; clean up first: {self.failure}')
         self._activated_ns = time.time_ns()
         # Subscribed only now: what a latched topic holds must come while it can be written.
-        self._recording = {name: self._record(name, topic) for name, topic in self._topics.items()}
+        with self.lock:
+            self._recording = {
+                name: self.poll(
+                    message_class(topic.type_name),
+                    name,
+                    lambda *_: None,  # taken by `_poll_all`, all topics in the order of arrival
+                    EVENTS if topic.latched else STREAM,
+                    raw=True,
+                )
+                for name, topic in self._topics.items()
+            }
         self._started_ns = time.monotonic_ns()
         self._has_said_missing = False
 
-    def _record(self, name: str, topic: RecordedTopic) -> Any:
-        assert self._writer is not None
+    def _poll_all(self) -> None:
+        self._take_all(time.time_ns())
 
-        def on_message(data: bytes, info: Any) -> None:
-            if self.failure:
-                return  # it came before the subscription was gone
-            if topic.latched and info['source_timestamp'] < self._activated_ns:
-                self._held.setdefault(name, []).append(data)
-                self._held_ns = time.monotonic_ns()
-                return
-            try:
-                self._write_held(name)
-                self._write(name, data)
-            except BagError as error:
-                self._end_recording(error)
+    def _take_all(self, until_ns: int | None = None) -> None:
+        """Take what all topics have, and record what arrived before ``until_ns`` in order.
 
-        return self.create_subscription(
-            message_class(topic.type_name),
-            name,
-            on_message,
-            EVENTS if topic.latched else STREAM,
-            raw=True,
-        )
+        A topic is asked after the other. What arrives meanwhile waits for the next time, when no
+        topic can have anything older.
+        """
+        with self.lock:
+            arrivals = [*self._ahead]
+            for name, subscription in self._recording.items():
+                arrivals += [
+                    _Arrival.of(name, data, info) for data, info in subscription.waiting()
+                ]
+            arrivals.sort(key=lambda arrival: arrival.received_ns)
+            ready = [a for a in arrivals if until_ns is None or a.received_ns <= until_ns]
+            self._ahead = arrivals[len(ready) :]
+            for arrival in ready:
+                self._record(arrival)
 
-    def _write(self, name: str, data: bytes) -> None:
+    def _record(self, arrival: _Arrival) -> None:
+        name = arrival.topic
+        if self.failure:
+            return
+        if self._topics[name].latched and arrival.source_ns < self._activated_ns:
+            self._held.setdefault(name, []).append(arrival.data)
+            self._held_ns = time.monotonic_ns()
+            return
+        try:
+            self._write_held(name)
+            self._write(name, arrival.data, arrival.received_ns)
+        except BagError as error:
+            self._end_recording(error)
+
+    def _write(self, name: str, data: bytes, received_ns: int | None = None) -> None:
         writer, topic = self._writer, self._topics[name]
         if writer is None:
             return
-        writer.write_raw(name, self._arrival_ns(), data)
+        writer.write_raw(name, self._arrival_ns(received_ns), data)
         self.message_count += 1
         self.window_count += topic == FEATURES_TOPIC
         if topic.latched:
@@ -190,21 +221,35 @@ class BagRecorderNode(DataNode):
             if data not in known:
                 self._write(name, data)
 
-    def _arrival_ns(self) -> int:
-        """Return the time of an arrival [ns], which never decreases: readers go by its order.
+    def _arrival_ns(self, received_ns: int | None = None) -> int:
+        """Return the ROS time of an arrival [ns], which never decreases: readers go by its order.
 
         When the clock is set back, the times run on from where they were.
+
+        Parameters
+        ----------
+        received_ns : int, optional
+            When it came, on the computer's clock [ns]; now where not given.
         """
         now_ns = self.get_clock().now().nanoseconds
-        self._set_back_ns = max(self._set_back_ns, self._arrived_ns - now_ns)
-        self._arrived_ns = now_ns + self._set_back_ns
+        if received_ns is not None:
+            now_ns -= time.time_ns() - received_ns
+        back_ns = self._arrived_ns - (now_ns + self._set_back_ns)
+        if back_ns > MOST_DISORDER_NS:
+            self._set_back_ns += back_ns
+        self._arrived_ns = max(self._arrived_ns, now_ns + self._set_back_ns)
         return self._arrived_ns
 
     def stop(self) -> None:
+        with self.lock:
+            self._take_all()
+            self._stop_listening()
+            self._write_all_held()
+
+    def _stop_listening(self) -> None:
         recording, self._recording = self._recording, {}
         for subscription in recording.values():
-            self.finish_subscription(subscription)
-        self._write_all_held()
+            self.unpoll(subscription)
 
     def _write_all_held(self) -> None:
         try:
@@ -215,6 +260,10 @@ class BagRecorderNode(DataNode):
 
     def tear_down(self) -> None:
         self.stop()
+        with self.lock:
+            self._tear_down()
+
+    def _tear_down(self) -> None:
         self._close_savers()
         if self._writer is not None:
             try:
@@ -259,9 +308,7 @@ class BagRecorderNode(DataNode):
 
     def _end_recording(self, error: BagError) -> None:
         """End the recording, and no other node's work, because of what befell the bag."""
-        recording, self._recording = self._recording, {}
-        for subscription in recording.values():
-            self.destroy_subscription(subscription)
+        self._stop_listening()
         self._close_savers()
         self._held = {}
         writer, self._writer = self._writer, None
@@ -281,6 +328,10 @@ class BagRecorderNode(DataNode):
         self.is_finished = True
 
     def _check_bag(self) -> None:
+        with self.lock:
+            self._check_under_lock()
+
+    def _check_under_lock(self) -> None:
         if self._held and time.monotonic_ns() - self._held_ns > HISTORY_S * 1e9:
             self._write_all_held()
         for saver in self._savers:
@@ -390,6 +441,26 @@ def _drop_ended(events: list[bytes], known: Iterable[bytes]) -> list[bytes]:
         if not is_over or any(data in known for data in of_trial)
         for data in of_trial
     ]
+
+
+class _Arrival(NamedTuple):
+    """A message of one topic as it arrived; times on the computer's clock [ns]."""
+
+    topic: str
+    data: bytes
+    received_ns: int
+    source_ns: int
+
+    @classmethod
+    def of(cls, topic: str, data: bytes, info: Any) -> _Arrival:
+        """Return an arrival; a middleware that notes no times is taken at its word, now."""
+        now_ns = time.time_ns()
+        return cls(
+            topic,
+            data,
+            info.get('received_timestamp') or now_ns,
+            info['source_timestamp'] or now_ns,
+        )
 
 
 class _Saver:

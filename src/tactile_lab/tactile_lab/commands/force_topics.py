@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import functools
 import time
 from typing import Any
 
 from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_lab.devices.device_probe import FoundDevice
 from tactile_lab.devices.sensor_checks import MakeSensor
-from tactile_ros.bus.data_node import DataNode
 from tactile_ros.message_classes import message_class
+from tactile_ros.node.polling_node import PollingNode
 from tactile_ros.programs.node_group import NodeGroup
 from tendon_sensor_driver.records import TendonSensorConfig
 from tendon_sensor_driver.topics.readings import READERS
@@ -31,10 +32,10 @@ def sensors_on_topics(namespace: str = '') -> Iterator[MakeSensor]:
 
 
 @contextmanager
-def listening_node(namespace: str = '') -> Iterator[DataNode]:
+def listening_node(namespace: str = '') -> Iterator[PollingNode]:
     """Give a node that is spun, on the domain of the environment."""
     with ros_context() as context:
-        node = DataNode(
+        node = PollingNode(
             'tactile_listener', TendonSensorConfig, context=context, namespace=namespace
         )
         with NodeGroup([node], context):
@@ -59,8 +60,11 @@ def find_force_topics(listen_s: float) -> list[FoundDevice]:
                 if known and topic not in types and not topic.endswith(_OWN):
                     types[topic] = known[0]
                     messages = heard.setdefault(topic, [])
-                    node.create_subscription(
-                        message_class(known[0]), topic, messages.append, BEST_EFFORT
+                    node.poll(
+                        message_class(known[0]),
+                        topic,
+                        functools.partial(_keep, messages),
+                        BEST_EFFORT,
                     )
             time.sleep(0.1)
         publishers = {
@@ -72,6 +76,10 @@ def find_force_topics(listen_s: float) -> list[FoundDevice]:
         for topic, messages in sorted(heard.items())
         if publishers[topic]
     ]
+
+
+def _keep(messages: list[Any], message: Any, _: Any) -> None:
+    messages.append(message)
 
 
 def _describe(topic: str, type_name: str, nodes: list[str], messages: list[Any]) -> FoundDevice:

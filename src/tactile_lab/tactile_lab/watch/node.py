@@ -8,21 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable
 import functools
 import threading
-from typing import Any, cast
+from typing import Any
 
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
 from tactile_classifier.conversions import classification_from_msg
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
-    feature_window_from_record,
     strain_block_from_msg,
-    strain_block_from_record,
 )
 from tactile_features.records import FeatureWindow
 from tactile_lab.watch.state import MOST_FINGERS, WatchState
@@ -35,18 +34,17 @@ from tactile_msgs.msg import (
     Tare,
     TrialEvent,
 )
-from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.local_bus import RecordSubscription
-from tactile_ros.bus.worker import Worker
 from tactile_ros.errors import MessageError
 from tactile_ros.node.message_guard import MessageGuard
+from tactile_ros.node.polled_subscription import PolledSubscription
+from tactile_ros.periodic import Ticker
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 
 LOOK_PERIOD_S = 0.5
 """How often new topics and services are looked for."""
 
 POLL_S = 0.04
-"""How often samples of other processes are taken; a page gets fewer frames a second."""
+"""How often topics are asked for messages; a page gets fewer frames a second."""
 
 SESSION_STOP = 'operator/stop'
 CANCEL = 'trial_runner/run_trial/_action/cancel_goal'
@@ -60,40 +58,24 @@ TYPES = {Trigger: 'std_srvs/srv/Trigger', CancelGoal: 'action_msgs/srv/CancelGoa
 
 MOST_SUBSCRIPTIONS = 20 * MOST_FINGERS
 
-RECORDS: dict[type, dict[str, Any]] = {
-    StrainBlock: {
-        'from_message': strain_block_from_msg,
-        'from_record': strain_block_from_record,
-        'profile': STREAM,
-        'poll_s': POLL_S,
-    },
-    TactileFeatures: {
-        'from_message': feature_window_from_msg,
-        'from_record': feature_window_from_record,
-        'profile': RESULTS,
-    },
-    Classification: {
-        'from_message': classification_from_msg,
-        'from_record': lambda answer: answer,
-        'profile': RESULTS,
-    },
+PROFILES = {
+    StrainBlock: STREAM,
+    TactileFeatures: RESULTS,
+    Classification: RESULTS,
+    TrialEvent: EVENTS,
+    Readiness: LATEST,
+    Slip: RESULTS,
+    Tare: LATEST,
 }
-"""Kinds that come as records from nodes of this process."""
 
-MESSAGES = {TrialEvent: EVENTS, Readiness: LATEST, Slip: RESULTS, Tare: LATEST}
-"""Kinds that come as messages only."""
-
-KINDS: dict[str, type] = {
-    f'tactile_msgs/msg/{kind.__name__}': kind for kind in (*RECORDS, *MESSAGES)
-}
+KINDS: dict[str, type] = {f'tactile_msgs/msg/{kind.__name__}': kind for kind in PROFILES}
 
 
 class WatchNode(Node):  # type: ignore[misc]
     """Subscribes to what fingers publish, wherever it is, and passes it on to a `WatchState`.
 
-    It has what `RecordSubscription` needs of a `DataNode`, and no parameters or lifecycle: fewer
-    services make its executor cheaper. Whatever goes wrong here is logged: a page must not end
-    the rig that it looks at.
+    It asks its topics for messages on a thread of its own, and has no parameters or lifecycle.
+    Whatever goes wrong here is logged: a page must not end the rig that it looks at.
 
     Parameters
     ----------
@@ -103,33 +85,54 @@ class WatchNode(Node):  # type: ignore[misc]
         Take events and answers alone.
     """
 
+    is_quiet = True
+
     def __init__(self, state: WatchState, context: Context, *, answers_only: bool = False) -> None:
         super().__init__(
             'watch', context=context, start_parameter_services=False, enable_rosout=False
         )
         self.message_guard = MessageGuard(self)
-        self.worker = Worker('worker of watch', self._on_error)
         self.state = state
-        self._closables: list[RecordSubscription] = []
+        self._ticker = Ticker('live page')
+        self._lock = threading.Lock()
+        self._polled: tuple[PolledSubscription, ...] = ()
         self._topics: set[str] = set()
         self._service_clients: dict[str, Any] = {}
         self._heard: set[str] = set()  # services that have had a server
         self._looking = threading.Lock()
         if not answers_only:
-            self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+            self._listen_to(
+                DiagnosticArray, '/diagnostics', self._on_diagnostics, QoSProfile(depth=100)
+            )
         self._answers_only = answers_only
-        self.worker.every(LOOK_PERIOD_S, self._look)
-        self.worker.submit(self._look)
-        self.worker.start()
+        self._calls = [
+            self._ticker.every(LOOK_PERIOD_S, lambda: self._guarded(self._look)),
+            self._ticker.every(POLL_S, lambda: self._guarded(self._poll)),
+        ]
+        self._guarded(self._look)
 
     def destroy_node(self) -> None:
-        self.worker.stop()
-        for subscription in self._closables:
-            subscription.close()
+        for call in self._calls:
+            call.cancel()
+        with self._lock:
+            for subscription in self._polled:
+                subscription.close()
+            self._polled = ()
         super().destroy_node()
 
-    def _on_error(self, error: Exception) -> None:
-        self.get_logger().error(f'the live page lacks data from now on: {error!r}')
+    def _guarded(self, call: Callable[[], None]) -> None:
+        try:
+            with self._lock:
+                call()
+        except Exception as error:
+            if self.context.ok():
+                self.get_logger().error(
+                    f'the live page lacks data: {error!r}', throttle_duration_sec=10.0
+                )
+
+    def _poll(self) -> None:
+        for subscription in self._polled:
+            subscription.poll()
 
     # -- what is there -----------------------------------------------------------------
 
@@ -190,17 +193,14 @@ class WatchNode(Node):  # type: ignore[misc]
 
     # -- what comes ------------------------------------------------------------------------
 
-    def create_subscription(
-        self,
-        message_type: Any,
-        topic: str,
-        callback: Callable[[Any], None],
-        *args: Any,
-        **options: Any,
-    ) -> Any:
-        """Subscribe; the callback raises nothing."""
-        safe = self._safe(topic, callback)
-        return super().create_subscription(message_type, topic, safe, *args, **options)
+    def _listen_to(
+        self, kind: type, topic: str, callback: Callable[[Any], None], profile: QoSProfile
+    ) -> None:
+        take = self._safe(topic, callback)
+        subscription = PolledSubscription(
+            self, kind, topic, lambda message, _: take(message), profile
+        )
+        self._polled = (*self._polled, subscription)
 
     def _listen(self, topic: str, kind: type) -> None:
         state, (finger, source) = self.state, _split(topic)
@@ -225,19 +225,17 @@ class WatchNode(Node):  # type: ignore[misc]
             state.take_readiness(device, list(message.missing))
 
         takes: dict[type, Callable[[Any], None]] = {
-            StrainBlock: lambda block: state.take_block(finger, block),
-            TactileFeatures: take_window,
-            Classification: lambda answer: state.take_answer(finger, source, answer),
+            StrainBlock: lambda message: state.take_block(finger, strain_block_from_msg(message)),
+            TactileFeatures: lambda message: take_window(feature_window_from_msg(message)),
+            Classification: lambda message: state.take_answer(
+                finger, source, classification_from_msg(message)
+            ),
             TrialEvent: lambda message: state.take_event(finger, event_from_msg(message)),
             Readiness: take_readiness,
             Slip: take_slip,
             Tare: take_tare,
         }
-        if kind in MESSAGES:
-            self.create_subscription(kind, topic, takes[kind], MESSAGES[kind])
-            return
-        node, take = cast(DataNode, self), self._safe(topic, takes[kind])
-        self._closables.append(RecordSubscription(node, kind, topic, take, **RECORDS[kind]))
+        self._listen_to(kind, topic, takes[kind], PROFILES[kind])
 
     def _safe(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback that raises nothing: what it cannot take is logged now and then."""

@@ -16,7 +16,10 @@ from rclpy.context import Context
 from rclpy.logging import get_logger
 from rclpy.subscription import Subscription
 
-from tactile_ros.rclpy_internals import GuardCondition, InvalidHandle, WaitSet
+from rclpy.impl.implementation_singleton import rclpy_implementation
+InvalidHandle = rclpy_implementation.InvalidHandle
+GuardCondition = rclpy_implementation.GuardCondition
+WaitSet = rclpy_implementation.WaitSet
 
 WAIT_NS = 2 * 10**9
 """Longest sleep. Data, a change of what is waited for, and the end wake it earlier."""

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import threading
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
-from tactile_ros.bus.data_node import DataNode
+from tactile_ros.node.lifecycle import TactileNode
 
 PERIOD_S = 1.0
 
@@ -32,20 +32,30 @@ class Health(NamedTuple):
 class Diagnostics:
     """Publishes what ``provider()`` returns, under the node's name, once a second.
 
-    What the node's `MessageGuard` has refused is added; the level is a warning for a while
+    The rejections of the node's `MessageGuard` are added; the level is a warning for a while
     after a message was refused.
+
+    Parameters
+    ----------
+    node : TactileNode
+        A quiet one asks on the thread of periodic calls, any other on its executor.
+    hardware_id : callable
+    provider : callable
+        Returns a `Health`. It must not take the lock of a stage, which may wait for `close`.
     """
 
     def __init__(
-        self, node: Node, hardware_id: Callable[[], str], provider: Callable[[], Health]
+        self, node: TactileNode, hardware_id: Callable[[], str], provider: Callable[[], Health]
     ) -> None:
         self._node = node
         self._hardware_id = hardware_id
         self._provider = provider
+        self._lock = threading.Lock()
+        self._is_closed = False
         self._stop_timer: Callable[[], object]
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Once a second of the computer's time: what is asked about may be why the other stands.
-        if isinstance(node, DataNode):
+        if node.is_quiet:
             self._stop_timer = node.call_every(PERIOD_S, self.publish).cancel
         else:
             clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -53,9 +63,15 @@ class Diagnostics:
             self._stop_timer = lambda: node.destroy_timer(timer)
 
     def publish(self) -> None:
-        health = self._provider()  # asked in any case: it may count what has come since
-        if not self._publisher.get_subscription_count():
-            return
+        """Publish at once."""
+        with self._lock:
+            if self._is_closed:
+                return
+            health = self._provider()  # asked in any case: it may count what has come since
+            if self._publisher.get_subscription_count():
+                self._publisher.publish(self._to_message(health))
+
+    def _to_message(self, health: Health) -> DiagnosticArray:
         health = self._with_refused_messages(health)
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
@@ -68,12 +84,10 @@ class Diagnostics:
                 values=[KeyValue(key=k, value=str(v)) for k, v in health.values.items()],
             )
         ]
-        self._publisher.publish(message)
+        return message
 
     def _with_refused_messages(self, health: Health) -> Health:
-        guard = getattr(self._node, 'message_guard', None)
-        if guard is None:
-            return health
+        guard = self._node.message_guard
         level, message = health.level, health.message
         if guard.warning:
             level = max(level, WARN)
@@ -81,5 +95,9 @@ class Diagnostics:
         return Health(level, message, {**health.values, **guard.values})
 
     def close(self) -> None:
+        """Publish no more. Harmless when called twice."""
         self._stop_timer()
-        self._node.destroy_publisher(self._publisher)
+        with self._lock:
+            if not self._is_closed:
+                self._is_closed = True
+                self._node.destroy_publisher(self._publisher)

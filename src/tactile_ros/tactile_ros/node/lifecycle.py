@@ -16,6 +16,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_ros.node.message_guard import MessageGuard
 from tactile_ros.node.parameters import declare_config, read_config
+from tactile_ros.periodic import Periodic, SLOW_CALLS, Ticker
 from tactile_ros.qos import STREAM
 from tactile_ros.rclpy_internals import change_state_service, destroy_state_machine, RCLError
 
@@ -50,6 +51,8 @@ class TactileNode(LifecycleNode):
     is_finished, has_failed : bool
         Set by a node whose work comes to an end, as a recording does: its process ends
         then, with 1 when it has failed.
+    is_quiet : bool
+        Nothing but requests wakes the node's executor: nodes like it can share one.
     is_configured : bool
         From the begin of configure to the end of cleanup: parameters do not change.
     ending : threading.Event
@@ -59,6 +62,7 @@ class TactileNode(LifecycleNode):
     """
 
     is_finished = False
+    is_quiet = False
     has_failed = False
     is_configured = False
 
@@ -105,6 +109,39 @@ class TactileNode(LifecycleNode):
             copy.copy(STREAM),  # rclpy writes the overrides into it
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
+
+    def call_every(self, period_s: float, callback: Callable[[], object]) -> Periodic:
+        """Call again and again by the monotonic clock, on the thread for all periodic calls.
+
+        An exception of the callback ends the node's executor, as one of its own callbacks would.
+        """
+        return self._call_on(SLOW_CALLS, period_s, callback)
+
+    def _call_on(
+        self, ticker: Ticker, period_s: float, callback: Callable[[], object]
+    ) -> Periodic:
+        def call() -> None:
+            try:
+                callback()
+            except Exception as error:
+                periodic.cancel()
+                if self.context.ok():
+                    self._fail(error)
+
+        periodic = ticker.every(period_s, call)
+        return periodic
+
+    def _fail(self, error: Exception) -> None:
+        """End the executor with what a callback of another thread has raised."""
+
+        def fail() -> None:
+            raise error
+
+        executor = self.executor
+        if executor is None:
+            self.get_logger().fatal(f'a callback failed: {error!r}')
+        else:
+            executor.create_task(fail)
 
     def set_up(self, config: Any) -> None: ...
 

@@ -46,11 +46,10 @@ POLL_S = 0.2
 
 
 class NodeGroup:
-    """Spins nodes, each on an executor and a thread of its own.
+    """Spins nodes: the quiet ones on one executor, each other on one of its own.
 
-    An executor goes through all that its nodes own each time it waits, so one for all the
-    nodes of a hand would spend ten times as long on looking as on the work; see
-    docs/decisions/0006-executor.md.
+    An executor goes through all that its nodes own each time it wakes. Only requests wake that
+    of the quiet nodes; see docs/decisions/0006-executor.md.
 
     On close, running goals are asked to end and the executors go on until they
     have, so that the devices are brought to rest over a graph that still works.
@@ -90,10 +89,13 @@ class NodeGroup:
         self.ended = threading.Event()
         self.error: Exception | None = None
         self._spinning: list[tuple[SingleThreadedExecutor, threading.Thread]] = []
-        for node in self._nodes:
+        quiet = [node for node in self._nodes if getattr(node, 'is_quiet', False)]
+        busy = [[node] for node in self._nodes if node not in quiet]
+        for nodes in [quiet, *busy] if quiet else busy:
             executor = SingleThreadedExecutor(context=context)
-            executor.add_node(node)
-            name = f'executor of {node.get_name()}'
+            for node in nodes:
+                executor.add_node(node)
+            name = 'executor of ' + (nodes[0].get_name() if len(nodes) == 1 else 'quiet nodes')
             thread = threading.Thread(target=self._spin, args=(executor,), name=name, daemon=True)
             self._spinning.append((executor, thread))
 
@@ -147,16 +149,18 @@ class NodeGroup:
                 # A mere wake-up would go back to waiting; something to do ends the wait.
                 executor.create_task(lambda: None)
         deadline = time.monotonic() + REST_TIMEOUT_S
-        for node, (_, thread) in zip(self._nodes, self._spinning, strict=True):
+        for executor, thread in self._spinning:
             if thread.is_alive():
                 thread.join(max(0.0, deadline - time.monotonic()))
             if thread.is_alive():  # the other nodes have devices to bring to rest
-                _logger().error(f'a callback of {node.get_name()} does not end')
+                names = ', '.join(node.get_name() for node in executor.get_nodes())
+                _logger().error(f'a callback of {names} does not end')
         nodes, self._nodes = self._nodes, []
         spinning, self._spinning = self._spinning, []
-        for node, (executor, _) in reversed(list(zip(nodes, spinning, strict=True))):
+        for node in reversed(nodes):
             name = node.get_name()
-            executor.remove_node(node)
+            if node.executor is not None:
+                node.executor.remove_node(node)
             try:
                 if isinstance(node, TactileNode):
                     node.take_down()
@@ -164,6 +168,7 @@ class NodeGroup:
                     node.destroy_node()
             except Exception:  # the other nodes have devices to bring to rest, too
                 _logger().error(f'{name} did not end well:\n{traceback.format_exc()}')
+        for executor, _ in spinning:
             executor.shutdown()
 
     def _is_spinning(self) -> bool:

@@ -16,11 +16,11 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.worker import Periodic
 from tactile_ros.message_classes import message_class
+from tactile_ros.node.polled_subscription import PolledSubscription
+from tactile_ros.node.stage_node import StageNode
+from tactile_ros.periodic import Periodic
 from tactile_ros.rclpy_internals import RCLError
 from tendon_sensor_driver.client_base import NowNs, OnBlock, SensorClient
 from tendon_sensor_driver.errors import TendonSensorError
@@ -46,12 +46,12 @@ class TopicClient(SensorClient):
     """Takes the force of a topic and hands out blocks until it is closed.
 
     The publisher may come later, go and come back: ten times a second the graph is looked at,
-    and the subscription made that fits the publisher's type. Messages come on the executor of
-    the node, under the lock of its worker.
+    and the subscription made that fits the publisher's type. Messages come on the thread that
+    polls the node's subscriptions, under the node's lock.
 
     Parameters
     ----------
-    node : DataNode
+    node : StageNode
     config : TendonSensorConfig
     on_block : callable
         ``on_block(block)``.
@@ -61,7 +61,7 @@ class TopicClient(SensorClient):
 
     def __init__(
         self,
-        node: DataNode,
+        node: StageNode,
         config: TendonSensorConfig,
         on_block: OnBlock,
         now_ns: NowNs,
@@ -71,7 +71,7 @@ class TopicClient(SensorClient):
         self._stream = TopicStream(config)
         self.identity = str(node.resolve_topic_name(config.topic))
         self._type_name = ''
-        self._subscription: Any = None
+        self._subscription: PolledSubscription | None = None
         self._looks: Periodic | None = None
         self._publishers: list[Publisher] = []
         self._has_met = False
@@ -96,8 +96,7 @@ class TopicClient(SensorClient):
                 'force'
             )
         self._note_heard()
-        with self._node.worker.lock:
-            self._look()
+        self._look()
         self._looks = self._node.call_every(LOOK_PERIOD_S, self._look)
 
     def close(self) -> None:
@@ -106,7 +105,7 @@ class TopicClient(SensorClient):
         if self._looks is not None:
             self._looks.cancel()
             self._looks = None
-        with self._node.worker.held():
+        with self._node.lock:
             self._unsubscribe()
             self._is_connected = False
             self._deliver(self._stream.flush())
@@ -160,12 +159,15 @@ class TopicClient(SensorClient):
     def _measure_silence_s(self) -> float:
         return (time.monotonic_ns() - self._heard_monotonic_ns) / 1e9
 
-    # -- on the node's worker --------------------------------------------------------------
+    # -- under the node's lock -------------------------------------------------------------
 
     def _look(self) -> None:
         """Look who publishes; subscribe to what fits, and flush when nothing comes."""
-        if self._stop.is_set():
-            return
+        with self._node.lock:
+            if not self._stop.is_set():
+                self._look_around()
+
+    def _look_around(self) -> None:
         self._publishers = self._list_publishers()
         wanted = choose_type(self._publishers, self._type_name)
         if wanted and wanted != self._type_name:
@@ -223,12 +225,12 @@ class TopicClient(SensorClient):
             self._deliver(blocks)
 
         try:
-            self._subscription = self._node.create_subscription(
+            self._subscription = self._node.poll(
                 message_class(type_name),
                 self._config.topic,
                 on_message,
                 copy.copy(BEST_EFFORT),  # rclpy writes the overrides into it
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                overridable=True,
             )
         except RCLError as error:  # a topic has one type within a process
             self._type_name = ''
@@ -239,7 +241,7 @@ class TopicClient(SensorClient):
     def _unsubscribe(self) -> None:
         subscription, self._subscription = self._subscription, None
         if subscription is not None:
-            self._node.destroy_subscription(subscription)
+            self._node.unpoll(subscription)
 
 
 def _measure_wait_ns(info: Any) -> int:

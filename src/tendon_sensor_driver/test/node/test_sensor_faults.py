@@ -182,7 +182,7 @@ def test_a_board_without_a_clock_that_comes_back_takes_the_tare_with_it(make_gra
 def test_a_clock_that_is_set_leaves_the_tare(make_graph, sensor, board, step_s):
     graph = make_graph(sensor.port, unit='N', tare_spread_n=1.0)
     offset_ns = [0]
-    graph.node._now_ns = lambda: time.time_ns() + offset_ns[0]
+    graph.node.now_ns = lambda: time.time_ns() + offset_ns[0]
     assert graph.node.bring_up()
     graph.spin_until(lambda: len(graph.strain) >= 60)
     assert graph.call('tare').success

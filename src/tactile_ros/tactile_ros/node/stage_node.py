@@ -1,0 +1,99 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The lifecycle node that hosts one stage of the data path.
+
+A stage is a plain object that lives from configure to cleanup. Its inputs are methods, its output
+is a callback, and it owns its topics on the node that hosts it. In a process of its own a node
+feeds its stage from topics. In the process of a finger another node's output calls the stage
+instead (`StageNode.input`), and the node subscribes to no samples.
+
+Threads: a stage is called by the sensor's thread, by the thread that polls subscriptions, by
+periodic calls and by the executor. All of them hold `lock`, which the features, slip and
+classifier nodes of a finger share. Nobody joins the sensor's thread, waits for a service or closes
+a device while holding it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from tactile_ros.errors import MessageError
+from tactile_ros.node.polling_node import PollingNode
+
+
+def ignore(_: object) -> None:
+    """Take an output that nobody wants."""
+
+
+class Stage(Protocol):
+    """A part of the data path between configure and cleanup."""
+
+    def start(self) -> None:
+        """Begin to give out: the node becomes active."""
+
+    def stop(self) -> None:
+        """Give out what is left: the node becomes inactive."""
+
+    def close(self) -> None:
+        """Give topics and devices back."""
+
+
+class StageNode(PollingNode):
+    """A `PollingNode` around one stage, which a subclass makes.
+
+    Attributes
+    ----------
+    stage : Stage or None
+        None while the node is not configured.
+    is_fed_by_calls : bool
+        Another node of the process calls the stage. Set before the node is configured.
+    """
+
+    def __init__(self, name: str, config_class: type, **node_options: Any) -> None:
+        self.stage: Any = None
+        self.is_fed_by_calls = False
+        super().__init__(name, config_class, **node_options)
+
+    def make_stage(self, config: Any) -> Stage:
+        """Return the stage of a configuration; an exception refuses the transition."""
+        raise NotImplementedError
+
+    def input(self, topic: str, call: Callable[[Any, Any], object]) -> Callable[[Any], None]:
+        """Return an input for another node's output: ``call(stage, record)``, under the lock.
+
+        A record for which it raises `MessageError` is refused, as its message on ``topic`` would
+        be. Nothing is called while the node is not configured.
+        """
+
+        def take(record: Any) -> None:
+            with self.lock:
+                if self.stage is None:
+                    return
+                try:
+                    call(self.stage, record)
+                except MessageError as error:
+                    self.message_guard.refuse(topic, error)
+
+        return take
+
+    def set_up(self, config: Any) -> None:
+        stage = self.make_stage(config)  # without the lock: it may read files, or open a device
+        with self.lock:
+            self.stage = stage
+
+    def start(self) -> None:
+        with self.lock:
+            self.stage.start()
+
+    def stop(self) -> None:
+        with self.lock:
+            if self.stage is not None:
+                self.stage.stop()
+
+    def tear_down(self) -> None:
+        with self.lock:
+            stage, self.stage = self.stage, None
+        if stage is not None:
+            stage.close()
