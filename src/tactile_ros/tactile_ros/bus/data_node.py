@@ -18,7 +18,10 @@ from tactile_ros.bus.local_bus import depth_of, Inbox, RecordPublisher, RecordSu
 from tactile_ros.bus.receiver import Deliver, NotOnExecutor, receiver_of, take_waiting
 from tactile_ros.bus.worker import Periodic, Worker
 from tactile_ros.node.lifecycle import TactileNode
-def takes_message_info(subscription): return subscription._callback_type is not Subscription.CallbackType.MessageOnly
+
+
+def takes_message_info(subscription):
+    return subscription._callback_type is not Subscription.CallbackType.MessageOnly
 
 
 class DataNode(TactileNode):

@@ -13,10 +13,10 @@ from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.subscription import Subscription
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 InvalidHandle = rclpy_implementation.InvalidHandle
 GuardCondition = rclpy_implementation.GuardCondition
 WaitSet = rclpy_implementation.WaitSet

@@ -1,0 +1,285 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Messages that a node asks for, and records that are published only where somebody listens."""
+
+from dataclasses import dataclass
+import threading
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Int32
+
+from tactile_ros.errors import MessageError
+from tactile_ros.node.polling_node import PollingNode
+from tactile_ros.node.record_publisher import RecordPublisher
+from tactile_ros.node.stage_node import StageNode
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.qos import EVENTS, STREAM
+from tactile_testing.waiting import wait_until
+
+DEADLINE_S = 10.0
+OVERRIDE = 'qos_overrides./numbers.publisher.reliability'
+
+
+@dataclass(frozen=True)
+class Nothing:
+    pass
+
+
+class Listener(PollingNode):
+    """Notes the messages of topics, and the threads that they come on."""
+
+    def __init__(self, name, **options):
+        super().__init__(name, Nothing, **options)
+        self.values = []
+        self.threads = set()
+
+    def take(self, message, _):
+        if message.data < 0:
+            raise MessageError(f'{message.data} is negative')
+        if message.data == 99_999:
+            raise ZeroDivisionError('a bug')
+        self.threads.add(threading.current_thread().name)
+        self.values.append(message.data)
+
+
+@pytest.fixture
+def spun(context):
+    """Return a function that spins nodes until the end of the test."""
+    groups = []
+
+    def start(*nodes):
+        groups.append(NodeGroup(nodes, context=context).__enter__())
+        return groups[-1]
+
+    yield start
+    for group in reversed(groups):
+        group.close()
+    wait_until(lambda: not [t for t in threading.enumerate() if t.name.startswith('topics of')])
+
+
+def test_messages_come_in_order_on_the_thread_of_the_node(context, spun):
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    subscription = listener.poll(Int32, 'numbers', listener.take, STREAM)
+    spun(peer, listener)
+    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    wait_until(lambda: subscription.get_publisher_count() == 1)
+    for i in range(500):
+        publisher.publish(Int32(data=i))
+    wait_until(lambda: len(listener.values) == 500)
+    assert listener.values == list(range(500))
+    assert listener.threads == {'topics of listener'}
+
+
+def test_latched_messages_and_their_information_come(context, spun):
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    publisher = peer.create_publisher(Int32, 'numbers', EVENTS)
+    for i in range(3):
+        publisher.publish(Int32(data=i))
+    heard = []
+    listener.poll(
+        Int32,
+        'numbers',
+        lambda m, info: heard.append((m.data, info['received_timestamp'])),
+        EVENTS,
+    )
+    spun(peer, listener)
+    wait_until(lambda: [value for value, _ in heard] == [0, 1, 2])
+    assert all(received_ns > 0 for _, received_ns in heard)
+
+
+def test_nothing_comes_after_a_subscription_is_closed_and_others_go_on(context, spun):
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
+    spun(peer, listener)
+    for turn in range(20):
+        heard = []
+        gone = listener.poll(
+            Int32, 'numbers', lambda message, _, heard=heard: heard.append(message.data), STREAM
+        )
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+        publisher.publish(Int32(data=turn))
+        wait_until(lambda heard=heard, turn=turn: heard == [turn])
+        listener.unpoll(gone)
+        listener.unpoll(gone)
+        wait_until(lambda: publisher.get_subscription_count() == 0)
+        publisher.publish(Int32(data=-1))
+        assert heard == [turn]
+
+
+def test_a_slow_callback_loses_the_oldest_as_any_queue_of_dds_does(context, spun):
+    peer, slow = Node('peer', context=context), Listener('slow', context=context)
+    begun, go = threading.Event(), threading.Event()
+
+    def take(message, info):
+        begun.set()
+        assert go.wait(DEADLINE_S)
+        slow.take(message, info)
+
+    slow.poll(Int32, 'numbers', take, rclpy.qos.QoSProfile(depth=5))
+    spun(peer, slow)
+    publisher = peer.create_publisher(Int32, 'numbers', rclpy.qos.QoSProfile(depth=5))
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(Int32(data=0))
+    assert begun.wait(DEADLINE_S)
+    for i in range(1, 101):
+        publisher.publish(Int32(data=i))
+    assert publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=DEADLINE_S))
+    go.set()
+    wait_until(lambda: slow.values[-1:] == [100])
+    assert slow.values == [0, 96, 97, 98, 99, 100]
+
+
+def test_a_publisher_whose_profile_does_not_fit_is_named_once(context, spun, monkeypatch, capfd):
+    monkeypatch.setattr('tactile_ros.node.polling_node.MISFITS_S', 0.01)
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    listener.poll(Int32, 'numbers', listener.take, STREAM)
+    spun(peer, listener)
+    peer.create_publisher(Int32, 'numbers', qos_profile_sensor_data)
+    told = ''
+
+    def is_told():
+        nonlocal told
+        told += capfd.readouterr().err
+        return 'nothing comes from /peer on /numbers: its quality of service does not fit' in told
+
+    wait_until(is_told)
+    again = threading.Event()
+    listener.call_every(0.2, again.set)
+    assert again.wait(DEADLINE_S)
+    told += capfd.readouterr().err
+    assert told.count('nothing comes from /peer') == 1
+
+
+def test_a_message_is_refused_and_a_fault_of_the_program_ends_it(context, spun):
+    peer, listener = Node('peer', context=context), Listener('listener', context=context)
+    listener.poll(Int32, 'numbers', listener.take, STREAM)
+    group = spun(peer, listener)
+    publisher = peer.create_publisher(Int32, 'numbers', STREAM)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for value in (1, -1, 2):
+        publisher.publish(Int32(data=value))
+    wait_until(lambda: listener.values == [1, 2])
+    assert listener.message_guard.refused_count == 1
+    assert not group.ended.is_set()
+    publisher.publish(Int32(data=99_999))
+    assert group.ended.wait(DEADLINE_S)
+    assert isinstance(group.error, ZeroDivisionError)
+
+
+def test_polling_ends_with_its_context():
+    context = Context()
+    rclpy.init(context=context)
+    listener = Listener('listener', context=context)
+    listener.poll(Int32, 'numbers', listener.take, STREAM)
+    rclpy.try_shutdown(context=context)
+    listener.destroy_node()
+    wait_until(lambda: not [t for t in threading.enumerate() if t.name == 'topics of listener'])
+
+
+class Doubling:
+    """A stage that gives out twice what comes in; counts the messages that it builds."""
+
+    def __init__(self, node, emit):
+        self.node, self.emit = node, emit
+        self.calls, self.built = [], []
+        self.numbers = RecordPublisher(node, Int32, '~/doubled', self.build, STREAM)
+        self.source = None
+        if not node.is_fed_by_calls:
+            self.source = node.poll(Int32, 'numbers', lambda m, _: self.add(m.data), STREAM)
+
+    def build(self, number):
+        self.built.append(number)
+        return Int32(data=number)
+
+    def add(self, number):
+        if number < 0:
+            raise MessageError(f'{number} is negative')
+        if self.node.is_active:
+            self.numbers.publish(2 * number)
+            self.emit(2 * number)
+
+    def start(self):
+        self.calls.append('start')
+
+    def stop(self):
+        self.calls.append('stop')
+
+    def close(self):
+        self.calls.append('close')
+        if self.source is not None:
+            self.node.unpoll(self.source)
+        self.numbers.close()
+
+
+class DoublingNode(StageNode):
+    def __init__(self, name, **options):
+        self.emit = lambda _: None
+        super().__init__(name, Nothing, **options)
+
+    def make_stage(self, config):
+        return Doubling(self, self.emit)
+
+
+@pytest.mark.parametrize('by_calls', [True, False])
+def test_one_stage_after_the_other_by_calls_and_by_topics(context, spun, by_calls):
+    first, second = DoublingNode('first', context=context), DoublingNode('second', context=context)
+    peer, results = Node('peer', context=context), []
+    second.emit = results.append
+    if by_calls:
+        first.is_fed_by_calls = second.is_fed_by_calls = True
+        first.emit = second.input('first/doubled', lambda stage, number: stage.add(number))
+    else:
+        first.emit = lambda _: None
+        second = DoublingNode(
+            'third', context=context, cli_args=['--ros-args', '-r', 'numbers:=first/doubled']
+        )
+        second.emit = results.append
+    assert first.bring_up()
+    assert second.bring_up()
+    spun(first, second, peer)
+    take = first.input('numbers', lambda stage, number: stage.add(number))
+    wait_until(lambda: by_calls or first.stage.numbers._publisher.get_subscription_count() == 1)
+    for number in (1, -1, 2):
+        take(number)
+    wait_until(lambda: results == [4, 8])
+    assert first.message_guard.refused_count == 1
+    assert first.stage.built == ([] if by_calls else [2, 4])
+    heard = []
+    outside = peer.create_subscription(
+        Int32, 'first/doubled', lambda message: heard.append(message.data), STREAM
+    )
+    wait_until(lambda: first.stage.numbers._publisher.get_subscription_count() == 2 - by_calls)
+    take(3)
+    wait_until(lambda: heard == [6] and results == [4, 8, 12])  # the first one after it came
+    peer.destroy_subscription(outside)
+    stage = first.stage
+    first.trigger_deactivate()
+    take(4)
+    first.trigger_cleanup()
+    take(5)
+    assert stage.calls == ['start', 'stop', 'close']
+    assert results == [4, 8, 12]
+    assert first.trigger_configure().name == 'SUCCESS'
+    assert first.stage is not stage
+
+
+def test_quality_of_service_of_records_is_overridden(context, spun):
+    node = DoublingNode(
+        'node',
+        context=context,
+        parameter_overrides=[
+            Parameter('qos_overrides./node/doubled.publisher.reliability', value='best_effort')
+        ],
+    )
+    assert node.bring_up()
+    spun(node)
+    wait_until(lambda: node.get_publishers_info_by_topic('/node/doubled'))
+    info = node.get_publishers_info_by_topic('/node/doubled')[0]
+    assert info.qos_profile.reliability.name == 'BEST_EFFORT'

@@ -1,0 +1,84 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Periodic calls on a plain thread."""
+
+import threading
+
+from tactile_ros.periodic import Ticker
+from tactile_testing.waiting import wait_until
+
+DEADLINE_S = 10.0
+
+
+def threads(name):
+    return [thread for thread in threading.enumerate() if thread.name == name]
+
+
+def test_calls_come_on_one_thread_until_they_are_cancelled():
+    ticker, names = Ticker('ticker of a test'), set()
+    came = [threading.Semaphore(0) for _ in range(2)]
+
+    def note(semaphore):
+        names.add(threading.current_thread().name)
+        semaphore.release()
+
+    calls = [ticker.every(0.001, lambda s=s: note(s)) for s in came]
+    for semaphore in came:
+        for _ in range(5):
+            assert semaphore.acquire(timeout=DEADLINE_S)
+    assert len(threads('ticker of a test')) == 1
+    for call in calls:
+        call.cancel()
+        call.cancel()
+    wait_until(lambda: not threads('ticker of a test'))
+    for semaphore in came:
+        while semaphore.acquire(blocking=False):
+            pass
+    again = threading.Event()
+    call = ticker.every(0.001, again.set)
+    assert again.wait(DEADLINE_S)
+    call.cancel()
+    assert not any(semaphore.acquire(blocking=False) for semaphore in came)
+    assert names == {'ticker of a test'}
+
+
+def test_a_sooner_call_does_not_wait_for_a_later_one():
+    ticker, called = Ticker('ticker of a test'), threading.Event()
+    late = ticker.every(1000.0, called.clear)
+    soon = ticker.every(0.001, called.set)
+    assert called.wait(DEADLINE_S)
+    for call in (late, soon):
+        call.cancel()
+    wait_until(lambda: not threads('ticker of a test'))
+
+
+def test_a_call_cancels_itself_and_the_others_go_on():
+    ticker, count, others = Ticker('ticker of a test'), [], threading.Semaphore(0)
+
+    def once():
+        count.append(1)
+        first.cancel()
+
+    other = ticker.every(0.002, others.release)
+    first = ticker.every(0.001, once)
+    for _ in range(5):
+        assert others.acquire(timeout=DEADLINE_S)
+    other.cancel()
+    assert count == [1]
+
+
+def test_missed_calls_are_left_out():
+    ticker, go, times = Ticker('ticker of a test'), threading.Event(), []
+
+    def call():
+        times.append(periodic.due_s)
+        if len(times) == 1:
+            assert go.wait(DEADLINE_S)
+
+    periodic = ticker.every(0.02, call)
+    wait_until(lambda: times)
+    go.set()
+    wait_until(lambda: len(times) >= 3)
+    periodic.cancel()
+    assert times[2] - times[1] >= 0.02 - 1e-9
