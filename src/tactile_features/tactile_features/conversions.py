@@ -45,7 +45,7 @@ def strain_block_from_msg(msg: Any) -> StrainBlock:
     )
 
 
-def strain_block_from_record(block: StrainBlock) -> StrainBlock:
+def check_record(block: StrainBlock) -> StrainBlock:
     """Return a driver's block as its message would come: checked, read-only, without wrench."""
     check_stamp(block.stamp_ns)
     if block.wrench is not None or block.tension_n.flags.writeable:
@@ -173,7 +173,9 @@ def _wanted_from_msg(msg: Any) -> WantedFeatures:
             f'parameter_values has {len(values)} entries and parameter_names {len(names)}; '
             'they must be as many'
         )
-    fields = {field.name: getattr(msg, field.name, None) for field in dataclasses.fields(FeatureSpec)}
+    fields = {
+        field.name: getattr(msg, field.name, None) for field in dataclasses.fields(FeatureSpec)
+    }
     fields['parameters'] = {
         name: _from_json(name, value) for name, value in zip(names, values, strict=True)
     }

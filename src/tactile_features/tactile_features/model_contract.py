@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
 
 from tactile_features.spec import WantedFeatures
 
@@ -31,9 +29,7 @@ class ModelContract:
     wanted: WantedFeatures
 
 
-def read_contracts(
-    models: str | Path, contact: str = ''
-) -> tuple[list[ModelContract], list[str]]:
+def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelContract], list[str]]:
     """Return the contracts of model files, and one sentence for each file that is not usable.
 
     Parameters

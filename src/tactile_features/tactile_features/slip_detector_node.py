@@ -1,109 +1,138 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node around `SlipDetector`."""
+"""The slip detection as a ROS node: `SlipDetector` between topics."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from tactile_features.conversions import (
+    check_record,
     event_from_msg,
     slip_to_msg,
     strain_block_from_msg,
-    strain_block_from_record,
 )
-from tactile_features.records import PHASE_ABORTED, PHASE_DONE
+from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_features.slip import SlipConfig, SlipDetector
-from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
-from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.local_bus import RecordSubscription
+from tactile_msgs.msg import Slip, StrainBlock
+from tactile_msgs.msg import TrialEvent as TrialEventMsg
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
+from tactile_ros.node.polled_subscription import PolledSubscription
+from tactile_ros.node.stage_node import StageNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 
+STRAIN_TOPIC = 'tendon_sensor/strain'
 EVENT_TOPICS = ('trial_runner/events', 'tactile_features/detected_events')
-"""Where trials are told of; the latest event of either counts."""
+"""Topics of trial events; the latest event of either counts."""
 
 
-class SlipDetectorNode(DataNode):
-    """Publishes ``~/slip`` when a held object begins to slide.
+class SlipStage:
+    """Samples in, slips out: ``~/slip``.
 
-    It needs no trial; when one is under way, its name is passed on, whether a trial runner
-    tells of it or the feature node found it in the tension. It listens as soon as it is
-    configured, so that it knows the noise when it is activated.
+    It listens from its beginning, so that it knows the noise when the node is activated.
 
-    Attributes
+    Parameters
     ----------
-    detector : SlipDetector or None
-        The core; None before the first configuration.
-    trial_id : str
-        Trial under way; empty outside a trial.
+    node : SlipDetectorNode
+        Hosts the topics.
+    config : SlipConfig
     """
 
-    def __init__(self, node_name: str = 'slip_detector', **node_options: Any) -> None:
-        super().__init__(node_name, SlipConfig, **node_options)
-        self.detector: SlipDetector | None = None
-        self._publisher: Any = None
-        self._strain: RecordSubscription | None = None
-        self._subscriptions_made: list[Any] = []
-        self._diagnostics: Diagnostics | None = None
+    def __init__(self, node: SlipDetectorNode, config: SlipConfig) -> None:
+        self._node = node
+        self._config = config
+        self.detector = SlipDetector(config)
+        self.trial_id = ''
         self._block_count = self._assessed_blocks = self._slip_count = 0
-        self.trial_id = ''
-
-    def set_up(self, config: SlipConfig) -> None:
-        detector = self.detector = SlipDetector(config)
-        self.trial_id = ''
-        self._publisher = self.create_lifecycle_publisher(Slip, '~/slip', RESULTS)
-        self._strain = self.subscribe_records(
-            StrainBlock,
-            'tendon_sensor/strain',
-            lambda block: self._on_block(detector, block),
-            from_message=strain_block_from_msg,
-            from_record=strain_block_from_record,
-            profile=STREAM,
-        )
-        self._subscriptions_made = [
-            self.create_subscription(TrialEvent, topic, self._on_event, EVENTS)
-            for topic in EVENT_TOPICS
+        self._publisher = node.create_lifecycle_publisher(Slip, '~/slip', RESULTS)
+        self._diagnostics = Diagnostics(node, lambda: '', self._assess)
+        topics = EVENT_TOPICS[:1] if node.is_fed_by_calls else EVENT_TOPICS
+        self._events = [
+            node.create_subscription(
+                TrialEventMsg, topic, lambda msg: self.add_event(event_from_msg(msg)), EVENTS
+            )
+            for topic in topics
         ]
-        self._diagnostics = Diagnostics(self, lambda: '', self._assess)
+        self._strain: PolledSubscription | None = None
+        if not node.is_fed_by_calls:
+            self._strain = node.poll(
+                StrainBlock,
+                STRAIN_TOPIC,
+                lambda msg, _: self.add_block(strain_block_from_msg(msg)),
+                STREAM,
+            )
 
-    def tear_down(self) -> None:
-        if self._diagnostics is not None:
-            self._diagnostics.close()
-            self._diagnostics = None
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def close(self) -> None:
+        """Give the topics back."""
+        self._diagnostics.close()
         if self._strain is not None:
-            self._strain.close()
-            self._strain = None
-        for subscription in self._subscriptions_made:
-            self.destroy_subscription(subscription)
-        self._subscriptions_made = []
-        if self._publisher is not None:
-            self.destroy_lifecycle_publisher(self._publisher)
-            self._publisher = None
+            self._node.unpoll(self._strain)
+        for subscription in self._events:
+            self._node.destroy_subscription(subscription)
+        self._node.destroy_lifecycle_publisher(self._publisher)
 
-    def _on_event(self, msg: Any) -> None:
-        event = event_from_msg(msg)
+    def add_event(self, event: TrialEvent) -> None:
+        """Take in the phase of a trial, whose name is passed on."""
         has_ended = event.phase in (PHASE_DONE, PHASE_ABORTED)
         self.trial_id = '' if has_ended else event.trial_id
 
-    def _on_block(self, detector: SlipDetector, block: StrainRecord) -> None:
-        slips = detector.add(block)
+    def add_block(self, block: StrainRecord) -> None:
+        """Take in samples."""
+        slips = self.detector.add(block)
         self._block_count += 1
         for slip in slips:
             self._slip_count += 1
-            self._publisher.publish(slip_to_msg(slip, self.config, self.trial_id))
+            self._publisher.publish(slip_to_msg(slip, self._config, self.trial_id))
 
     def _assess(self) -> Health:
         is_fed = self._block_count > self._assessed_blocks
         self._assessed_blocks = self._block_count
         return Health(
             OK if is_fed else WARN,
-            'samples come in' if is_fed else 'no samples on tendon_sensor/strain',
-            {'blocks': self._block_count, 'slips': self._slip_count, 'active': self.is_active},
+            'samples come in' if is_fed else f'no samples on {STRAIN_TOPIC}',
+            {
+                'blocks': self._block_count,
+                'slips': self._slip_count,
+                'active': self._node.is_active,
+            },
         )
+
+
+class SlipDetectorNode(StageNode):
+    """Publishes ``~/slip`` when a held object begins to slide.
+
+    It needs no trial; when one is under way, its name is passed on, whether a trial runner
+    tells of it or the feature node found it in the tension.
+    """
+
+    def __init__(self, node_name: str = 'slip_detector', **node_options: Any) -> None:
+        super().__init__(node_name, SlipConfig, **node_options)
+
+    def make_stage(self, config: SlipConfig) -> SlipStage:
+        return SlipStage(self, config)
+
+    @property
+    def detector(self) -> SlipDetector | None:
+        """The core; None while the node is not configured."""
+        return None if self.stage is None else self.stage.detector
+
+    @property
+    def add_block(self) -> Callable[[StrainRecord], None]:
+        """The input for blocks of the sensor of this process."""
+        return self.input(STRAIN_TOPIC, lambda stage, block: stage.add_block(check_record(block)))
+
+    @property
+    def add_event(self) -> Callable[[TrialEvent], None]:
+        """The input for events that the features of this process have found."""
+        return self.input(EVENT_TOPICS[1], lambda stage, event: stage.add_event(event))
 
 
 def main() -> int:

@@ -1,34 +1,42 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node around `TrialFeatureExtractor`."""
+"""The features as a ROS node: `TrialFeatureExtractor` between topics."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+import dataclasses
 import time
 from typing import Any
 
-from tactile_features.config import FeatureConfig
+from tactile_features.config import FeaturesNodeConfig
 from tactile_features.conversions import (
+    check_record,
     event_from_msg,
     event_to_msg,
     feature_window_to_msg,
+    specifications_to_msg,
     strain_block_from_msg,
-    strain_block_from_record,
 )
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.extraction.sample_timeout import SampleTimeout
-from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
-from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.bus.data_node import DataNode
-from tactile_ros.bus.local_bus import RecordSubscription
-from tactile_ros.bus.worker import Periodic
+from tactile_features.model_contract import read_contracts
+from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED, TrialEvent
+from tactile_features.spec import FeatureSpecifications
+from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
+from tactile_msgs.msg import StrainBlock, TactileFeatures
+from tactile_msgs.msg import TrialEvent as TrialEventMsg
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
+from tactile_ros.node.polled_subscription import PolledSubscription
+from tactile_ros.node.record_publisher import RecordPublisher
+from tactile_ros.node.stage_node import ignore, StageNode
 from tactile_ros.programs.node_group import run_node
-from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
+
+STRAIN_TOPIC = 'tendon_sensor/strain'
 
 WATCH_PERIOD_S = 0.25
 
@@ -36,136 +44,193 @@ HISTORY_S = 5.0
 """Latched events come within this time, or are taken for new ones."""
 
 
-class TactileFeaturesNode(DataNode):
-    """Publishes ``~/features`` for the trials seen on the strain and event topics.
+class FeaturesStage:
+    """Samples and events in, windows of features out.
 
-    Windows that still fill go to ``~/partial_features``, where nobody takes them for
-    finished ones; phases found in the signal go to ``~/detected_events``.
+    It listens from its beginning, so that a trial under way when the node is activated is whole.
 
-    A window whose samples do not come is refused after ``samples_timeout_s``, also while
-    nothing at all comes any more.
-
-    It listens as soon as it is configured, so that a trial under way at activation
-    is whole, and publishes while it is active.
+    Parameters
+    ----------
+    node : TactileFeaturesNode
+        Hosts the topics.
+    config : FeaturesNodeConfig
+    emit, emit_event : callable
+        Given each window, and each phase found in the tension, while the node is active.
 
     Attributes
     ----------
-    extractor : TrialFeatureExtractor or None
-        The core, with its counters; None before the first configuration.
+    extractor : TrialFeatureExtractor
+        The core, with its counters.
+
+    Raises
+    ------
+    FeatureError
+        When a parameter does not fit, or none of the model files is usable.
     """
 
-    def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
-        super().__init__(node_name, FeatureConfig, **node_options)
-        self.extractor: TrialFeatureExtractor | None = None
-        self._publisher: Any = None
-        self._partial_publisher: Any = None
-        self._event_publisher: Any = None
-        self._strain: RecordSubscription | None = None
-        self._events: Any = None
-        self._watch: Periodic | None = None
-        self._diagnostics: Diagnostics | None = None
+    def __init__(
+        self,
+        node: TactileFeaturesNode,
+        config: FeaturesNodeConfig,
+        emit: Callable[[FeatureWindow], object],
+        emit_event: Callable[[TrialEvent], object],
+    ) -> None:
+        self._node = node
+        self._emit = emit
+        self._emit_event = emit_event
+        contracts, self._refused = (
+            read_contracts(config.models, config.contact) if config.models else ([], [])
+        )
+        shared = config.shared()
+        self.extractor = TrialFeatureExtractor(shared, [each.wanted for each in contracts])
+        for sentence in self._refused:
+            node.get_logger().error(sentence)
+        self._begun_ns, self._begun_s = time.time_ns(), time.monotonic()
         self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
-        self._configured_ns, self._configured_s = 0, 0.0
-
-    def set_up(self, config: FeatureConfig) -> None:
-        extractor = self.extractor = TrialFeatureExtractor(config)
-        self._configured_ns, self._configured_s = time.time_ns(), time.monotonic()
-        self._publisher = self.publish_records(
-            TactileFeatures, '~/features', feature_window_to_msg, RESULTS
+        self._features, self._partial = (
+            RecordPublisher(node, TactileFeatures, topic, feature_window_to_msg, RESULTS)
+            for topic in ('~/features', '~/partial_features')
         )
-        self._partial_publisher = self.publish_records(
-            TactileFeatures, '~/partial_features', feature_window_to_msg, RESULTS
+        self._detected = node.create_lifecycle_publisher(
+            TrialEventMsg, '~/detected_events', EVENTS
         )
-        self._event_publisher = self.create_lifecycle_publisher(
-            TrialEvent, '~/detected_events', EVENTS
+        # A state: a recorder and a classifier want it from the start.
+        self._specifications = node.create_publisher(
+            FeatureSpecificationsMsg, '~/specifications', LATEST
         )
-        self._strain = self.subscribe_records(
-            StrainBlock,
-            'tendon_sensor/strain',
-            lambda block: self._on_block(extractor, block),
-            from_message=strain_block_from_msg,
-            from_record=strain_block_from_record,
-            profile=STREAM,
+        announced = FeatureSpecifications(
+            self.extractor.wanted, dataclasses.asdict(shared), node.get_clock().now().nanoseconds
         )
-        self._events = self.create_subscription(
-            TrialEvent,
+        self._specifications.publish(specifications_to_msg(announced))
+        self._timeout = SampleTimeout(self.extractor)
+        self._watching = node.call_every(WATCH_PERIOD_S, self._watch)
+        self._diagnostics = Diagnostics(node, lambda: '', self._assess)
+        self._events = node.create_subscription(
+            TrialEventMsg,
             'trial_runner/events',
-            lambda msg, info: self._on_event(extractor, msg, info['source_timestamp']),
+            lambda msg, info: self._on_event(event_from_msg(msg), info['source_timestamp']),
             EVENTS,
         )
-        timeout = SampleTimeout(extractor)
-        self._watch = self.call_every(
-            WATCH_PERIOD_S,
-            lambda: self._publish(extractor.time_out()) if timeout.is_over() else None,
-        )
-        self._diagnostics = Diagnostics(self, lambda: '', self._assess)
+        self._strain: PolledSubscription | None = None
+        if not node.is_fed_by_calls:
+            self._strain = node.poll(
+                StrainBlock,
+                STRAIN_TOPIC,
+                lambda msg, _: self.add_block(strain_block_from_msg(msg)),
+                STREAM,
+            )
+
+    def start(self) -> None: ...
 
     def stop(self) -> None:
-        # After an interrupt there is no one left to publish to.
-        if self.extractor is not None and self.context.ok():
+        """Give out the windows that still wait."""
+        if self._node.context.ok():  # after an interrupt there is no one left to publish to
             self._publish(self.extractor.finish())
 
-    def tear_down(self) -> None:
-        if self._diagnostics is not None:
-            self._diagnostics.close()
-            self._diagnostics = None
-        if self._watch is not None:
-            self._watch.cancel()
-            self._watch = None
+    def close(self) -> None:
+        """Give the topics back."""
+        node = self._node
+        self._watching.cancel()
+        self._diagnostics.close()
         if self._strain is not None:
-            self._strain.close()
-            self._strain = None
-        if self._events is not None:
-            self.destroy_subscription(self._events)
-            self._events = None
-        for publisher in (self._publisher, self._partial_publisher):
-            if publisher is not None:
-                publisher.close()
-        if self._event_publisher is not None:
-            self.destroy_lifecycle_publisher(self._event_publisher)
-        self._publisher = self._partial_publisher = self._event_publisher = None
+            node.unpoll(self._strain)
+        node.destroy_subscription(self._events)
+        self._features.close()
+        self._partial.close()
+        node.destroy_lifecycle_publisher(self._detected)
+        node.destroy_publisher(self._specifications)
 
-    def _on_event(self, extractor: TrialFeatureExtractor, msg: Any, published_ns: int) -> None:
-        """Take in an event. After a start the latched ones of earlier trials come first."""
-        is_first = time.monotonic() - self._configured_s < HISTORY_S
-        is_past = is_first and published_ns < self._configured_ns
-        self._publish(extractor.add_event(event_from_msg(msg), is_past=is_past))
-
-    def _on_block(self, extractor: TrialFeatureExtractor, block: StrainRecord) -> None:
-        windows = extractor.add_block(block)
-        for event in extractor.take_detected_events():
+    def add_block(self, block: StrainRecord) -> None:
+        """Take in samples."""
+        windows = self.extractor.add_block(block)
+        for event in self.extractor.take_detected_events():
             if event.phase == PHASE_ABORTED:
-                self.get_logger().warning(f'trial {event.trial_id}: {event.message}')
-            self._event_publisher.publish(event_to_msg(event))
+                self._node.get_logger().warning(f'trial {event.trial_id}: {event.message}')
+            self._detected.publish(event_to_msg(event))
+            self._emit_event(event)
         self._publish(windows)
+
+    def _on_event(self, event: TrialEvent, published_ns: int) -> None:
+        """Take in an event. After a start the latched ones of earlier trials come first."""
+        is_first = time.monotonic() - self._begun_s < HISTORY_S
+        is_past = is_first and published_ns < self._begun_ns
+        self._publish(self.extractor.add_event(event, is_past=is_past))
+
+    def _watch(self) -> None:
+        with self._node.lock:
+            if self._node.stage is self and self._timeout.is_over():
+                self._publish(self.extractor.time_out())
 
     def _publish(self, windows: Iterable[FeatureWindow]) -> None:
         for window in windows:
             if window.outcome != Outcome.OK:
-                self.get_logger().warning(
+                self._node.get_logger().warning(
                     f'no features of trial {window.trial_id}: {window.reason}'
                 )
             if not window.partial:
                 self._window_counts[window.outcome] += 1
-            publisher = self._partial_publisher if window.partial else self._publisher
-            publisher.publish(window)
+            (self._partial if window.partial else self._features).publish(window)
+            if self._node.is_active:
+                self._emit(window)
 
     def _assess(self) -> Health:
-        extractor = self.extractor
-        blocks = extractor.block_count if extractor is not None else 0
+        blocks = self.extractor.block_count
         is_fed, self._assessed_blocks = blocks > self._assessed_blocks, blocks
         windows = self._window_counts
+        sentence = 'samples come in' if is_fed else f'no samples on {STRAIN_TOPIC}'
         return Health(
-            OK if is_fed else WARN,
-            'samples come in' if is_fed else 'no samples on tendon_sensor/strain',
+            WARN if self._refused or not is_fed else OK,
+            '; '.join([sentence, *self._refused]),
             {
                 'blocks': blocks,
-                'events': extractor.event_count if extractor is not None else 0,
+                'events': self.extractor.event_count,
                 'windows': sum(windows.values()),
                 'windows without features': sum(windows.values()) - windows[Outcome.OK],
-                'active': self.is_active,
+                'specifications': ', '.join(s.digest for s in self.extractor.specifications),
+                'active': self._node.is_active,
             },
+        )
+
+
+class TactileFeaturesNode(StageNode):
+    """Publishes ``~/features`` for the trials seen on the strain and event topics.
+
+    Windows that still fill go to ``~/partial_features``, where nobody takes them for
+    finished ones; phases found in the signal go to ``~/detected_events``. The specification of
+    each kind of window is latched on ``~/specifications``. With the parameter ``models`` the
+    model files decide what is computed.
+
+    A window whose samples do not come is refused after ``samples_timeout_s``, also while
+    nothing at all comes any more.
+
+    Attributes
+    ----------
+    emit, emit_event : callable
+        Given each window and each detected event while the node is active. Set before the node
+        is configured.
+    """
+
+    def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
+        self.emit: Callable[[FeatureWindow], object] = ignore
+        self.emit_event: Callable[[TrialEvent], object] = ignore
+        super().__init__(node_name, FeaturesNodeConfig, **node_options)
+
+    def make_stage(self, config: FeaturesNodeConfig) -> FeaturesStage:
+        return FeaturesStage(self, config, self.emit, self.emit_event)
+
+    @property
+    def extractor(self) -> TrialFeatureExtractor | None:
+        """The core; None while the node is not configured."""
+        stage: FeaturesStage | None = self.stage
+        return stage.extractor if stage is not None else None
+
+    @property
+    def add_block(self) -> Callable[[StrainRecord], None]:
+        """The input for blocks of the sensor of this process."""
+        return self.input(
+            STRAIN_TOPIC,
+            lambda stage, block: stage.add_block(check_record(block)),
         )
 
 

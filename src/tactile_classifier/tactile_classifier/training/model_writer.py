@@ -34,9 +34,9 @@ from tactile_classifier.model_file.inference import (
     SCORES,
     TactileModel,
 )
-from tactile_features.onnx_container import seal
 from tactile_classifier.records import ROCKET
 from tactile_classifier.training.trainer import FittedStage, Trained
+from tactile_features.onnx_container import seal
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline

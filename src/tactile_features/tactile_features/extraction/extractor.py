@@ -72,9 +72,7 @@ class TrialFeatureExtractor:
         What has come out, without the partial windows.
     """
 
-    def __init__(
-        self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()
-    ) -> None:
+    def __init__(self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()) -> None:
         self.config = config
         self.block_count = 0
         self.sample_count = 0
