@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 from tactile_ros.configs import check_parameters, parameter
@@ -29,6 +30,9 @@ NORM = 'norm'
 _LOW_PASSES_HZ = (0, 838, 326, 152, 73, 35, 18, 8, 5, 1500, 2000, 2500, 3000)
 LOW_PASS_CODES = {cutoff_hz: code for code, cutoff_hz in enumerate(_LOW_PASSES_HZ)}
 """The manual's code of the low pass in a Net F/T by its cut-off frequency [Hz]; 0: off."""
+
+MOST_BLOCKS_HZ = 100
+"""Most blocks a second by default: each is a message, or a call through the finger."""
 
 _LEAST_RATE_HZ = 0.1
 _MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on the one before
@@ -128,7 +132,12 @@ class TendonSensorConfig:
         unit='Hz',
         range=(0.0, 10_000.0),
     )
-    samples_per_block: int = parameter(1, 'samples in one message', unit='1', range=(1, 1000))
+    samples_per_block: int = parameter(
+        0,
+        f'samples in one message; 0: as few as give {MOST_BLOCKS_HZ} messages a second at most',
+        unit='1',
+        range=(0, 1000),
+    )
     saturation_n: float = parameter(
         0.0,
         'magnitude from which the tension is no measurement; 0: not known',
@@ -215,6 +224,11 @@ class TendonSensorConfig:
     def period_ns(self) -> int:
         """Nominal time between two samples [ns]."""
         return round(1e9 / self.rate_hz)
+
+    @property
+    def block_samples(self) -> int:
+        """Samples in one block: ``samples_per_block``, or as many as the rate asks for."""
+        return self.samples_per_block or max(1, math.ceil(self.rate_hz / MOST_BLOCKS_HZ))
 
     @property
     def tick_s(self) -> float:

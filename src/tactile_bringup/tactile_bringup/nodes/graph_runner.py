@@ -89,6 +89,8 @@ def running_graph(
 ) -> Iterator[dict[str, Any]]:
     """Run nodes until the block ends; give them by name, with their namespace.
 
+    The stages of each finger call each other, see `connect_fingers`.
+
     Parameters
     ----------
     descriptions : sequence of NodeDescription
@@ -120,7 +122,10 @@ def running_graph(
             if is_ending():
                 return
             nodes[description.path] = create_node(description, context, namespace, quiet=quiet)
-        for name, node in nodes.items():
+        from tactile_bringup.nodes.finger import connect_fingers, sources_last  # slow to import
+
+        connect_fingers(nodes.values())
+        for name, node in sources_last(nodes):
             if not node.bring_up():
                 if is_ending():
                     return

@@ -79,7 +79,7 @@ class NetFtClient(LinkClient[NetFtLink]):
         wanted_hz = compute_rate_hz(max(1, round(config.rate_hz)), box.internal_rate_hz)
         # They lie in its flash memory: what is right already is not written again.
         if not self._is_set_up(box, wanted_hz):
-            self._web.write_settings(config.rate_hz, config.low_pass_hz, config.samples_per_block)
+            self._web.write_settings(config.rate_hz, config.low_pass_hz, config.block_samples)
             box = self._web.read_configuration()
         if not box.is_rdt_enabled:
             raise LinkError('the Net F/T keeps RDT disabled; enable it on its communications page')
@@ -102,7 +102,7 @@ class NetFtClient(LinkClient[NetFtLink]):
             and box.rdt_rate_hz > 0
             and compute_rate_hz(box.rdt_rate_hz, box.internal_rate_hz) == wanted_hz
             and box.low_pass_hz == self._config.low_pass_hz
-            and box.records_per_datagram == min(self._config.samples_per_block, MOST_RECORDS)
+            and box.records_per_datagram == min(self._config.block_samples, MOST_RECORDS)
         )
 
     def _flush(self) -> list[StrainBlock]:

@@ -84,7 +84,7 @@ class NetFtLink:
         self._scale = config.scale
         self._is_axia = box.is_axia
         self._now_ns = now_ns
-        self._gather_s = min((config.samples_per_block - 1) / rate_hz, _LONGEST_GATHER_S)
+        self._gather_s = min((config.block_samples - 1) / rate_hz, _LONGEST_GATHER_S)
         self._missing_s = max(_WAIT_S, _PERIODS / rate_hz)
         self._dead_s = max(_DEAD_S, 2 * self._missing_s)
         self._wait_s = min(self._missing_s, _LONGEST_WAIT_S)

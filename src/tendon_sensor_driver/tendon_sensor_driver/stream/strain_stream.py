@@ -86,7 +86,7 @@ class Stream(Generic[Clock]):
         self.clock = clock
         self.readings = self.lost_samples = 0
         self._status = int(status)
-        self._samples_per_block = config.samples_per_block
+        self._samples_per_block = config.block_samples
         self._always = int(status)
         self._saturation_n = config.saturation_n or math.inf
         self._stuck_ns = config.stuck_s * 1e9 or math.inf

@@ -51,3 +51,14 @@ def test_what_a_sensor_does_not_have_is_not_looked_at():
 def test_every_field_is_described():
     for field in dataclasses.fields(TendonSensorConfig):
         assert field.metadata['description']
+
+
+@pytest.mark.parametrize(
+    ('rate_hz', 'stated', 'expected'),
+    [(60.0, 0, 1), (100.0, 0, 1), (101.0, 0, 2), (1000.0, 0, 10), (7000.0, 0, 70), (7000.0, 3, 3)],
+)
+def test_a_hundred_blocks_a_second_are_the_most_by_default(rate_hz, stated, expected):
+    config = TendonSensorConfig(
+        sensor='net_ft', host='h', axis='fz', rate_hz=rate_hz, samples_per_block=stated
+    )
+    assert config.block_samples == expected
