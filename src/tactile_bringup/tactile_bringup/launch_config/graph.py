@@ -161,7 +161,7 @@ def sensing_graph(
     """
     stated = parameters.get(FEATURES_NODE, {})
     wanted = wanted_features(models, stated)
-    of_features = _shared(ClassifierConfig, {**wanted, **stated})
+    of_features = {}
     nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted)]
     has_port = sensor_port != NO_PORT
     if has_port or parameters.get('tendon_sensor', {}).get('sensor') in PORTLESS_SENSORS:

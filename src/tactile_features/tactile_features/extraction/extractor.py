@@ -179,16 +179,12 @@ class TrialFeatureExtractor:
         When wanted features cannot be computed.
     """
 
-<<<<<<< HEAD
-    def __init__(self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()) -> None:
-=======
     def __init__(
         self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()
     ) -> None:
         rates_hz = {each.spec.rate_hz for each in wanted}
         if len(rates_hz) == 1:
             config = dataclasses.replace(config, rate_hz=rates_hz.pop())
->>>>>>> contract-core
         self.config = config
         self.block_count = 0
         self.sample_count = 0
