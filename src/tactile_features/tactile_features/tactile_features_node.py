@@ -22,7 +22,7 @@ from tactile_features.conversions import (
 )
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.extraction.sample_timeout import SampleTimeout
-from tactile_features.model_contract import read_contracts
+from tactile_features.model_contract import plan_features
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED, TrialEvent
 from tactile_features.spec import FeatureSpecifications
 from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
@@ -78,13 +78,14 @@ class FeaturesStage:
         self._node = node
         self._emit = emit
         self._emit_event = emit_event
-        contracts, self._refused = (
-            read_contracts(config.models, config.contact) if config.models else ([], [])
-        )
         shared = config.shared()
-        self.extractor = TrialFeatureExtractor(shared, [each.wanted for each in contracts])
-        for sentence in self._refused:
+        plan = plan_features(shared, config.models, config.contact)
+        self.extractor = TrialFeatureExtractor(shared, plan.wanted)
+        self._refused = plan.refused
+        for sentence in plan.refused:
             node.get_logger().error(sentence)
+        if plan.overruled:
+            node.get_logger().warning(f'the models decide: {", ".join(plan.overruled)}')
         self._begun_ns, self._begun_s = time.time_ns(), time.monotonic()
         self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
