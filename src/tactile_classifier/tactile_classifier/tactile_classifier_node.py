@@ -121,6 +121,7 @@ class ClassifierStage:
         for subscription in self._windows:
             self._node.unpoll(subscription)
         self._node.destroy_subscription(self._specifications)
+        del self._specifications  # a circle would keep the models
         for publisher in (self._answers, self._partial_answers, self._vision):
             if publisher is not None:
                 publisher.close()
@@ -184,7 +185,8 @@ class ClassifierStage:
 
     def _assess(self) -> Health:
         loaded = f'models loaded: {len(self.models.models)}'
-        problems = [*self.models.refused, *([self._mismatch] if self._mismatch else [])]
+        problems = [*self.models.refused, *self.models.unfed]
+        problems += [self._mismatch] if self._mismatch else []
         return Health(
             WARN if problems else OK,
             '; '.join(problems) or loaded,

@@ -77,6 +77,7 @@ class SlipStage:
             self._node.unpoll(self._strain)
         for subscription in self._events:
             self._node.destroy_subscription(subscription)
+        self._events.clear()
         self._node.destroy_lifecycle_publisher(self._publisher)
 
     def add_event(self, event: TrialEvent) -> None:

@@ -137,6 +137,7 @@ class FeaturesStage:
         if self._strain is not None:
             node.unpoll(self._strain)
         node.destroy_subscription(self._events)
+        del self._events, self._timeout  # circles would keep the samples
         self._features.close()
         self._partial.close()
         node.destroy_lifecycle_publisher(self._detected)

@@ -27,6 +27,7 @@ class Periodic:
     def cancel(self) -> None:
         """Make no further call. One that runs on the ticker's thread is not waited for."""
         self._ticker.remove(self)
+        self.callback = _do_nothing  # a circle would keep what it holds until Python collects it
 
     def schedule(self, now_s: float) -> None:
         """Set the time of the next call; calls that were missed are left out."""
@@ -85,6 +86,9 @@ class Ticker:
                 call.schedule(now_s)
             call.callback()
             del call  # it would keep what it holds until the next one is due
+
+
+def _do_nothing() -> None: ...
 
 
 SLOW_CALLS = Ticker('periodic calls')

@@ -123,8 +123,9 @@ class SensorStage:
             self._diagnostics.close()
         if self._client is not None:
             self._client.close()
-        for service in self._services:
-            self._node.destroy_service(service)
+            self._client = None
+        while self._services:
+            self._node.destroy_service(self._services.pop())
         self._node.destroy_publisher(self._tare_state)
         self._strain.close()
         self._wrench.close()

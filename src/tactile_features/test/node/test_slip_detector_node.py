@@ -94,10 +94,10 @@ def test_names_the_trial_under_way(bench, teller):
     strain, tellers, slips, spin_until, node = bench
     events = tellers[teller]
     events.publish(TrialEvent(header=header(START_NS), trial_id='t7', phase='hold'))
-    spin_until(lambda: node.trial_id == 't7')
+    spin_until(lambda: node.stage.trial_id == 't7')
     for first in range(0, 600, 20):
         strain.publish(block(first, 20))
     spin_until(lambda: slips)
     assert slips[0].trial_id == 't7'
     events.publish(TrialEvent(header=header(START_NS), trial_id='t7', phase='done'))
-    spin_until(lambda: node.trial_id == '')
+    spin_until(lambda: node.stage.trial_id == '')

@@ -100,4 +100,5 @@ class Diagnostics:
         with self._lock:
             if not self._is_closed:
                 self._is_closed = True
+                del self._provider, self._hardware_id  # they hold what asked for diagnostics
                 self._node.destroy_publisher(self._publisher)

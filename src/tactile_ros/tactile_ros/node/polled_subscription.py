@@ -119,5 +119,9 @@ class PolledSubscription:
     def close(self) -> None:
         """Unsubscribe. Harmless when called twice."""
         subscription, self._subscription = self._subscription, None
+        self._take = _ignore  # a circle would keep what it holds until Python collects it
         if subscription is not None:
             self._node.destroy_subscription(subscription)
+
+
+def _ignore(message: Any, info: Any) -> None: ...
