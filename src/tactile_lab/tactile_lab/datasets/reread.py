@@ -13,7 +13,8 @@ import numpy as np
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
-from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
+from tactile_bags.replaying.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
@@ -63,7 +64,7 @@ def read_partial_tables(table: FeatureTable, seconds: Sequence[float]) -> dict[i
             table,
             lambda config: replace(config, **fields, partial_samples=counts, measures=False),
         )
-        if window.partial
+        if window.partial and window.specification_digest == table.spec.digest
     }
     columns = ('bag', 'namespace', 'window_start_ns')
     trials = list(zip(*(table.column(name).tolist() for name in columns), strict=True))

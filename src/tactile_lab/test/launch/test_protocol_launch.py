@@ -53,7 +53,7 @@ class TestTrial(unittest.TestCase):
     def test_a_trial_gives_features_and_an_answer(self, protocol):
         answers = f'{protocol}_flexion_classifier/classification'
         topics = {'tactile_features/features': TactileFeatures, answers: Classification}
-        with Ear(topics, lambda context: [OperatorNode((), context)]) as ear:
+        with Ear(topics, lambda context: [OperatorNode(context)]) as ear:
             ear.wait_for_publishers(*OUTPUTS, answers)
             (operator,) = ear.others
             operator.home_guide()

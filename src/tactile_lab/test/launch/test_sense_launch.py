@@ -65,7 +65,7 @@ class TestPress(unittest.TestCase):
                 for node in rig_graph(Ports(*rig.ports), {}, {}, simulated=True, namespace='index')
                 if node.name in ('linear_guide', 'tendon_actuator', 'trial_runner')
             ]
-            operator = OperatorNode((), ear.context, namespace='index')
+            operator = OperatorNode(ear.context, namespace='index')
             with running_graph(motion, ear.context, others=[operator]):
                 operator.home_guide()
                 advance_rig(rig, REST_S)  # a finger's tension at rest is learnt at rest

@@ -51,7 +51,7 @@ def record_until_interrupted(bag, phase):
         quick = {'trial_runner': {'approach_speed_m_s': 0.1, 'hold_s': 2.8, **PATIENT}}
         graph = rig_graph(Ports(*rig.ports), {}, quick, simulated=True)
         graph.append(recorder_node(bag, None, (), feature_parameters_of(graph), simulated=True))
-        operator = OperatorNode((), context)
+        operator = OperatorNode(context)
         operator.create_subscription(
             TrialEvent,
             'trial_runner/events',

@@ -74,7 +74,7 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
 
 
 def test_the_operator_waits_on_after_an_unknown_answer(context):
-    operator, peer = OperatorNode((CLASSIFIER,), context), Node('peer', context=context)
+    operator, peer = OperatorNode(context, answers=True), Node('peer', context=context)
     answers = peer.create_publisher(Classification, f'{CLASSIFIER}/classification', RESULTS)
     with NodeGroup([operator], context=context) as group, NodeGroup([peer], context=context):
         wait_until(answers.get_subscription_count)

@@ -182,7 +182,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
     browser.open(watch.address.split('#')[0])  # without the token
     browser.wait_for('document.querySelector(".tension")')
     assert browser.evaluate('document.getElementById("home").hidden')
-    operator = OperatorNode((), nodes['trial_runner'].context)
+    operator = OperatorNode(nodes['trial_runner'].context)
     with NodeGroup([operator], nodes['trial_runner'].context):
         operator.home_guide()
         simulated.mount('texture', 'R1', 'flexion')
