@@ -5,25 +5,64 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
-from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_classifier.records import ClassificationResult, ModelInfo, ModelInfos, Outcome
 from tactile_ros.errors import MessageError
+
+
+def _to_time(stamp_ns: int) -> Any:
+    from builtin_interfaces.msg import Time
+
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def _to_ns(stamp: Any) -> int:
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def model_infos_to_msg(infos: ModelInfos) -> Any:
+    """Return the tactile_msgs/ModelInfos message of a record."""
+    from std_msgs.msg import Header
+
+    from tactile_msgs.msg import ModelInfo as ModelInfoMsg
+    from tactile_msgs.msg import ModelInfos as ModelInfosMsg
+
+    return ModelInfosMsg(
+        header=Header(stamp=_to_time(infos.stamp_ns)),
+        models=[
+            ModelInfoMsg(**{**dataclasses.asdict(info), 'labels': list(info.labels)})
+            for info in infos.models
+        ],
+        refused=list(infos.refused),
+    )
+
+
+def model_infos_from_msg(message: Any) -> ModelInfos:
+    """Return the record of a ModelInfos message of rclpy or rosbags."""
+    names = [field.name for field in dataclasses.fields(ModelInfo)]
+    return ModelInfos(
+        models=tuple(
+            ModelInfo(
+                **{**{name: getattr(info, name) for name in names}, 'labels': tuple(info.labels)}
+            )
+            for info in message.models
+        ),
+        refused=tuple(message.refused),
+        stamp_ns=_to_ns(message.header.stamp),
+    )
 
 
 def classification_to_msg(result: ClassificationResult) -> Any:
     """Return the tactile_msgs/Classification message of a result."""
-    from builtin_interfaces.msg import Time
     from std_msgs.msg import Header
 
     from tactile_msgs.msg import Classification
 
-    def to_time(stamp_ns: int) -> Any:
-        sec, nanosec = divmod(stamp_ns, 10**9)
-        return Time(sec=sec, nanosec=nanosec)
-
     return Classification(
-        header=Header(stamp=to_time(result.window_end_ns), frame_id=result.frame_id),
+        header=Header(stamp=_to_time(result.window_end_ns), frame_id=result.frame_id),
         task=result.task,
         trial_id=result.trial_id,
         contact=result.contact,
@@ -42,8 +81,8 @@ def classification_to_msg(result: ClassificationResult) -> Any:
         decided=result.decided,
         error_rate=result.error_rate,
         recalibration_trials=result.recalibration_trials,
-        window_start=to_time(result.window_start_ns),
-        window_end=to_time(result.window_end_ns),
+        window_start=_to_time(result.window_start_ns),
+        window_end=_to_time(result.window_end_ns),
     )
 
 
@@ -55,9 +94,6 @@ def classification_from_msg(message: Any) -> ClassificationResult:
     MessageError
         When the outcome is not known, or the scores are not one a label.
     """
-
-    def to_ns(stamp: Any) -> int:
-        return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
     if len(message.scores) not in (0, len(message.labels)):
         raise MessageError(
@@ -79,8 +115,8 @@ def classification_from_msg(message: Any) -> ClassificationResult:
         score_kind=message.score_kind,
         novelty=float(message.novelty),
         novelty_threshold=float(message.novelty_threshold),
-        window_start_ns=to_ns(message.window_start),
-        window_end_ns=to_ns(message.window_end),
+        window_start_ns=_to_ns(message.window_start),
+        window_end_ns=_to_ns(message.window_end),
         frame_id=message.header.frame_id,
         false_alarm_rate=float(message.false_alarm_rate),
         partial=bool(message.running),

@@ -1,7 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can go wrong with data, evaluation and model files."""
+"""Errors of data, evaluation and model files."""
+
+from tactile_features.errors import ModelFileError as ModelFileError  # features read files, too
 
 
 class ClassifierError(Exception):
@@ -21,7 +23,3 @@ class TooFewTrialsError(DatasetError, ValueError):
 
 class EvaluationError(ClassifierError):
     """The trials do not allow the split that was asked for."""
-
-
-class ModelFileError(ClassifierError):
-    """A model file cannot be written, is not one, or does not fit."""

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the classifier says of a window, and the node's parameters, free of ROS.
+"""Answers on windows, facts of models and the node's parameters, free of ROS.
 
 The constants repeat those of Classification.msg; a test keeps them equal.
 """
@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from enum import IntEnum
-from typing import Any
 
-from tactile_features.config import FeatureConfig
 from tactile_features.records import (
     CONTACT_ABDUCTION,
     CONTACT_FLEXION,
@@ -45,7 +43,7 @@ UNKNOWN, NO_ANSWER = '(unknown)', '(no answer)'
 
 
 class Outcome(IntEnum):
-    """How the classification of one window ended."""
+    """Result of the classification of one window."""
 
     LABEL = 0
     UNKNOWN = 1
@@ -54,7 +52,7 @@ class Outcome(IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class ClassificationResult:
-    """What one model says of one window of features.
+    """The answer of one model on one window of features.
 
     Attributes
     ----------
@@ -103,29 +101,47 @@ class ClassificationResult:
     recalibration_trials: int = 0
 
 
-def _feature_parameter(name: str) -> Any:
-    """Return the field of that name in FeatureConfig, so that both nodes read one YAML."""
-    source = FeatureConfig.__dataclass_fields__[name]
-    return dataclasses.field(default=source.default, metadata=source.metadata)
+@dataclasses.dataclass(frozen=True)
+class ModelInfo:
+    """One model that a classifier node answers with; the fields are those of ModelInfo.msg."""
+
+    model_id: str
+    path: str
+    sha256: str
+    task: str
+    contact: str
+    labels: tuple[str, ...]
+    specification_digest: str
+    recalibration_trials: int
+    simulated: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelInfos:
+    """All models that a classifier node answers with.
+
+    Attributes
+    ----------
+    models : tuple of ModelInfo
+    refused : tuple of str
+        One sentence for each model file that cannot be used.
+    stamp_ns : int
+        Time of the configuration (ROS time) [ns].
+    """
+
+    models: tuple[ModelInfo, ...]
+    refused: tuple[str, ...] = ()
+    stamp_ns: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
 class ClassifierConfig:
-    """Which model, and which features the feature node sends.
+    """Parameters of the classifier node."""
 
-    The feature parameters must be those of the feature node: a model that was
-    trained on others is refused.
-    """
-
-    model: str = parameter('', 'path of the model file')
-    task: str = parameter(
-        'texture',
-        'what the model must have been trained for',
-        choices=TASKS,
-    )
+    models: str = parameter('', 'folder with model files (*.onnx), or one file; each answers')
     contact: str = parameter(
         '',
-        'classify windows of this contact only; empty: of any',
+        'take models and classify windows of this contact only; empty: of any',
         choices=('', *CONTACTS),
     )
     recalibration_trials: int = parameter(
@@ -139,28 +155,3 @@ class ClassifierConfig:
         False,
         'publish vision_msgs/Classification, too; that package must be installed',
     )
-    rate_hz: float = _feature_parameter('rate_hz')
-    texture_samples: int = _feature_parameter('texture_samples')
-    texture_crop_start_s: float = _feature_parameter('texture_crop_start_s')
-    texture_features: str = _feature_parameter('texture_features')
-    spectrum_detrend: str = _feature_parameter('spectrum_detrend')
-    spectrum_window: str = _feature_parameter('spectrum_window')
-    spatial_crop_m: float = _feature_parameter('spatial_crop_m')
-    spatial_length_m: float = _feature_parameter('spatial_length_m')
-    spatial_finest_m: float = _feature_parameter('spatial_finest_m')
-    stiffness_features: str = _feature_parameter('stiffness_features')
-    stiffness_settle_s: float = _feature_parameter('stiffness_settle_s')
-    stiffness_samples: int = _feature_parameter('stiffness_samples')
-    stiffness_crop_end_s: float = _feature_parameter('stiffness_crop_end_s')
-    max_gap_samples: int = _feature_parameter('max_gap_samples')
-
-    def feature_config(self) -> FeatureConfig:
-        """Return the feature node's configuration as far as a model depends on it."""
-        shared = FeatureConfig.__dataclass_fields__.keys() & self.__dataclass_fields__.keys()
-        values = {name: getattr(self, name) for name in shared}
-        # No model depends on the buffer, and this one allows every window.
-        return FeatureConfig(**values, buffer_s=600.0)
-
-    def takes_contact(self, contact: str) -> bool:
-        """Return whether a contact is the wanted one, or one of the two is not stated."""
-        return len({self.contact, contact} - {''}) < 2

@@ -191,6 +191,27 @@ class FeatureConfig(WindowParameters):
         return _bind(self, phase)
 
 
+@dataclass(frozen=True)
+class FeaturesNodeConfig(FeatureConfig):
+    """Parameters of the feature node: the model files that decide, and `FeatureConfig`."""
+
+    models: str = parameter(
+        '',
+        'folder with model files (*.onnx), or one file, whose features are computed; empty: the '
+        'parameters of this node decide',
+    )
+    contact: str = parameter(
+        '',
+        'take no models of another contact than this; empty: take those of any',
+        choices=('', CONTACT_FLEXION, CONTACT_ABDUCTION),
+    )
+
+    def shared(self) -> FeatureConfig:
+        """Return the parameters that windows depend on: all but ``models`` and ``contact``."""
+        names = (item.name for item in dataclasses.fields(FeatureConfig))
+        return FeatureConfig(**{name: getattr(self, name) for name in names})
+
+
 @lru_cache(maxsize=64)
 def _bind(config: FeatureConfig, phase: str) -> FeatureSet:
     parameter = CHOOSER[phase]

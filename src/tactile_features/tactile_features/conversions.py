@@ -11,10 +11,12 @@ in such a message, or is not known here.
 from __future__ import annotations
 
 import dataclasses
+import json
 from typing import Any
 
 import numpy as np
 
+from tactile_features.errors import FeatureError
 from tactile_features.message_checks import (
     check_block,
     check_event,
@@ -23,6 +25,7 @@ from tactile_features.message_checks import (
 )
 from tactile_features.records import FeatureWindow, Measure, Outcome, TrialEvent
 from tactile_features.slip import Slip, SlipConfig
+from tactile_features.spec import FeatureSpec, FeatureSpecifications, WantedFeatures
 from tactile_ros.errors import MessageError
 from tactile_ros.strain import StrainBlock, StrainStatus
 
@@ -119,6 +122,78 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
         ],
         **fields,
     )
+
+
+def specifications_to_msg(announced: FeatureSpecifications) -> Any:
+    """Return the ``tactile_msgs/FeatureSpecifications`` of a record."""
+    from std_msgs.msg import Header
+
+    from tactile_msgs.msg import FeatureSpecification
+    from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
+
+    def to_msg(wanted: WantedFeatures) -> Any:
+        spec = wanted.spec
+        return FeatureSpecification(
+            digest=spec.digest,
+            task=wanted.task,
+            feature_set=spec.feature_set,
+            version=spec.version,
+            rate_hz=spec.rate_hz,
+            sample_count=spec.sample_count,
+            names=list(spec.names),
+            units=list(spec.units),
+            parameter_names=list(spec.parameters),
+            parameter_values=[json.dumps(value) for value in spec.parameters.values()],
+            partial_samples=list(wanted.partial_samples),
+        )
+
+    return FeatureSpecificationsMsg(
+        header=Header(stamp=_stamp_to_msg(announced.stamp_ns)),
+        specifications=[to_msg(wanted) for wanted in announced.wanted],
+        config=json.dumps(dict(announced.config)),
+    )
+
+
+def specifications_from_msg(msg: Any) -> FeatureSpecifications:
+    """Return the record of a ``tactile_msgs/FeatureSpecifications``.
+
+    The digest of each specification must be that of its content.
+    """
+    config = _from_json('config', msg.config)
+    if not isinstance(config, dict):
+        raise MessageError('config is no JSON object of parameters by name')
+    wanted = tuple(_wanted_from_msg(entry) for entry in msg.specifications)
+    return FeatureSpecifications(wanted, config, _stamp_from_msg(msg.header.stamp))
+
+
+def _wanted_from_msg(msg: Any) -> WantedFeatures:
+    names, values = list(msg.parameter_names), list(msg.parameter_values)
+    if len(names) != len(values):
+        raise MessageError(
+            f'parameter_values has {len(values)} entries and parameter_names {len(names)}; '
+            'they must be as many'
+        )
+    fields = {field.name: getattr(msg, field.name, None) for field in dataclasses.fields(FeatureSpec)}
+    fields['parameters'] = {
+        name: _from_json(name, value) for name, value in zip(names, values, strict=True)
+    }
+    try:
+        spec = FeatureSpec.from_dict(fields)
+    except FeatureError as error:
+        raise MessageError(str(error)) from error
+    if spec.digest != msg.digest:
+        raise MessageError(
+            f'digest is {msg.digest}; that of the specification of {spec.feature_set} is '
+            f'{spec.digest}: one of them was changed'
+        )
+    return WantedFeatures(spec, tuple(int(count) for count in msg.partial_samples))
+
+
+def _from_json(field: str, text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise MessageError(f'{field} is not JSON: {error}') from error
 
 
 def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:

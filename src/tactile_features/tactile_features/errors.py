@@ -1,11 +1,15 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What goes wrong in this package."""
+"""Errors of this package."""
 
 
 class FeatureError(Exception):
     """Root of this package's exceptions."""
+
+
+class ModelFileError(FeatureError):
+    """A model file cannot be written, is not one, or does not fit."""
 
 
 class UndefinedFeatureError(FeatureError):

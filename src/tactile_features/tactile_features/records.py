@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What goes into the extractor and what comes out, free of ROS.
+"""Records that go into the extractor and come out of it, free of ROS.
 
 The constants repeat those of the messages in ``tactile_msgs``; a test keeps them equal.
 """
@@ -39,8 +39,13 @@ SET_TEXTURE_SPATIAL = 'texture_spatial'
 SET_STIFFNESS_REGRESSION = 'stiffness_regression'
 
 
+def contacts_agree(first: str, second: str) -> bool:
+    """Return whether two contacts are the same, or one of the two is not stated."""
+    return len({first, second} - {''}) < 2
+
+
 class Outcome(IntEnum):
-    """How the cutting of one window ended."""
+    """Result of the cutting of one window."""
 
     OK = 0
     GAP = 1

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a vector of features is: the one description that node and model file compare."""
+"""Specifications: all that decides a vector of features, as node and model file compare it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet
-from tactile_features.feature_sets.registry import CHOOSER, find_feature_set, PHASE_OF_TASK
+from tactile_features.feature_sets.registry import CHOOSER, find_feature_set, PHASE_OF_TASK, task_of
 
 _DIGEST_DIGITS = 16
 
@@ -126,6 +126,22 @@ class FeatureSpec:
                 values[name] = int(value) if name == 'max_gap_samples' else value
         return values
 
+    def bind(self, config: FeatureConfig) -> FeatureConfig:
+        """Return a configuration that yields these features.
+
+        Parameters
+        ----------
+        config : FeatureConfig
+            States all that this specification does not: limits, time-outs, and the cut of
+            ready-cut windows.
+
+        Raises
+        ------
+        FeatureError
+            When the features cannot be computed here, or not within the limits of ``config``.
+        """
+        raise NotImplementedError
+
     def mismatch(self, other: FeatureSpec) -> str:
         """Return why features of ``other`` must not be taken for these, or an empty string.
 
@@ -149,6 +165,50 @@ class FeatureSpec:
         if self.names != other.names or self.units != other.units:
             return 'the names or units of the features differ'
         return ''
+
+
+@dataclass(frozen=True)
+class WantedFeatures:
+    """One specification, and the partial windows of it that somebody wants.
+
+    Attributes
+    ----------
+    spec : FeatureSpec
+    partial_samples : tuple of int
+        Lengths of the partial windows, rising.
+    """
+
+    spec: FeatureSpec
+    partial_samples: tuple[int, ...] = ()
+
+    @property
+    def task(self) -> str:
+        """The task that its windows answer; empty: its feature set is not installed here."""
+        return task_of(self.spec.feature_set)
+
+
+@dataclass(frozen=True)
+class FeatureSpecifications:
+    """All specifications that a feature node computes, as it announces them.
+
+    Attributes
+    ----------
+    wanted : tuple of WantedFeatures
+        Distinct by digest.
+    config : mapping
+        Parameters of the node by name, as of `FeatureConfig`: what all windows share.
+    stamp_ns : int
+        Time of the configuration (ROS time) [ns].
+    """
+
+    wanted: tuple[WantedFeatures, ...]
+    config: Mapping[str, Any] = field(default_factory=dict)
+    stamp_ns: int = 0
+
+    @property
+    def specs(self) -> tuple[FeatureSpec, ...]:
+        """The specifications without their partial windows."""
+        return tuple(each.spec for each in self.wanted)
 
 
 def _plain(value: float | str) -> float | str:

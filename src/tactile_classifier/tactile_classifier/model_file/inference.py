@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.manifest import Manifest
-from tactile_classifier.model_file.onnx_container import open_container
+from tactile_features.onnx_container import open_container
 from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.records import ClassificationResult, Outcome
 from tactile_features.records import FeatureWindow

@@ -34,7 +34,7 @@ from tactile_classifier.model_file.inference import (
     SCORES,
     TactileModel,
 )
-from tactile_classifier.model_file.onnx_container import seal
+from tactile_features.onnx_container import seal
 from tactile_classifier.records import ROCKET
 from tactile_classifier.training.trainer import FittedStage, Trained
 

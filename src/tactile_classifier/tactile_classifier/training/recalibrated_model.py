@@ -23,7 +23,7 @@ from tactile_classifier.model_file.live_recalibration import (
     RECALIBRATED,
 )
 from tactile_classifier.model_file.manifest import Manifest
-from tactile_classifier.model_file.onnx_container import replace_manifest
+from tactile_features.onnx_container import replace_manifest
 from tactile_classifier.training.model_writer import replace_file
 
 

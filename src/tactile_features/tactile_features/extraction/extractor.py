@@ -9,6 +9,7 @@ The one implementation behind the live node, the replay of bags and training.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 import dataclasses
 
 import numpy as np
@@ -30,7 +31,7 @@ from tactile_features.records import (
     PHASES_STATED,
     TrialEvent,
 )
-from tactile_features.spec import array_spec, FeatureSpec, set_for
+from tactile_features.spec import array_spec, FeatureSpec, set_for, WantedFeatures
 from tactile_features.windows import SampleBuffer
 from tactile_ros.strain import StrainBlock
 
@@ -71,7 +72,9 @@ class TrialFeatureExtractor:
         What has come out, without the partial windows.
     """
 
-    def __init__(self, config: FeatureConfig) -> None:
+    def __init__(
+        self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()
+    ) -> None:
         self.config = config
         self.block_count = 0
         self.sample_count = 0

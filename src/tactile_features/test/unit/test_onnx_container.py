@@ -11,8 +11,8 @@ import onnx
 from onnx import helper, TensorProto
 
 from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file import onnx_container
-from tactile_classifier.model_file.onnx_container import (
+from tactile_features import onnx_container
+from tactile_features.onnx_container import (
     MAX_CARD_BYTES,
     open_container,
     replace_manifest,

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import hashlib
 
-from tactile_classifier.errors import ModelFileError
+from tactile_features.errors import ModelFileError
 
 MANIFEST_KEY = 'tactile_manifest'
 CARD_KEY = 'tactile_card'
