@@ -22,7 +22,8 @@ from tactile_bags.recorded_topics import MODELS, SPECIFICATIONS
 from tactile_classifier.records import ModelInfo
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
-from tactile_features.spec import FeatureSpec, WantedFeatures
+from tactile_features.feature_sets.registry import PHASE_OF_TASK
+from tactile_features.spec import FeatureSpec, spec_for, WantedFeatures
 from tactile_ros.errors import TactileError
 
 WRITTEN_IN = 'written_in'
@@ -43,6 +44,31 @@ class RecordedFeatures:
 
     config: FeatureConfig
     wanted: tuple[WantedFeatures, ...] = ()
+
+    @property
+    def specifications(self) -> tuple[FeatureSpec, ...]:
+        """The specifications of the windows."""
+        if self.wanted:
+            return tuple(each.spec for each in self.wanted)
+        return tuple(spec_for(task, self.config) for task in PHASE_OF_TASK)
+
+    def bound(self) -> FeatureConfig:
+        """Return parameters that yield the first recorded specification of each task.
+
+        Raises
+        ------
+        BagError
+            When one of them cannot be computed here.
+        """
+        config, tasks = self.config, set[str]()
+        try:
+            for each in self.wanted:
+                if each.task not in tasks:
+                    tasks.add(each.task)
+                    config = each.spec.bind(config)
+        except FeatureError as error:
+            raise BagError(f'its features cannot be computed here: {error}') from error
+        return config
 
     def without_parts(self) -> RecordedFeatures:
         """Return the same with full windows alone, and without measures."""

@@ -16,7 +16,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
@@ -28,6 +28,7 @@ from tactile_features.records import FeatureWindow
 from tactile_lab.watch.state import MOST_FINGERS, WatchState
 from tactile_msgs.msg import (
     Classification,
+    ModelInfos,
     Readiness,
     Slip,
     StrainBlock,
@@ -80,7 +81,13 @@ RECORDS: dict[type, dict[str, Any]] = {
 }
 """Kinds that come as records from nodes of this process."""
 
-MESSAGES = {TrialEvent: EVENTS, Readiness: LATEST, Slip: RESULTS, Tare: LATEST}
+MESSAGES = {
+    TrialEvent: EVENTS,
+    ModelInfos: LATEST,
+    Readiness: LATEST,
+    Slip: RESULTS,
+    Tare: LATEST,
+}
 """Kinds that come as messages only."""
 
 KINDS: dict[str, type] = {
@@ -139,7 +146,7 @@ class WatchNode(Node):  # type: ignore[misc]
             return
         for topic, types in self.get_topic_names_and_types():
             kind = next((KINDS[name] for name in types if name in KINDS), None)
-            if self._answers_only and kind not in (TrialEvent, Classification):
+            if self._answers_only and kind not in (TrialEvent, Classification, ModelInfos):
                 continue
             if kind is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
                 continue
@@ -217,6 +224,10 @@ class WatchNode(Node):  # type: ignore[misc]
         def take_tare(message: Tare) -> None:
             state.update(finger, lambda known: known.take_tare(message.is_set, message.bias_n))
 
+        def take_models(message: ModelInfos) -> None:
+            models = model_infos_from_msg(message).models
+            state.update(finger, lambda known: known.take_models(models))
+
         def take_window(window: FeatureWindow) -> None:
             state.update(finger, lambda known: known.take_window(window))
 
@@ -227,7 +238,8 @@ class WatchNode(Node):  # type: ignore[misc]
         takes: dict[type, Callable[[Any], None]] = {
             StrainBlock: lambda block: state.take_block(finger, block),
             TactileFeatures: take_window,
-            Classification: lambda answer: state.take_answer(finger, source, answer),
+            Classification: lambda answer: state.take_answer(finger, answer),
+            ModelInfos: take_models,
             TrialEvent: lambda message: state.take_event(finger, event_from_msg(message)),
             Readiness: take_readiness,
             Slip: take_slip,

@@ -121,7 +121,7 @@ def run_nodes(
                 )
             )
             if not quiet:
-                watched.state.on_answer = lambda *answer: output.say(answer_line(*answer))
+                watched.state.on_answer = lambda line: output.say(answer_line(line))
             say_address(watched, output)
         stack.enter_context(
             running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals)
