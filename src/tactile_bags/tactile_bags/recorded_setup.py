@@ -86,7 +86,8 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
     BagError
         When what the recording states cannot be used here.
     """
-    config, wanted = bag.metadata.get('feature_config') or {}, {}
+    config = bag.metadata.get('feature_config') or {}
+    wanted: dict[str, WantedFeatures] = {}
     for _, announced in read_records(bag.messages(SPECIFICATIONS, namespace=namespace)):
         config = announced.config
         for each in announced.wanted:

@@ -70,9 +70,7 @@ CLASSIFICATION_TOPIC = RecordedTopic(
 PARTIAL_CLASSIFICATION_TOPIC = RecordedTopic(
     'tactile_classifier/partial_classification', CLASSIFICATION, optional=True
 )
-MODELS_TOPIC = RecordedTopic(
-    'tactile_classifier/models', MODELS, latched=True, of_classifier=True
-)
+MODELS_TOPIC = RecordedTopic('tactile_classifier/models', MODELS, latched=True, of_classifier=True)
 
 FINGER_TOPICS = (
     STRAIN_TOPIC,

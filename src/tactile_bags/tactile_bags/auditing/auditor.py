@@ -12,14 +12,15 @@ from __future__ import annotations
 
 from collections import deque
 from pathlib import Path
+
 from tactile_bags.auditing.audit import Audit, make_audit
 from tactile_bags.auditing.host_clock import EVENT_DELAY_S, HostClock, SpanCounts, Unstepped
 from tactile_bags.auditing.stream_counts import SampleRun
 from tactile_bags.auditing.trial_counts import TrialCounts
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.message_records import read_records
-from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
 from tactile_bags.recorded_setup import nominal_rate_hz
+from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.strain import StrainBlock
 

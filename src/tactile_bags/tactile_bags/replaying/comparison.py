@@ -107,8 +107,9 @@ def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
 
 
 def _kind(result: Result) -> tuple[object, ...]:
-    is_window = isinstance(result, FeatureWindow)
-    return result.specification_digest if is_window else result.model_id, result.partial
+    if isinstance(result, FeatureWindow):
+        return 'windows', result.specification_digest, result.partial
+    return 'answers', result.model_id, result.partial
 
 
 def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResults:

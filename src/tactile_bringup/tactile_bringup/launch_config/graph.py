@@ -321,7 +321,7 @@ def recorder_node(
     It notes by itself that samples are ``simulated``; a recording from before samples said so
     needs to be told.
 
-    Without a ``rig`` that moves them, or without a ``classifier``, it does not wait for their topics.
+    It does not wait for the topics of a ``rig`` or of a ``classifier`` that is not there.
     """
     parameters = {
         'bag': str(bag),

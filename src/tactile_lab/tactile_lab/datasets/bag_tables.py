@@ -116,9 +116,7 @@ def name_table(key: Key, table: FeatureTable) -> str:
     return ', '.join(filter(None, (*key[:2], *more)))
 
 
-def _choose(
-    path: Path, recorded: RecordedFeatures, chosen: Mapping[str, Any]
-) -> RecordedFeatures:
+def _choose(path: Path, recorded: RecordedFeatures, chosen: Mapping[str, Any]) -> RecordedFeatures:
     # A table has features of full windows alone: measures would be made in vain.
     if not chosen:
         return recorded.without_parts()

@@ -107,9 +107,7 @@ class WatchState:
                 return
             finger.take_answer(answer)
             _, true_label = finger.last_answer() or (answer, '')
-            line = describe_line(
-                name, answer, true_label, names_model=finger.names_model(answer)
-            )
+            line = describe_line(name, answer, true_label, names_model=finger.names_model(answer))
             if not answer.partial:
                 self.say(line)
         if not answer.partial:

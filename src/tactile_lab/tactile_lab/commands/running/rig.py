@@ -52,9 +52,7 @@ def run_rig(request: RigRequest) -> None:
         if request.record:
             finger = request.namespace.strip('/')
             nodes.append(
-                recorder_node(
-                    request.record, namespaces=(finger,), classifier=models is not None
-                )
+                recorder_node(request.record, namespaces=(finger,), classifier=models is not None)
             )
         run_nodes(
             nodes,
