@@ -12,8 +12,7 @@ from chromium import Chromium, find_chromium
 import pytest
 from tactile_command import program
 
-from tactile_bringup.launch_config.graph import Ports, rig_graph
-from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bringup.launch_config.graph import ModelChoice, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
@@ -54,7 +53,7 @@ def rig(context, trained):
     """Return the simulated rig, its nodes and a live page beside it."""
     with ExitStack() as stack:
         simulated = stack.enter_context(SimulatedRig(seed=3))
-        models = find_models(trained)
+        models = ModelChoice.read(trained)
         home_fast(simulated)
         quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
         graph = rig_graph(Ports(*simulated.ports), models, quick, simulated=True)
