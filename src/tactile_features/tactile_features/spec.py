@@ -18,6 +18,7 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet
 from tactile_features.feature_sets.registry import CHOOSER, find_feature_set, PHASE_OF_TASK, task_of
+from tactile_features.records import PHASE_GLIDE
 
 _DIGEST_DIGITS = 16
 
@@ -126,22 +127,6 @@ class FeatureSpec:
                 values[name] = int(value) if name == 'max_gap_samples' else value
         return values
 
-    def bind(self, config: FeatureConfig) -> FeatureConfig:
-        """Return a configuration that yields these features.
-
-        Parameters
-        ----------
-        config : FeatureConfig
-            States all that this specification does not: limits, time-outs, and the cut of
-            ready-cut windows.
-
-        Raises
-        ------
-        FeatureError
-            When the features cannot be computed here, or not within the limits of ``config``.
-        """
-        raise NotImplementedError
-
     def mismatch(self, other: FeatureSpec) -> str:
         """Return why features of ``other`` must not be taken for these, or an empty string.
 
@@ -185,6 +170,47 @@ class WantedFeatures:
     def task(self) -> str:
         """The task that its windows answer; empty: its feature set is not installed here."""
         return task_of(self.spec.feature_set)
+
+    def bind(self, config: FeatureConfig) -> FeatureConfig:
+        """Return a configuration that yields these features.
+
+        Parameters
+        ----------
+        config : FeatureConfig
+            States the rest: limits, time-outs, and the parameters that the specification of
+            ready-cut windows misses.
+
+        Raises
+        ------
+        FeatureError
+            When these features cannot be computed here, or not within the limits of ``config``.
+        """
+        spec = self.spec
+        found = find_feature_set(spec.feature_set)
+        if found is None:
+            raise FeatureError(
+                f'the feature set "{spec.feature_set}" is not installed here: install the package '
+                'that the model was trained with'
+            )
+        if self.partial_samples and found.phase != PHASE_GLIDE:
+            raise FeatureError(f'{spec.feature_set} has no partial windows; a model wants some')
+        values = {**spec.config_values(), 'partial_samples': self.partial_samples}
+        try:
+            bound = dataclasses.replace(config, **values)
+        except TypeError as error:  # text in place of a number
+            raise FeatureError(
+                f'a parameter of the {spec.feature_set} features is of the wrong type: {error}'
+            ) from error
+        computed = spec_of(bound.feature_set(found.phase))
+        reason = spec.mismatch(computed)
+        if unknown := sorted(set(spec.parameters) - set(computed.parameters)):
+            reason = reason or f'the parameter {unknown[0]} is not known there'
+        if reason:
+            raise FeatureError(
+                f'the {spec.feature_set} features that are wanted are not those of this '
+                f'installation: {reason} (here: wanted, there: installed); train the model again'
+            )
+        return bound
 
 
 @dataclass(frozen=True)

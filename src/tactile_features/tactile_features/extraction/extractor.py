@@ -9,8 +9,9 @@ The one implementation behind the live node, the replay of bags and training.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import dataclasses
+import heapq
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +22,7 @@ from tactile_features.extraction.partial_window import PartialWindow
 from tactile_features.extraction.phase_window import describe_clock_step, PhaseWindow
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.phases.signal_phases import SignalPhases
+from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
@@ -31,7 +33,7 @@ from tactile_features.records import (
     PHASES_STATED,
     TrialEvent,
 )
-from tactile_features.spec import array_spec, FeatureSpec, set_for, WantedFeatures
+from tactile_features.spec import array_spec, FeatureSpec, set_for, spec_of, WantedFeatures
 from tactile_features.windows import SampleBuffer
 from tactile_ros.strain import StrainBlock
 
@@ -39,10 +41,101 @@ GRACE_S = 0.5
 """Longest time that a sample takes to arrive; only after it does a sample count as missing."""
 
 
-class TrialFeatureExtractor:
-    """Cuts one window out of every finished glide and hold phase.
+class _Lane:
+    """One specification that is computed: where its samples are, and what still fills.
 
-    With ``partial_samples`` the first parts of a texture window come as soon as their
+    Parameters
+    ----------
+    config : FeatureConfig
+        Yields the specification.
+    phase : str
+        The phase that holds its windows.
+    buffer : SampleBuffer
+        Samples under the gap policy of the specification.
+    """
+
+    def __init__(self, config: FeatureConfig, phase: str, buffer: SampleBuffer) -> None:
+        self.config = config
+        self.phase = phase
+        self.spec = spec_of(config.feature_set(phase))
+        self.buffer = buffer
+        self.filling: deque[PartialWindow] = deque()
+
+    @property
+    def partial_samples(self) -> tuple[int, ...]:
+        return self.config.partial_samples if self.phase == PHASE_GLIDE else ()
+
+    def begin(self, event: TrialEvent) -> None:
+        """Take in the start of a phase."""
+        if event.phase == self.phase:
+            self.filling.extend(
+                PartialWindow(event, count, self.config) for count in self.partial_samples
+            )
+
+
+@dataclasses.dataclass(eq=False)
+class _Waiting:
+    window: PhaseWindow
+    buffer: SampleBuffer
+    taken: FeatureWindow | None = None
+
+
+class _FinishedPhase:
+    """The windows of one finished phase, one a specification.
+
+    Each is taken as soon as its samples allow, as if it were alone, and given out in the order
+    of the specifications.
+    """
+
+    def __init__(
+        self,
+        begun: TrialEvent,
+        end: TrialEvent,
+        before: TrialEvent | None,
+        lanes: Sequence[_Lane],
+        *,
+        is_past: bool,
+    ) -> None:
+        self.end = end
+        self.is_past = is_past
+        self._waiting = deque(
+            _Waiting(PhaseWindow(begun, end, lane.config, before), lane.buffer)
+            for lane in lanes
+            if lane.phase == begun.phase
+        )
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all of its windows were given out."""
+        return not self._waiting
+
+    def take(self, mark: Callable[[FeatureWindow], FeatureWindow]) -> list[FeatureWindow]:
+        """Return the next windows that are complete."""
+        for each in self._waiting:
+            if each.taken is None and (window := each.window.take(each.buffer)) is not None:
+                each.taken = mark(window)
+        given = []
+        while self._waiting and (first := self._waiting[0].taken) is not None:
+            given.append(first)
+            self._waiting.popleft()
+        return given
+
+    def end_with(self, refuse: Callable[[PhaseWindow], FeatureWindow]) -> list[FeatureWindow]:
+        """Return all windows that were not given out; what still waits for samples is refused."""
+        given = [each.taken or refuse(each.window) for each in self._waiting]
+        self._waiting.clear()
+        return given
+
+
+class TrialFeatureExtractor:
+    """Cuts windows out of every finished glide and hold phase, one a specification.
+
+    With ``wanted``, the windows of a phase are those of the specifications wanted for it. A phase
+    that none is wanted for has one window, by the parameters in ``config``. The
+    windows of one specification are the same, in the same order and bit for bit, whatever else
+    is wanted; of one phase they come in the order of the specifications.
+
+    With partial samples the first parts of a texture window come as soon as their
     samples are there, marked as partial, and before the window itself.
 
     With ``phases`` other than ``stated`` the events are found in the tension, and those
@@ -63,33 +156,93 @@ class TrialFeatureExtractor:
     Parameters
     ----------
     config : FeatureConfig
+        What all windows share, and what the wanted specifications do not state.
+    wanted : sequence of WantedFeatures
+        The features to compute; none: by ``config`` alone.
 
     Attributes
     ----------
+    config : FeatureConfig
+        Its ``rate_hz`` is that of the wanted specifications, where these have one in common.
+    wanted : tuple of WantedFeatures
+        All specifications that are computed, distinct and complete, with their partial windows.
+    specifications : tuple of FeatureSpec
+        The same without partial windows.
     block_count, sample_count, event_count : int
         What has come in.
     window_counts : dict of Outcome to int
         What has come out, without the partial windows.
+
+    Raises
+    ------
+    FeatureError
+        When wanted features cannot be computed.
     """
 
     def __init__(
         self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()
     ) -> None:
+        rates_hz = {each.spec.rate_hz for each in wanted}
+        if len(rates_hz) == 1:
+            config = dataclasses.replace(config, rate_hz=rates_hz.pop())
         self.config = config
         self.block_count = 0
         self.sample_count = 0
         self.event_count = 0
         self.window_counts = dict.fromkeys(Outcome, 0)
         self._buffer_ns = round(config.buffer_s * 1e9)
-        # Twice the nominal rate: a stream that is too fast is told so, not cut off.
-        capacity = round(2 * config.buffer_s * config.rate_hz)
-        self._buffer = SampleBuffer(self._buffer_ns, capacity, config.max_gap_samples)
+        self._buffers: dict[tuple[int, int], SampleBuffer] = {}
+        self._lanes = self._make_lanes(wanted)
+        # Phases in the signal do not depend on what is wanted.
+        is_stated = config.phases == PHASES_STATED
+        self._buffer = self._lanes[0].buffer if is_stated else self._buffer_for(config)
         self._event: TrialEvent | None = None
         self._before: TrialEvent | None = None
-        self._waiting: deque[PhaseWindow] = deque()
-        self._filling: deque[PartialWindow] = deque()
-        self._signal = None if config.phases == PHASES_STATED else SignalPhases(config)
+        self._waiting: deque[_FinishedPhase] = deque()
+        self._signal = None if is_stated else SignalPhases(config)
         self._detected: list[TrialEvent] = []
+
+    def _make_lanes(self, wanted: Sequence[WantedFeatures]) -> tuple[_Lane, ...]:
+        """Return a lane for each distinct specification, and one for a phase without any."""
+        bound: dict[str, tuple[str, FeatureConfig]] = {}
+
+        def add(phase: str, config: FeatureConfig) -> None:
+            digest = spec_of(config.feature_set(phase)).digest
+            known = bound[digest][1].partial_samples if digest in bound else ()
+            counts = tuple(sorted({*known, *config.partial_samples}))
+            bound[digest] = phase, dataclasses.replace(config, partial_samples=counts)
+
+        for each in wanted:
+            config = each.bind(self.config)
+            found = find_feature_set(each.spec.feature_set)
+            if found is not None:
+                add(found.phase, config)
+        for phase in (PHASE_GLIDE, PHASE_HOLD):
+            own = spec_of(self.config.feature_set(phase)).digest
+            if own in bound or phase not in {of_phase for of_phase, _ in bound.values()}:
+                add(phase, self.config)
+        return tuple(
+            _Lane(config, phase, self._buffer_for(config)) for phase, config in bound.values()
+        )
+
+    def _buffer_for(self, config: FeatureConfig) -> SampleBuffer:
+        """Return the buffer of all who fill gaps alike."""
+        # Twice the nominal rate: a stream that is too fast is told so, not cut off.
+        capacity = round(2 * config.buffer_s * config.rate_hz)
+        key = capacity, config.max_gap_samples
+        if key not in self._buffers:
+            self._buffers[key] = SampleBuffer(self._buffer_ns, *key)
+        return self._buffers[key]
+
+    @property
+    def specifications(self) -> tuple[FeatureSpec, ...]:
+        """All specifications that are computed."""
+        return tuple(lane.spec for lane in self._lanes)
+
+    @property
+    def wanted(self) -> tuple[WantedFeatures, ...]:
+        """All specifications that are computed, with their partial windows."""
+        return tuple(WantedFeatures(lane.spec, lane.partial_samples) for lane in self._lanes)
 
     @property
     def late_sample_count(self) -> int:
@@ -105,7 +258,8 @@ class TrialFeatureExtractor:
         """Take in samples; return the windows that are now complete, in order of phases."""
         self.block_count += 1
         self.sample_count += len(block.tension_n)
-        is_set_back = self._buffer.add(block)
+        for buffer in self._buffers.values():
+            is_set_back = buffer.add(block)  # by stamps and numbers: all say the same
         step_ns = self._buffer.new_step_ns
         windows = []
         if self._signal and (is_set_back or step_ns):
@@ -121,7 +275,8 @@ class TrialFeatureExtractor:
                 windows += self._take_event(event)
         windows += self._take_partial()
         windows += self._take_complete()
-        self._buffer.evict()
+        for buffer in self._buffers.values():
+            buffer.evict()
         return windows
 
     def add_event(self, event: TrialEvent, *, is_past: bool = False) -> list[FeatureWindow]:
@@ -152,12 +307,11 @@ class TrialFeatureExtractor:
             if same_trial and begun.phase in (PHASE_GLIDE, PHASE_HOLD):
                 same = before is not None and before.trial_id == begun.trial_id
                 before = before if same else None
-                window = PhaseWindow(begun, event, self.config, before, is_past=is_past)
-                self._waiting.append(window)
-        if begun != event and event.phase == PHASE_GLIDE:
-            self._filling.extend(
-                PartialWindow(event, count, self.config) for count in self.config.partial_samples
-            )
+                phase = _FinishedPhase(begun, event, before, self._lanes, is_past=is_past)
+                self._waiting.append(phase)
+        if begun != event:
+            for lane in self._lanes:
+                lane.begin(event)
         return self._take_partial() + self._take_complete()
 
     @property
@@ -166,8 +320,8 @@ class TrialFeatureExtractor:
         return self._waiting[0].end.stamp_ns if self._waiting else None
 
     def time_out(self) -> list[FeatureWindow]:
-        """Refuse the oldest window that waits: its samples have not come in time."""
-        return self._end_oldest(self._waiting[0].time_out()) if self._waiting else []
+        """Refuse the oldest windows that wait: their samples have not come in time."""
+        return self._end_oldest(PhaseWindow.time_out) if self._waiting else []
 
     def pass_time(self, now_ns: int) -> list[FeatureWindow]:
         """Refuse the windows whose samples have not come in time, when the last data came.
@@ -188,35 +342,49 @@ class TrialFeatureExtractor:
         return self._give_up(Outcome.GAP, 'the stream ended before all samples had come')
 
     def _take_partial(self) -> list[FeatureWindow]:
+        lanes = [self._take_filled(lane) for lane in self._lanes if lane.filling]
+        if len(lanes) < 2:
+            return lanes[0] if lanes else []
+        # In the order in which the last samples came, however they are grouped.
+        return list(heapq.merge(*lanes, key=lambda window: window.window_end_ns))
+
+    def _take_filled(self, lane: _Lane) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
-        while self._filling:
-            window = self._filling[0].take(self._buffer)
+        while lane.filling:
+            window = lane.filling[0].take(lane.buffer)
             if window is not None:
                 windows.append(self._mark(window))
-            elif not self._is_overdue(self._filling[0]):
+            elif not self._is_overdue(lane.filling[0].end):
                 break
-            self._filling.popleft()
+            lane.filling.popleft()
         return windows
 
     def _take_complete(self) -> list[FeatureWindow]:
         windows: list[FeatureWindow] = []
         while self._waiting:
             # Only the oldest phase may go, so that the order does not depend on arrival.
-            window = self._waiting[0].take(self._buffer)
-            if window is None and self._is_overdue(self._waiting[0]):
-                window = self._waiting[0].time_out()
-            if window is None:
+            phase = self._waiting[0]
+            windows += self._count(phase, phase.take(self._mark))
+            if phase.is_over:
+                self._waiting.popleft()
+            elif self._is_overdue(phase.end):
+                windows += self.time_out()
+            else:
                 break
-            windows += self._end_oldest(window)
         return windows
 
-    def _end_oldest(self, window: FeatureWindow) -> list[FeatureWindow]:
-        is_past = self._waiting.popleft().is_past
-        return [] if is_past and window.outcome != Outcome.OK else self._count(window)
+    def _end_oldest(self, refuse: Callable[[PhaseWindow], FeatureWindow]) -> list[FeatureWindow]:
+        phase = self._waiting.popleft()
+        return self._count(phase, phase.end_with(lambda window: self._mark(refuse(window))))
 
-    def _count(self, window: FeatureWindow) -> list[FeatureWindow]:
-        self.window_counts[window.outcome] += 1
-        return [self._mark(window)]
+    def _count(
+        self, phase: _FinishedPhase, windows: Sequence[FeatureWindow]
+    ) -> list[FeatureWindow]:
+        """Return the windows that are given out: nobody is told of a past one without samples."""
+        given = [w for w in windows if w.outcome == Outcome.OK or not phase.is_past]
+        for window in given:
+            self.window_counts[window.outcome] += 1
+        return given
 
     def _mark(self, window: FeatureWindow) -> FeatureWindow:
         """Return a window without samples as simulated where the newest sample is."""
@@ -224,9 +392,9 @@ class TrialFeatureExtractor:
             return window
         return dataclasses.replace(window, simulated=True)
 
-    def _is_overdue(self, waiting: PhaseWindow) -> bool:
+    def _is_overdue(self, end: TrialEvent) -> bool:
         event = self._event
-        return event is not None and event.stamp_ns - waiting.end.stamp_ns > self._buffer_ns
+        return event is not None and event.stamp_ns - end.stamp_ns > self._buffer_ns
 
     def _forget_past(self, step_ns: int) -> list[FeatureWindow]:
         """Refuse what waits when the clock is set back, and the phase that it falls into."""
@@ -237,15 +405,17 @@ class TrialFeatureExtractor:
         if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
             self._event = None  # its end would be on another clock
             reason = describe_clock_step(step_ns, event.phase)
-            window = PhaseWindow(event, event, self.config).refuse(Outcome.BAD_TIME, reason)
-            windows += self._count(window)
+            phase = _FinishedPhase(event, event, None, self._lanes, is_past=False)
+            self._waiting.append(phase)
+            windows += self._end_oldest(lambda window: window.refuse(Outcome.BAD_TIME, reason))
         return windows
 
     def _give_up(self, outcome: Outcome, reason: str) -> list[FeatureWindow]:
-        self._filling.clear()
+        for lane in self._lanes:
+            lane.filling.clear()
         windows: list[FeatureWindow] = []
         while self._waiting:
-            windows += self._end_oldest(self._waiting[0].refuse(outcome, reason))
+            windows += self._end_oldest(lambda window: window.refuse(outcome, reason))
         return windows
 
 

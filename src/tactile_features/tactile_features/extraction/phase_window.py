@@ -90,8 +90,6 @@ class PhaseWindow:
     config : FeatureConfig
     before : TrialEvent, optional
         The trial's event before the phase's.
-    is_past : bool
-        Whether it ended before anybody listened: nobody is told if its samples do not come.
     """
 
     def __init__(
@@ -100,11 +98,8 @@ class PhaseWindow:
         end: TrialEvent,
         config: FeatureConfig,
         before: TrialEvent | None = None,
-        *,
-        is_past: bool = False,
     ) -> None:
         self.start = start
-        self.is_past = is_past
         self._before = before
         self.end = end
         self._config = config

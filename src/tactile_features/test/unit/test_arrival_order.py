@@ -12,7 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 
-from tactile_features import FeatureConfig, Outcome, TrialEvent, TrialFeatureExtractor
+from tactile_features import (
+    FeatureConfig,
+    Outcome,
+    spec_for,
+    TrialEvent,
+    TrialFeatureExtractor,
+    WantedFeatures,
+)
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 S = 1_000_000_000
@@ -140,15 +147,27 @@ def group(samples, is_end_of_block):
     return blocks
 
 
-def extract(config, inputs):
+def extract(config, inputs, wanted=()):
     """The windows of finished phases, and those that came while a glide went on."""
-    extractor = TrialFeatureExtractor(config)
+    extractor = TrialFeatureExtractor(config, wanted)
     windows = []
     for item in inputs:
         add = extractor.add_block if isinstance(item, StrainBlock) else extractor.add_event
         windows += add(item)
     windows += extractor.finish()
     return [w for w in windows if not w.partial], [w for w in windows if w.partial]
+
+
+def mix(random, blocks, events):
+    """Both in their order, interleaved at random."""
+    queues = [list(reversed(blocks)), list(reversed(events))]
+    mixed = []
+    while any(queues):
+        bias = random.choice([1, 5, 20])
+        queue = queues[random.choices([0, 1], [bias, 1])[0]]
+        if queue:
+            mixed.append(queue.pop())
+    return mixed
 
 
 outcomes: Counter[Outcome] = Counter()
@@ -172,14 +191,7 @@ def check_interleaving_and_grouping(config, seed):
     blocks = group(samples, lambda: random.random() < chance)
     assert extract(config, [*blocks, *events]) == expected
 
-    queues = [list(reversed(blocks)), list(reversed(events))]
-    mixed = []
-    while any(queues):
-        bias = random.choice([1, 5, 20])
-        queue = queues[random.choices([0, 1], [bias, 1])[0]]
-        if queue:
-            mixed.append(queue.pop())
-    assert extract(config, mixed) == expected
+    assert extract(config, mix(random, blocks, events)) == expected
     outcomes.update(w.outcome for w in expected[0])
     partial_outcomes.update(w.outcome for w in expected[1])
 
@@ -191,3 +203,77 @@ def test_any_interleaving_and_grouping_gives_the_same_bits():
     assert set(outcomes) == set(Outcome), f'the examples did not meet every outcome: {outcomes}'
     expected_partial = {Outcome.OK, Outcome.GAP, Outcome.BAD_SIGNAL, Outcome.BAD_TIME}
     assert set(partial_outcomes) == expected_partial, partial_outcomes
+
+
+GLIDES = ('texture_spectrum', 'texture_spectrum', 'glide_waveform', 'texture_spatial')
+HOLDS = ('stiffness_regression', 'stiffness_relaxation', 'hold_waveform')
+
+
+@st.composite
+def wanted_features(draw):
+    """Several specifications, of which some differ in one parameter alone."""
+    wanted = []
+    for _ in range(draw(st.integers(2, 5))):
+        texture_samples = draw(st.sampled_from([10, 45, 60]))
+        glide = draw(st.sampled_from(GLIDES))
+        config = FeatureConfig(
+            rate_hz=draw(st.sampled_from([20.0, 20.0, 20.0, 25.0])),
+            texture_features=glide,
+            texture_samples=texture_samples,
+            texture_crop_start_s=draw(st.sampled_from([0.0, 0.2])),
+            stiffness_features=draw(st.sampled_from(HOLDS)),
+            stiffness_settle_s=draw(st.sampled_from([0.0, 0.2])),
+            stiffness_samples=draw(st.sampled_from([9, 30])),
+            max_gap_samples=draw(st.sampled_from([0, 1, 2, 4])),
+        )
+        task = draw(st.sampled_from(['texture', 'texture', 'stiffness']))
+        has_parts = task == 'texture' and glide == 'texture_spectrum'
+        counts = [30, 40][: (texture_samples > 30) * draw(st.integers(0, 2))] if has_parts else []
+        wanted.append(WantedFeatures(spec_for(task, config), tuple(counts)))
+    return wanted
+
+
+def of_digest(windows, digest):
+    return [w for w in windows if w.specification_digest == digest]
+
+
+shared: Counter[tuple[bool, Outcome]] = Counter()
+
+
+@settings(max_examples=100, deadline=None)
+@given(configs(), wanted_features(), st.integers(0, 2**32 - 1))
+def check_each_specification_is_as_if_alone(config, wanted, seed):
+    random = Random(seed)
+    samples, events = make_stream(random), make_events(random)
+    chance = random.choice([0.0, 0.1, 0.5])
+    blocks = group(samples, lambda: random.random() < chance)
+    together = extract(config, mix(random, blocks, events), wanted)
+    assert together[0] == extract(config, [*events, *blocks], wanted)[0]
+    extractor = TrialFeatureExtractor(config, wanted)
+    assert {spec.digest for spec in extractor.specifications} >= {w.spec.digest for w in wanted}
+    alone_inputs = mix(random, group(samples, lambda: random.random() < 0.3), events)
+    for each in extractor.wanted:
+        if each.spec.digest not in {w.spec.digest for w in wanted}:
+            continue
+        alone = extract(config, alone_inputs, [each])
+        for mine, of_alone in zip(together, alone, strict=True):
+            found = of_digest(mine, each.spec.digest)
+            assert found == of_digest(of_alone, each.spec.digest)
+            shared.update((w.partial, w.outcome) for w in found)
+
+
+def test_each_of_several_specifications_gives_the_bits_that_it_gives_alone():
+    shared.clear()
+    check_each_specification_is_as_if_alone()
+    assert {outcome for partial, outcome in shared if not partial} == set(Outcome), shared
+    assert {outcome for partial, outcome in shared if partial} >= {Outcome.OK, Outcome.GAP}, shared
+
+
+@settings(max_examples=50, deadline=None)
+@given(configs(), st.integers(0, 2**32 - 1))
+def test_own_features_wanted_by_name_are_those_without_anything_wanted(config, seed):
+    random = Random(seed)
+    inputs = mix(random, group(make_stream(random), lambda: True), make_events(random))
+    own = TrialFeatureExtractor(config).wanted
+    assert [w.spec for w in own] == [spec_for(task, config) for task in ('texture', 'stiffness')]
+    assert extract(config, inputs, own) == extract(config, inputs)

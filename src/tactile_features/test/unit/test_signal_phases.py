@@ -16,8 +16,10 @@ from tactile_features import (
     FeatureError,
     find_phases,
     Outcome,
+    spec_for,
     TrialEvent,
     TrialFeatureExtractor,
+    WantedFeatures,
 )
 from tactile_features.phases.signal_phases import SignalPhases
 from tactile_ros.strain import StrainBlock, StrainStatus
@@ -194,8 +196,8 @@ def blocks_of(tension_n, random, period_ns=16_666_667):
     return made
 
 
-def run(config, blocks):
-    extractor = TrialFeatureExtractor(config)
+def run(config, blocks, wanted=()):
+    extractor = TrialFeatureExtractor(config, wanted)
     windows, events = [], []
     for block in blocks:
         windows += extractor.add_block(block)
@@ -211,6 +213,40 @@ def test_any_grouping_gives_the_same_bits(seed, config):
     expected = run(config, blocks_of(tension_n, Random(0)))
     assert run(config, blocks_of(tension_n, random)) == expected
     assert len(expected[0]) == 2
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([STIFFNESS, TEXTURE]), st.booleans())
+def test_phases_found_for_several_specifications_are_those_found_for_one(seed, config, is_lossy):
+    random = Random(seed)
+    tension_n = np.concatenate([pull(seed=seed + n) for n in range(2)])
+    blocks = [
+        block
+        for block in blocks_of(tension_n, random)
+        if not is_lossy or len(block.tension_n) > 1 or random.random() > 0.02
+    ]
+    task = config.phases
+    wanted = [
+        WantedFeatures(spec_for(task, FeatureConfig(**changes)), counts)
+        for changes, counts in (
+            ({'max_gap_samples': 2}, ()),
+            ({'texture_samples': 90, 'stiffness_settle_s': 0.2, 'max_gap_samples': 1}, ()),
+            ({}, (60,) if task == 'texture' else ()),
+        )
+    ]
+    windows, partial, events = run(config, blocks, wanted)
+    found = sum(event.phase == ('glide' if task == 'texture' else 'hold') for event in events)
+    assert found == 2 or is_lossy
+    for each in wanted:
+        alone = run(config, blocks, [each])
+        assert alone[2] == events
+        for mine, of_alone in zip((windows, partial), alone, strict=False):
+            of_digest = [w for w in mine if w.specification_digest == each.spec.digest]
+            assert of_digest == [
+                w for w in of_alone if w.specification_digest == each.spec.digest
+            ]
+            lengths = 1 if mine is windows else len(each.partial_samples)
+            assert len(of_digest) == found * lengths
 
 
 def test_features_are_those_of_the_same_events_stated():
