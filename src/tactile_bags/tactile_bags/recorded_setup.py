@@ -65,7 +65,7 @@ class RecordedFeatures:
             for each in self.wanted:
                 if each.task not in tasks:
                     tasks.add(each.task)
-                    config = each.spec.bind(config)
+                    config = each.bind(config)
         except FeatureError as error:
             raise BagError(f'its features cannot be computed here: {error}') from error
         return config

@@ -32,9 +32,7 @@ def generate_test_description():
     model = trained_model(folder, 'stiffness')
     bag = simulated_bag(folder / 'played', 'stiffness')
     with TactileBag(bag) as recording:
-        core = replay_through_core(
-            recording, ModelSet.load(model), recorded_features(recording)
-        )
+        core = replay_through_core(recording, ModelSet.load(model), recorded_features(recording))
     description = launched('replay', bag=str(bag), models=str(model), rate='8', log_level='warn')
     return description, {'expected': core.classifications}
 

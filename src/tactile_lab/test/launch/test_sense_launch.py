@@ -62,7 +62,9 @@ class TestPress(unittest.TestCase):
             )
             motion = [
                 node
-                for node in rig_graph(Ports(*rig.ports), None, {}, simulated=True, namespace='index')
+                for node in rig_graph(
+                    Ports(*rig.ports), None, {}, simulated=True, namespace='index'
+                )
                 if node.name in ('linear_guide', 'tendon_actuator', 'trial_runner')
             ]
             operator = OperatorNode(ear.context, namespace='index')

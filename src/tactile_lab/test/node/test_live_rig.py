@@ -120,7 +120,10 @@ def test_stiffness_trial_is_felt_and_named(rig, context, trained):
 
 def test_a_rig_feels_a_force_that_another_node_publishes(rig, context, trained):
     topic = '/hand/tendon_sensor/wrench:norm'
-    with running_rig(rig, context, ModelChoice.read(trained), sensor_topic=topic) as (operator, *_):
+    with running_rig(rig, context, ModelChoice.read(trained), sensor_topic=topic) as (
+        operator,
+        *_,
+    ):
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
         operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'first'))

@@ -20,8 +20,8 @@ from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.commands.replay import replay_and_compare
+from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.reread import read_partial_tables
 from tactile_ros.errors import TactileError
