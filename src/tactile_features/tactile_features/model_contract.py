@@ -1,16 +1,42 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The part of a model file that features need: task, contact, specification, partial windows."""
+"""The part of a model file that features need: task, contact, specification, partial windows.
+
+Reading it takes no `onnx` and no scikit-learn. `tactile_classifier` reads the rest.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
+import json
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from tactile_features.spec import WantedFeatures
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError, ModelFileError
+from tactile_features.feature_sets.registry import task_of
+from tactile_features.onnx_container import open_container
+from tactile_features.records import CONTACT_ABDUCTION, CONTACT_FLEXION, contacts_agree
+from tactile_features.spec import FeatureSpec, WantedFeatures
+
+FORMAT_VERSION = 6
+"""Of the manifest in a model file; others are refused."""
+
+DIGEST = 'specification_digest'
+"""Entry of a manifest: the digest of its specification."""
+
+MAX_MODEL_BYTES = 64 * 2**20
+"""Larger files are not read [byte]."""
+
+LONGEST_BUFFER_S = 600.0
+"""A buffer in which every window fits that a feature node can compute [s]."""
+
+MOST_NAMED = 5
+"""Refused files that one error names; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -23,12 +49,53 @@ class ModelContract:
     task, contact : str
         ``contact`` is empty for a model of any.
     wanted : WantedFeatures
+        ``partial_samples`` are the lengths of the partial windows that the model answers.
     """
 
     path: Path
     task: str
     contact: str
     wanted: WantedFeatures
+
+
+@dataclass(frozen=True)
+class FeaturePlan:
+    """The features that a node computes for model files.
+
+    Attributes
+    ----------
+    wanted : tuple of WantedFeatures
+    refused : tuple of str
+        One sentence for each file that cannot be used.
+    overruled : tuple of str
+        Parameters that the models decide otherwise than the node's, as ``name 90 (not 180)``.
+    """
+
+    wanted: tuple[WantedFeatures, ...] = ()
+    refused: tuple[str, ...] = ()
+    overruled: tuple[str, ...] = ()
+
+
+def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') -> FeaturePlan:
+    """Return the features that model files need of a node; none are needed without ``models``.
+
+    Raises
+    ------
+    ModelFileError
+        When no file is usable.
+    """
+    if not str(models):
+        return FeaturePlan()
+
+    def load(path: Path) -> ModelContract:
+        contract = read_contract(path)
+        with refusals_of(path):
+            _bind(contract.wanted, config)
+        return contract
+
+    contracts, refused = load_usable(models, contact, load)
+    wanted = tuple(contract.wanted for contract in contracts)
+    return FeaturePlan(wanted, tuple(refused), _find_overruled(config, wanted))
 
 
 def read_contracts(
@@ -48,4 +115,214 @@ def read_contracts(
     ModelFileError
         When no file is usable.
     """
-    raise NotImplementedError
+    return load_usable(models, contact, read_contract)
+
+
+def read_contract(path: Path) -> ModelContract:
+    """Return the contract of a model file.
+
+    Raises
+    ------
+    ModelFileError
+        When the file is no model, or its features cannot be computed here.
+    """
+    with refusals_of(path):
+        fields = parse_manifest(open_container(read_limited(path))[0])
+        wanted = parse_wanted(fields)
+        _bind(wanted, FeatureConfig(buffer_s=LONGEST_BUFFER_S))
+        return ModelContract(path, fields['task'], fields['contact'], wanted)
+
+
+def parse_manifest(text: str) -> dict[str, Any]:
+    """Return the entries of a manifest of this format, not yet checked.
+
+    Raises
+    ------
+    ModelFileError
+        When the text is no manifest, or one of another format.
+    """
+    try:
+        fields = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ModelFileError(f'its manifest is not JSON: {error}') from error
+    version = fields.pop('format_version', None) if isinstance(fields, dict) else None
+    if version != FORMAT_VERSION:
+        raise ModelFileError(
+            f'it has format version {version}, this software reads {FORMAT_VERSION}: '
+            'train the model again'
+        )
+    return dict(fields)
+
+
+def parse_wanted(fields: Mapping[str, Any]) -> WantedFeatures:
+    """Return the features that the entries of a manifest ask for; check task and contact.
+
+    Raises
+    ------
+    ModelFileError
+        When an entry is missing or wrong; names it.
+    """
+    for name, expected in (
+        ('task', str),
+        ('contact', str),
+        ('spec', dict),
+        (DIGEST, str),
+        ('stages', list),
+    ):
+        if type(fields.get(name)) is not expected:
+            raise ModelFileError(f'its manifest has no valid entry "{name}"')
+    try:
+        spec = FeatureSpec.from_dict(fields['spec'])
+    except FeatureError as error:
+        raise ModelFileError(f'its manifest is damaged: {error}') from error
+    if fields[DIGEST] != spec.digest:
+        raise ModelFileError(
+            f'its {DIGEST} is not that of its feature specification: one of them was changed'
+        )
+    counts = _read_counts(fields['stages'])
+    _check_contract(fields['task'], fields['contact'], spec, counts)
+    return WantedFeatures(spec, counts[1:])
+
+
+def _read_counts(stages: Sequence[Any]) -> tuple[int, ...]:
+    counts = [stage.get('sample_count') if isinstance(stage, dict) else None for stage in stages]
+    if not all(type(count) is int for count in counts):
+        raise ModelFileError('its manifest has no valid entry "stages"')
+    return tuple(counts)
+
+
+def _check_contract(task: str, contact: str, spec: FeatureSpec, counts: tuple[int, ...]) -> None:
+    of_set = task_of(spec.feature_set)
+    if not of_set:
+        raise ModelFileError(
+            f'its feature set "{spec.feature_set}" is not installed here: install the '
+            'package that it was trained with'
+        )
+    if of_set != task:
+        raise ModelFileError(
+            f'its task "{task}" does not go with its feature set "{spec.feature_set}"'
+        )
+    contacts = ('', CONTACT_FLEXION, CONTACT_ABDUCTION)
+    if contact not in contacts:
+        raise ModelFileError(
+            f'its contact is "{contact}"; it must be {" or ".join(contacts[1:])}, or empty'
+        )
+    whole = spec.sample_count
+    rises = all(a < b for a, b in pairwise(counts)) and max(counts[1:], default=-1) < whole
+    if counts[:1] != (0,) or not rises:
+        raise ModelFileError(
+            f'its stages have {list(counts)} samples; they must be 0, for the full window, and '
+            f'then rise to fewer than {whole}'
+        )
+
+
+class _OfContact(Protocol):
+    @property
+    def contact(self) -> str: ...
+
+
+_Loaded = TypeVar('_Loaded', bound=_OfContact)
+
+
+def load_usable(
+    models: str | Path, contact: str, load: Callable[[Path], _Loaded]
+) -> tuple[list[_Loaded], list[str]]:
+    """Return what ``load`` makes of each model file, and one sentence for each that it refuses.
+
+    Parameters
+    ----------
+    models : str or Path
+        A folder with ``*.onnx`` files, or one file.
+    contact : str
+        Leave out models of another contact; empty: of none.
+    load : callable
+        Raises `ModelFileError` for a file that it refuses.
+
+    Raises
+    ------
+    ModelFileError
+        When no file is usable.
+    """
+    loaded: list[_Loaded] = []
+    refused: list[str] = []
+    others: set[str] = set()
+    for path in _list_files(models):
+        try:
+            model = load(path)
+        except ModelFileError as error:
+            refused.append(str(error))
+            continue
+        if contacts_agree(contact, model.contact):
+            loaded.append(model)
+        else:
+            others.add(model.contact)
+    if not loaded and others:
+        refused.insert(
+            0,
+            f'the models in {models} are for {" and ".join(sorted(others))}, the parameter '
+            f'contact is {contact}: change it, or train a model for {contact}',
+        )
+    if not loaded:
+        more = f'; and {len(refused) - MOST_NAMED} more' * (len(refused) > MOST_NAMED)
+        raise ModelFileError('; '.join(refused[:MOST_NAMED]) + more)
+    return loaded, refused
+
+
+def _list_files(models: str | Path) -> list[Path]:
+    if not str(models):
+        raise ModelFileError(
+            'the parameter models is empty: it must be a folder with model files, or one file'
+        )
+    path = Path(models).absolute()
+    if not path.is_dir():
+        return [path]
+    files = sorted(file for file in path.glob('*.onnx') if file.is_file())
+    if not files:
+        raise ModelFileError(
+            f'there are no model files (*.onnx) in {path}; `tactile train` writes them'
+        )
+    return files
+
+
+def read_limited(path: str | Path) -> bytes:
+    """Return the bytes of a model file; raise `ModelFileError` when there are too many."""
+    path = Path(path)
+    size = path.stat().st_size
+    if size > MAX_MODEL_BYTES:
+        raise ModelFileError(
+            f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
+        )
+    return path.read_bytes()
+
+
+@contextmanager
+def refusals_of(path: str | Path) -> Iterator[None]:
+    """Name the file in errors about it."""
+    try:
+        yield
+    except OSError as error:
+        raise ModelFileError(f'cannot read model {path}: {error.strerror}') from error
+    except ModelFileError as error:
+        raise ModelFileError(f'model {path} is refused: {error}') from error
+
+
+def _bind(wanted: WantedFeatures, config: FeatureConfig) -> FeatureConfig:
+    try:
+        return wanted.bind(config)
+    except FeatureError as error:
+        raise ModelFileError(str(error)) from error
+
+
+def _find_overruled(config: FeatureConfig, wanted: Sequence[WantedFeatures]) -> tuple[str, ...]:
+    """Return the parameters that are stated otherwise than the models need them."""
+    default, found = FeatureConfig(), []
+    needed: dict[str, list[Any]] = {}
+    for each in wanted:
+        for name, value in each.spec.config_values().items():
+            needed.setdefault(name, []).append(value)
+    for name, values in needed.items():
+        stated = getattr(config, name)
+        if stated != getattr(default, name) and any(value != stated for value in values):
+            texts = dict.fromkeys(str(value) for value in values)
+            found.append(f'{name} {" and ".join(texts)} (not {stated})')
+    return tuple(found)

@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 import hashlib
 import math
 from pathlib import Path
@@ -17,15 +16,13 @@ import numpy.typing as npt
 
 from tactile_classifier.errors import DatasetError, ModelFileError
 from tactile_classifier.model_file.manifest import Manifest
-from tactile_features.onnx_container import open_container
 from tactile_classifier.model_file.onnx_session import open_session
 from tactile_classifier.records import ClassificationResult, Outcome
-from tactile_features.records import FeatureWindow
+from tactile_features.model_contract import read_limited, refusals_of
+from tactile_features.onnx_container import open_container
+from tactile_features.records import contacts_agree, FeatureWindow
 from tactile_features.records import Outcome as FeatureOutcome
 from tactile_features.spec import FeatureSpec
-
-MAX_MODEL_BYTES = 64 * 2**20
-"""Larger files are not read [byte]."""
 
 ROWS_AT_ONCE = 64
 BYTES_AT_ONCE = 16 * 2**20
@@ -35,9 +32,11 @@ differences to all training trials take memory in proportion to both."""
 INPUT, SAMPLES = 'features', 'samples'
 ANSWER, SCORES, NOVELTY = 'answer', 'scores', 'novelty'
 
+_REMEDY = 'name its file in the parameter models of the feature node, or train it again'
+
 
 class Answers(NamedTuple):
-    """What a model says of many windows of one length.
+    """Answers of a model on many windows of one length.
 
     Attributes
     ----------
@@ -55,7 +54,7 @@ class Answers(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """What known trials of a session say of its features.
+    """Correction of a session's features, by its known trials.
 
     Attributes
     ----------
@@ -80,20 +79,20 @@ def read_model_card(path: str | Path) -> str:
     ModelFileError
         With a sentence that says why the file is not used.
     """
-    with _refusals_of(path):
-        return open_container(_read_limited(path))[1]
+    with refusals_of(path):
+        return open_container(read_limited(path))[1]
 
 
 def read_manifest(path: str | Path) -> Manifest:
-    """Return what a model file says of itself; its graph is checked, but not loaded.
+    """Return the manifest of a model file; its graph is checked, but not loaded.
 
     Raises
     ------
     ModelFileError
         With a sentence that says why the file is not used.
     """
-    with _refusals_of(path):
-        return _read_manifest(_read_limited(path))
+    with refusals_of(path):
+        return _read_manifest(read_limited(path))
 
 
 class TactileModel:
@@ -101,8 +100,17 @@ class TactileModel:
 
     Use `load`.
 
+    Parameters
+    ----------
+    data : bytes
+        The model file.
+    path : str
+        Where it lies; empty: nowhere yet.
+
     Attributes
     ----------
+    path, sha256 : str
+        ``sha256`` is that of the file, in hex digits.
     manifest : Manifest
     spec : FeatureSpec
         The features that it takes.
@@ -114,7 +122,9 @@ class TactileModel:
         Sample counts of the partial windows that it answers.
     """
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, path: str = '') -> None:
+        self.path = path
+        self.sha256 = hashlib.sha256(data).hexdigest()
         self.manifest = _read_manifest(data)
         self.spec: FeatureSpec = self.manifest.spec
         self.labels = self.manifest.labels
@@ -123,12 +133,11 @@ class TactileModel:
                 self.manifest.task,
                 self.manifest.contact or 'any',
                 self.manifest.classifier,
-                hashlib.sha256(data).hexdigest()[:12],
+                self.sha256[:12],
             )
         )
         self.partial_samples = self.manifest.partial_samples
-        # What ready-cut windows do not state, `expect` says.
-        self._expected = None if self.spec.missing_parameters else self.spec
+        self._announced: Mapping[str, FeatureSpec] = {}
         self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
         self._offsets = _read_offsets(self.manifest)
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
@@ -144,8 +153,8 @@ class TactileModel:
         ModelFileError
             With a sentence that says why the file is not used.
         """
-        with _refusals_of(path):
-            return cls(_read_limited(path))
+        with refusals_of(path):
+            return cls(read_limited(path), str(Path(path).absolute()))
 
     @property
     def task(self) -> str:
@@ -164,21 +173,25 @@ class TactileModel:
                 '(here: the model, there: the features)'
             )
 
-    def expect(self, spec: FeatureSpec) -> None:
-        """Answer windows of this specification alone, instead of that in the file.
+    def set_specifications(self, specs: Iterable[FeatureSpec]) -> None:
+        """Take in the specifications of the windows to come, as the feature node announces them.
 
-        A model of ready-cut windows does not state how they were cut; ``spec`` does.
-
-        Raises
-        ------
-        ModelFileError
-            When features of ``spec`` are not those the model was trained on.
+        A model of ready-cut windows does not state how they were cut. It answers windows of each
+        announced specification that does not contradict its own; those of any while none is
+        announced.
         """
-        self.check_fits(spec)
-        self._expected = spec
+        self._announced = {spec.digest: spec for spec in specs}
+
+    def fits(self, digest: str) -> bool:
+        """Return whether the features of a specification are those it was trained on."""
+        if not self.spec.missing_parameters:
+            return digest == self.spec.digest
+        if not self._announced:
+            return True
+        return digest in self._announced and not self.spec.mismatch(self._announced[digest])
 
     def compute(self, values: npt.ArrayLike, sample_count: int = 0) -> Answers:
-        """Return what the model says of many windows of one length.
+        """Return the answers on many windows of one length.
 
         Parameters
         ----------
@@ -221,15 +234,15 @@ class TactileModel:
 
     def accepts(self, window: FeatureWindow) -> bool:
         """Return whether the window is of its feature set, a known length, no other contact."""
-        contacts = {self.contact, window.contact} - {''}
         if window.partial and window.sample_count not in self.partial_samples:
             return False
-        return window.feature_set == self.spec.feature_set and len(contacts) < 2
+        is_of_set = window.feature_set == self.spec.feature_set
+        return is_of_set and contacts_agree(self.contact, window.contact)
 
     def classify(
         self, window: FeatureWindow, correction: Correction | None = None
     ) -> ClassificationResult:
-        """Return what the model says of one window, or why it says nothing.
+        """Return the answer on one window, or why there is none.
 
         A window whose novelty is above the model's threshold is unknown. A partial window is
         decided when it is known and its answer's probability reaches the stopping rule's.
@@ -289,44 +302,45 @@ class TactileModel:
     def _why_not(self, window: FeatureWindow) -> str:
         if window.outcome != FeatureOutcome.OK:
             return window.reason or f'the window ended with {FeatureOutcome(window.outcome).name}'
-        reason = self.describe_mismatch(window)
+        reason = self.format_mismatch(window)
         if reason:
             return reason
         if not np.isfinite(window.values).all():
             return 'the features are not finite'
         return ''
 
-    def describe_mismatch(self, window: FeatureWindow) -> str:
+    def format_mismatch(self, window: FeatureWindow) -> str:
         """Return why a window has features of another specification, or an empty string.
 
-        What the message states is compared by itself and named with the parameter to set. Of the
-        rest the digest alone tells that something differs; then the sentence names all of it.
+        The fields of the message are compared one by one. The digest tells that something else
+        differs: it is named where the specification of the window is announced; otherwise all
+        parameters of the model are.
         """
-        spec, expected = self.spec, self._expected
+        spec = self.spec
         pairs = [
-            ('feature set', window.feature_set, spec.feature_set, 'texture_features'),
-            ('version of the feature set', window.feature_set_version, spec.version, ''),
-            ('rate in Hz', window.rate_hz, spec.rate_hz, 'rate_hz'),
+            ('feature set', window.feature_set, spec.feature_set),
+            ('version of the feature set', window.feature_set_version, spec.version),
+            ('rate in Hz', window.rate_hz, spec.rate_hz),
         ]
         if window.outcome == FeatureOutcome.OK:
             if spec.sample_count and not window.partial:
-                samples = (window.sample_count, spec.sample_count)
-                pairs.append(('window in samples', *samples, 'texture_samples'))
-            pairs.append(('number of features', len(window.values), len(spec.names), ''))
-        for what, got, wanted, parameter in pairs:
+                pairs.append(('window in samples', window.sample_count, spec.sample_count))
+            pairs.append(('number of features', len(window.values), len(spec.names)))
+        for what, got, wanted in pairs:
             if got != wanted:
-                remedy = f'set {parameter} of the feature node' if parameter else 'train it again'
-                return f'the {what} is {got}; the model was trained on {wanted}: {remedy}'
-        if expected is None or window.specification_digest == expected.digest:
+                return f'the {what} is {got}; the model was trained on {wanted}: {_REMEDY}'
+        digest = window.specification_digest
+        if self.fits(digest):
             return ''
+        if digest in self._announced and (reason := spec.mismatch(self._announced[digest])):
+            return f'{reason} (here: the model, there: the features): {_REMEDY}'
         values = ', '.join(
             f'{name} {value if isinstance(value, str) else format(value, "g")}'
-            for name, value in sorted(expected.parameters.items())
+            for name, value in sorted(spec.parameters.items())
         )
         return (
             'the features were made by another specification than the model was trained on '
-            f'(digest {window.specification_digest} instead of {expected.digest}): '
-            f'set on the feature node {values}'
+            f'(digest {digest} instead of {spec.digest}, with {values}): {_REMEDY}'
         )
 
     def _check_graph(self) -> None:
@@ -377,24 +391,3 @@ def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
 
 def _read_manifest(data: bytes) -> Manifest:
     return Manifest.from_json(open_container(data)[0])
-
-
-def _read_limited(path: str | Path) -> bytes:
-    path = Path(path)
-    size = path.stat().st_size
-    if size > MAX_MODEL_BYTES:
-        raise ModelFileError(
-            f'it has {size / 2**20:.0f} MiB, the limit is {MAX_MODEL_BYTES >> 20} MiB'
-        )
-    return path.read_bytes()
-
-
-@contextmanager
-def _refusals_of(path: str | Path) -> Iterator[None]:
-    """Name the file in what is wrong with it."""
-    try:
-        yield
-    except OSError as error:
-        raise ModelFileError(f'cannot read model {path}: {error.strerror}') from error
-    except ModelFileError as error:
-        raise ModelFileError(f'model {path} is refused: {error}') from error

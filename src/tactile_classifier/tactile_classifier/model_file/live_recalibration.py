@@ -25,7 +25,7 @@ Matrix = npt.NDArray[np.float64]
 
 @dataclasses.dataclass
 class _Session:
-    """Known trials of one session so far, and what they led to."""
+    """Known trials of one session so far, and their correction."""
 
     session_id: str
     values: list[Matrix] = dataclasses.field(default_factory=list)
@@ -58,10 +58,7 @@ class LiveRecalibration:
     """
 
     def __init__(self, model: TactileModel, trials: int) -> None:
-        if 0 < trials < TRIALS:
-            raise ModelFileError(
-                f'recalibration_trials is {trials}; it must be 0 or at least {TRIALS}'
-            )
+        check_trials(trials)
         self.model = model
         self._trials = trials
         self._statistics = read_statistics(model) if trials else {}
@@ -87,7 +84,7 @@ class LiveRecalibration:
         return (
             window.object_label in self.model.labels
             and window.outcome == FeatureOutcome.OK
-            and not self.model.describe_mismatch(window)
+            and not self.model.format_mismatch(window)
             and bool(np.isfinite(window.values).all())
         )
 
@@ -102,8 +99,16 @@ class LiveRecalibration:
         return Correction(offset, threshold, len(session.values))
 
 
+def check_trials(trials: int) -> None:
+    """Raise ModelFileError when so few known trials cannot recalibrate a model."""
+    if 0 < trials < TRIALS:
+        raise ModelFileError(
+            f'recalibration_trials is {trials}; it must be 0 or at least {TRIALS}'
+        )
+
+
 def read_statistics(model: TactileModel) -> dict[int, SessionStatistics]:
-    """Return what a model's file states of sessions, by samples of its stages.
+    """Return the statistics of sessions in a model's file, by samples of its stages.
 
     Raises
     ------

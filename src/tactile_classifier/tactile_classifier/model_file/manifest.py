@@ -1,13 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a model file says of itself, as JSON inside the ONNX file."""
+"""The manifest of a model file: facts about the model, as JSON inside the ONNX file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 import dataclasses
-from itertools import pairwise
 import json
 import math
 from typing import Any, TypeVar
@@ -15,24 +14,23 @@ from typing import Any, TypeVar
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.records import (
     ALL_CLASSIFIERS,
-    CONTACTS,
     MARGIN,
     PROBABILITY,
     SCALINGS,
     VOTES,
 )
-from tactile_features.errors import FeatureError
-from tactile_features.feature_sets.registry import task_of
+from tactile_features.model_contract import (
+    DIGEST,
+    FORMAT_VERSION,
+    parse_manifest,
+    parse_wanted,
+)
 from tactile_features.spec import FeatureSpec
-
-FORMAT_VERSION = 6
-
-_DIGEST = 'specification_digest'
 
 
 @dataclasses.dataclass(frozen=True)
 class Stage:
-    """How the answers on one length of window are to be read.
+    """Thresholds of the answers on one length of window.
 
     Attributes
     ----------
@@ -63,7 +61,7 @@ FULL_WINDOW = Stage()
 
 @dataclasses.dataclass(frozen=True)
 class TrainingTrials:
-    """Under how many conditions the training trials were recorded.
+    """Conditions under which the training trials were recorded.
 
     Attributes
     ----------
@@ -87,7 +85,7 @@ class TrainingTrials:
 
 @dataclasses.dataclass(frozen=True)
 class Manifest:
-    """What a model is, what it takes and where it came from.
+    """Facts about a model: its answers, its features and its origin.
 
     Attributes
     ----------
@@ -154,11 +152,6 @@ class Manifest:
         """Sample counts of the partial windows that the model answers."""
         return tuple(stage.sample_count for stage in self.stages[1:])
 
-    def feature_values(self) -> dict[str, Any]:
-        """Return what the feature node must be told, by the fields of `FeatureConfig`."""
-        partial = {'partial_samples': self.partial_samples} if self.partial_samples else {}
-        return {**self.spec.config_values(), **partial}
-
     def to_json(self) -> str:
         """Return the manifest as JSON text."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
@@ -166,7 +159,7 @@ class Manifest:
         fields['stages'] = [dataclasses.asdict(stage) for stage in self.stages]
         fields['training'] = dataclasses.asdict(self.training)
         return json.dumps(
-            {'format_version': FORMAT_VERSION, _DIGEST: self.spec.digest, **fields}, sort_keys=True
+            {'format_version': FORMAT_VERSION, DIGEST: self.spec.digest, **fields}, sort_keys=True
         )
 
     @classmethod
@@ -178,25 +171,10 @@ class Manifest:
         ModelFileError
             When the text is not a manifest of this format.
         """
-        try:
-            fields = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise ModelFileError(f'its manifest is not JSON: {error}') from error
-        version = fields.pop('format_version', None) if isinstance(fields, dict) else None
-        if version != FORMAT_VERSION:
-            raise ModelFileError(
-                f'it has format version {version}, this software reads {FORMAT_VERSION}: '
-                'train the model again'
-            )
+        fields = parse_manifest(text)
         _check_types(fields)
-        try:
-            fields['spec'] = FeatureSpec.from_dict(fields['spec'])
-        except FeatureError as error:
-            raise ModelFileError(f'its manifest is damaged: {error}') from error
-        if fields.pop(_DIGEST) != fields['spec'].digest:
-            raise ModelFileError(
-                f'its {_DIGEST} is not that of its feature specification: one of them was changed'
-            )
+        fields['spec'] = parse_wanted(fields).spec
+        del fields[DIGEST]
         fields['labels'] = tuple(fields['labels'])
         fields['stages'] = tuple(_read_entry('stages', e, Stage()) for e in fields['stages'])
         fields['training'] = _read_entry('training', fields['training'], TrainingTrials())
@@ -205,21 +183,9 @@ class Manifest:
         return manifest
 
     def _check(self) -> None:
-        task = task_of(self.spec.feature_set)
-        if not task:
-            raise ModelFileError(
-                f'its feature set "{self.spec.feature_set}" is not installed here: install the '
-                'package that it was trained with'
-            )
-        if task != self.task:
-            raise ModelFileError(
-                f'its task "{self.task}" does not go with its feature set '
-                f'"{self.spec.feature_set}"'
-            )
         if len(self.labels) < 2 or len(set(self.labels)) < len(self.labels) or '' in self.labels:
             raise ModelFileError('its labels are not two or more different names')
         for name, value, choices in (
-            ('contact', self.contact, ('', *CONTACTS)),
             ('score_kind', self.score_kind, (VOTES, MARGIN, PROBABILITY)),
             ('classifier', self.classifier, ALL_CLASSIFIERS),
             ('scaling', self.scaling, SCALINGS),
@@ -228,21 +194,13 @@ class Manifest:
                 raise ModelFileError(
                     f'its {name} is "{value}"; it must be one of {", ".join(choices)}'
                 )
-        counts = [stage.sample_count for stage in self.stages]
-        whole = self.spec.sample_count
-        rises = all(a < b for a, b in pairwise(counts)) and max(counts[1:], default=-1) < whole
-        if counts[:1] != [0] or not rises:
-            raise ModelFileError(
-                f'its stages have {counts} samples; they must be 0, for the full window, and then '
-                f'rise to fewer than {whole}'
-            )
 
 
 _TYPES: dict[str, type] = {
     'task': str,
     'contact': str,
     'spec': dict,
-    _DIGEST: str,
+    DIGEST: str,
     'labels': list,
     'score_kind': str,
     'classifier': str,

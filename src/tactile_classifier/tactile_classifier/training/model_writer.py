@@ -28,15 +28,15 @@ from tactile_classifier.model_file.graphs.svm import add_svm
 from tactile_classifier.model_file.inference import (
     ANSWER,
     INPUT,
-    MAX_MODEL_BYTES,
     NOVELTY,
     SAMPLES,
     SCORES,
     TactileModel,
 )
-from tactile_features.onnx_container import seal
 from tactile_classifier.records import ROCKET
 from tactile_classifier.training.trainer import FittedStage, Trained
+from tactile_features.model_contract import MAX_MODEL_BYTES
+from tactile_features.onnx_container import seal
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -80,7 +80,7 @@ def write_model(path: str | Path, trained: Trained) -> TactileModel:
                 f'it would have {len(data) / 2**20:.0f} MiB, the limit is '
                 f'{MAX_MODEL_BYTES >> 20} MiB: train it on fewer trials'
             )
-        model = TactileModel(data)
+        model = TactileModel(data, str(Path(path).absolute()))
     except ModelFileError as error:
         raise ModelFileError(f'model {path} is not written: {error}') from error
     for stage in trained.stages:

@@ -23,8 +23,8 @@ from tactile_classifier.model_file.live_recalibration import (
     RECALIBRATED,
 )
 from tactile_classifier.model_file.manifest import Manifest
-from tactile_features.onnx_container import replace_manifest
 from tactile_classifier.training.model_writer import replace_file
+from tactile_features.onnx_container import replace_manifest
 
 
 def write_recalibrated(
@@ -53,7 +53,7 @@ def write_recalibrated(
     model = TactileModel.load(source)
     manifest = recalibrate(model, tables)
     data = replace_manifest(Path(source).read_bytes(), manifest.to_json(), render_card(manifest))
-    recalibrated = TactileModel(data)
+    recalibrated = TactileModel(data, str(Path(path).absolute()))
     replace_file(Path(path), data)
     return recalibrated
 
