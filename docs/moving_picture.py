@@ -21,8 +21,7 @@ import time
 from domain_coordinator import domain_id
 from PIL import Image
 
-from tactile_bringup.launch_config.graph import Ports, rig_graph
-from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bringup.launch_config.graph import ModelChoice, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_lab.watch.options import WatchOptions
 from tactile_lab.watch.watching import watching
@@ -55,7 +54,7 @@ def take_pictures(models: Path) -> list[tuple[float, Image.Image]]:
                 before_trial=lambda r: rig.mount(r.protocol, r.object_label, r.contact),
             )
         )
-        graph = rig_graph(Ports(*rig.ports), find_models(models), {}, simulated=True)
+        graph = rig_graph(Ports(*rig.ports), ModelChoice.read(models), {}, simulated=True)
         stack.enter_context(running_graph(graph, context, quiet=True))
         browser = stack.enter_context(Chromium(*SIZE))
         browser.open(watch.address)

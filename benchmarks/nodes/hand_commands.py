@@ -96,10 +96,10 @@ def _run(arguments: Sequence[str]) -> None:
 
 
 def measure_commands(domain: int, seconds: float) -> dict[str, Cost]:
-    """Measure each of `COMMANDS` with simulated sensors and four classifiers a finger."""
+    """Measure each of `COMMANDS` with simulated sensors and four models a finger."""
     with tempfile.TemporaryDirectory() as scratch:
         models = str(make_models(Path(scratch)))
         return {
-            name: measure_command((*arguments, '--simulated', '--model', models), domain, seconds)
+            name: measure_command((*arguments, '--simulated', '--models', models), domain, seconds)
             for name, (_, arguments) in COMMANDS.items()
         }

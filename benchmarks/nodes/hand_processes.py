@@ -61,19 +61,13 @@ class Case:
     def feature_parameters(self) -> dict[str, Any]:
         """Return the feature node's parameters: windows without crops, one after the other."""
         return {
-            **self.shared_parameters(),
+            'rate_hz': float(self.rate_hz),
+            'texture_samples': self.samples_a_window,
+            'texture_crop_start_s': 0.0,
             'texture_crop_end_s': 0.0,
             'measures': False,  # milliseconds of arithmetic a window, which are not the path's
             'stiffness_min_s': 0.5,
             'buffer_s': 20.0,
-        }
-
-    def shared_parameters(self) -> dict[str, Any]:
-        """Return those that the classifier must know, too."""
-        return {
-            'rate_hz': float(self.rate_hz),
-            'texture_samples': self.samples_a_window,
-            'texture_crop_start_s': 0.0,
         }
 
 
@@ -147,16 +141,14 @@ def work(
 
 
 def _our_nodes(what: Work, finger: str, context: Context) -> list[Any]:
-    of_features = what.case.feature_parameters()
-    of_classifier = {**what.case.shared_parameters(), 'model': what.model, 'task': 'texture'}
+    models = {'models': what.model}
+    of_features = {**what.case.feature_parameters(), **models}
     nodes: list[Any] = [
         TactileFeaturesNode(
             namespace=finger, context=context, parameter_overrides=_overrides(of_features)
         ),
         TactileClassifierNode(
-            namespace=finger,
-            context=context,
-            parameter_overrides=_overrides(of_classifier),
+            namespace=finger, context=context, parameter_overrides=_overrides(models)
         ),
     ]
     for node in nodes:

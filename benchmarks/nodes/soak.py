@@ -77,18 +77,18 @@ def run_nodes(
             ),
             (
                 ('tactile_features', 'tactile_features_node', 'tactile_features'),
-                CASE.feature_parameters(),
+                {**CASE.feature_parameters(), 'models': model},
             ),
             (
                 ('tactile_classifier', 'tactile_classifier_node', 'tactile_classifier'),
-                {**CASE.shared_parameters(), 'model': model, 'task': 'texture'},
+                {'models': model},
             ),
         )
     ]
     recorder = {
         'bag': str(folder / 'bag'),
         'namespaces': FINGERS,
-        'classifiers': ('tactile_classifier',),
+        'classifier': True,
         'rig': False,
     }
     if KILLED not in fingers:

@@ -10,11 +10,19 @@ import logging
 from typing import Any
 
 from tactile_bags.bag_reader import BagMessage
-from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
-from tactile_classifier.conversions import classification_from_msg
+from tactile_bags.recorded_topics import (
+    CLASSIFICATION,
+    EVENT,
+    FEATURES,
+    MODELS,
+    SPECIFICATIONS,
+    STRAIN,
+)
+from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
+    specifications_from_msg,
     strain_block_from_msg,
 )
 from tactile_ros.errors import MessageError
@@ -24,13 +32,15 @@ _CONVERSIONS: dict[str, Callable[[Any], Any]] = {
     EVENT: event_from_msg,
     FEATURES: feature_window_from_msg,
     CLASSIFICATION: classification_from_msg,
+    SPECIFICATIONS: specifications_from_msg,
+    MODELS: model_infos_from_msg,
 }
 
 _logger = logging.getLogger(__name__)
 
 
 def read_records(messages: Iterable[BagMessage]) -> Iterator[tuple[BagMessage, Any]]:
-    """Yield each message with its record: block, event, feature window or classification.
+    """Yield each message with its record: such as a block, an event or a feature window.
 
     Raises
     ------

@@ -18,6 +18,8 @@ STRAIN = 'tactile_msgs/msg/StrainBlock'
 EVENT = 'tactile_msgs/msg/TrialEvent'
 FEATURES = 'tactile_msgs/msg/TactileFeatures'
 CLASSIFICATION = 'tactile_msgs/msg/Classification'
+SPECIFICATIONS = 'tactile_msgs/msg/FeatureSpecifications'
+MODELS = 'tactile_msgs/msg/ModelInfos'
 SLIP = 'tactile_msgs/msg/Slip'
 AUDIT = 'tactile_msgs/msg/RecordingAudit'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
@@ -41,6 +43,8 @@ class RecordedTopic:
         A recording is not waiting for it: its node need not run.
     of_rig : bool
         Published by what moves a finger on the rig; optional where a hand moves it.
+    of_classifier : bool
+        Published by the classifier; optional where none runs.
     """
 
     name: str
@@ -48,6 +52,7 @@ class RecordedTopic:
     latched: bool = False
     optional: bool = False
     of_rig: bool = False
+    of_classifier: bool = False
 
 
 STRAIN_TOPIC = RecordedTopic('tendon_sensor/strain', STRAIN)
@@ -56,38 +61,34 @@ FEATURES_TOPIC = RecordedTopic('tactile_features/features', FEATURES)
 PARTIAL_FEATURES_TOPIC = RecordedTopic(
     'tactile_features/partial_features', FEATURES, optional=True
 )
+SPECIFICATIONS_TOPIC = RecordedTopic(
+    'tactile_features/specifications', SPECIFICATIONS, latched=True
+)
+CLASSIFICATION_TOPIC = RecordedTopic(
+    'tactile_classifier/classification', CLASSIFICATION, of_classifier=True
+)
+PARTIAL_CLASSIFICATION_TOPIC = RecordedTopic(
+    'tactile_classifier/partial_classification', CLASSIFICATION, optional=True
+)
+MODELS_TOPIC = RecordedTopic('tactile_classifier/models', MODELS, latched=True, of_classifier=True)
 
 FINGER_TOPICS = (
     STRAIN_TOPIC,
     EVENT_TOPIC,
     FEATURES_TOPIC,
     PARTIAL_FEATURES_TOPIC,
+    SPECIFICATIONS_TOPIC,
     RecordedTopic('tactile_features/detected_events', EVENT, latched=True, optional=True),
     RecordedTopic('slip_detector/slip', SLIP, optional=True),
     RecordedTopic('tendon_sensor/wrench', WRENCH),
     RecordedTopic('tendon_sensor/tare_state', TARE, latched=True),
     RecordedTopic('linear_guide/joint_states', JOINT_STATE, of_rig=True),
     RecordedTopic('tendon_actuator/joint_states', JOINT_STATE, of_rig=True),
+    CLASSIFICATION_TOPIC,
+    PARTIAL_CLASSIFICATION_TOPIC,
+    MODELS_TOPIC,
 )
-"""Every topic of one finger that a recording holds, but for those of its classifiers."""
-
-
-def classification_topic(classifier: str) -> RecordedTopic:
-    """Return the topic of the classifier node with this name."""
-    return RecordedTopic(f'{classifier}/classification', CLASSIFICATION)
-
-
-def partial_topic(classifier: str) -> RecordedTopic:
-    """Return the topic of its answers while a window still fills."""
-    return RecordedTopic(f'{classifier}/partial_classification', CLASSIFICATION, optional=True)
-
-
-def recorded_topics(classifiers: tuple[str, ...]) -> tuple[RecordedTopic, ...]:
-    """Return every topic of one finger that a recording holds."""
-    of_classifiers = (
-        f(name) for name in classifiers for f in (classification_topic, partial_topic)
-    )
-    return (*FINGER_TOPICS, *of_classifiers)
+"""Every topic of one finger that a recording holds."""
 
 
 @lru_cache(maxsize=1)

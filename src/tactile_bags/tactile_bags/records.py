@@ -22,10 +22,6 @@ class RecorderConfig:
         ('',),
         'namespaces of the fingers to record; empty: the root',
     )
-    classifiers: tuple[str, ...] = parameter(
-        (),
-        'node names of the classifiers to record',
-    )
     metadata: str = parameter(
         '{}',
         'metadata of the recording, as a JSON object',
@@ -33,6 +29,10 @@ class RecorderConfig:
     rig: bool = parameter(
         True,
         'the rig moves the fingers; false: a hand does, and no topic of the rig is waited for',
+    )
+    classifier: bool = parameter(
+        False,
+        'a classifier runs; false: its topics are recorded when they come, and not waited for',
     )
     match_timeout_s: float = parameter(
         10.0,

@@ -25,7 +25,7 @@ def start(context):
                 Node(package='tactile_features', executable='tactile_features_node', **options)
                 for options in plan.options('tactile_features_node')
             ],
-            # a classifier for each model
+            # with models:=..., one classifier for all of them
             *[
                 Node(package='tactile_classifier', executable='tactile_classifier_node', **options)
                 for options in plan.options('tactile_classifier_node')

@@ -1,14 +1,12 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What there are classifiers for, how their nodes are named, and titles for people."""
+"""Titles of classifiers, scalings and features for people."""
 
 from __future__ import annotations
 
-from tactile_classifier.records import CONTACTS, TASKS
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.spec import FeatureSpec
-from tactile_ros.errors import TactileError
 
 CLASSIFIER_TITLES = {
     'knn': '3 nearest neighbours',
@@ -22,41 +20,6 @@ SCALING_TITLES = {
     'standard': 'scaled (zero mean, unit variance)',
     'none': 'not scaled',
 }
-
-
-def classifier_name(task: str, contact: str) -> str:
-    """Return the node name of the classifier for a task and a kind of contact.
-
-    Without a contact: of one that takes windows of any.
-    """
-    return '_'.join(part for part in (task, contact, 'classifier') if part)
-
-
-_NAMES = {
-    classifier_name(task, contact): (task, contact)
-    for task in TASKS
-    for contact in (*CONTACTS, '')
-}
-
-
-def all_classifier_names() -> tuple[str, ...]:
-    """Return the node names of the classifiers for every task and contact."""
-    return tuple(_NAMES)
-
-
-def parse_classifier_name(name: str) -> tuple[str, str]:
-    """Return task and contact from a node name made by `classifier_name`.
-
-    Raises
-    ------
-    TactileError
-        The name is none of `all_classifier_names`.
-    """
-    if name not in _NAMES:
-        raise TactileError(
-            f'"{name}" does not name a classifier; it must be one of {", ".join(_NAMES)}'
-        )
-    return _NAMES[name]
 
 
 def short_scaling(scaling: str) -> str:

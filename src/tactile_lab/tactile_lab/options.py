@@ -63,8 +63,8 @@ SimulatedOption = Annotated[
 ModelOption = Annotated[
     Optional[Path],
     typer.Option(
-        help='Model file, or folder of them, as `tactile train` writes them. Features are '
-        'computed as the models require, unless `--params` says otherwise.'
+        help='Folder of model files, as `tactile train` writes it, or one file. Features are '
+        'computed as the models require.'
     ),
 ]
 NamespaceOption = Annotated[str, typer.Option(help='Namespace of all nodes.')]

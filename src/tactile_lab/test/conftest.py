@@ -58,9 +58,9 @@ def stiffness_bag(simulate_bag):
 def trained(stiffness_bag, tmp_path_factory):
     """Return a folder with a model that was trained on the small recording."""
     pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
-    from tactile_bringup.launch_config.model_folder import model_path
     from tactile_classifier.training.model_writer import write_model
     from tactile_classifier.training.trainer import train
+    from tactile_lab.commands.analysis.train import model_path
     from tactile_lab.datasets.bag_tables import read_tables
 
     folder = tmp_path_factory.mktemp('models')

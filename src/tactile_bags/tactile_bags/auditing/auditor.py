@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections import deque
 from pathlib import Path
-from typing import Any
 
 from tactile_bags.auditing.audit import Audit, make_audit
 from tactile_bags.auditing.host_clock import EVENT_DELAY_S, HostClock, SpanCounts, Unstepped
@@ -20,6 +19,7 @@ from tactile_bags.auditing.stream_counts import SampleRun
 from tactile_bags.auditing.trial_counts import TrialCounts
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.message_records import read_records
+from tactile_bags.recorded_setup import nominal_rate_hz
 from tactile_bags.recorded_topics import EVENT, EVENT_TOPIC, STRAIN
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
 from tactile_ros.strain import StrainBlock
@@ -46,10 +46,10 @@ class FingerAuditor:
     finger : str
         Namespace.
     nominal_rate_hz : float
-        0: not known.
+        0: not known. It may be told later.
     """
 
-    def __init__(self, finger: str, nominal_rate_hz: float) -> None:
+    def __init__(self, finger: str, nominal_rate_hz: float = 0.0) -> None:
         self.finger = finger
         self.nominal_rate_hz = nominal_rate_hz
         self._whole = SpanCounts()
@@ -138,13 +138,6 @@ class FingerAuditor:
         return make_audit(trial.finish(), self.finger, self.nominal_rate_hz, trial)
 
 
-def nominal_rate_hz(metadata: dict[str, Any]) -> float:
-    """Return the sample rate that a recording was made for [Hz]; 0 when it does not say."""
-    config = metadata.get('feature_config')
-    value = config.get('rate_hz', 0.0) if isinstance(config, dict) else 0.0
-    return float(value) if isinstance(value, int | float) and 0.0 < value < 1e9 else 0.0
-
-
 def audit_bag(path: Path) -> list[Audit]:
     """Audit a bag: each trial, then the whole, finger by finger.
 
@@ -161,7 +154,7 @@ def audit_open_bag(bag: TactileBag) -> list[Audit]:
     """Audit a bag that is open; see `audit_bag`."""
     audits: list[Audit] = []
     for finger in bag.namespaces:
-        auditor = FingerAuditor(finger, nominal_rate_hz(bag.metadata))
+        auditor = FingerAuditor(finger, nominal_rate_hz(bag, finger))
         for message, record in read_records(bag.messages(STRAIN, EVENT, namespace=finger)):
             if message.type_name == STRAIN:
                 audits += auditor.add_block(record)

@@ -17,21 +17,27 @@ from typing import Any, NamedTuple
 from rclpy.serialization import deserialize_message, serialize_message
 
 from tactile_bags.auditing.audit import Audit, AuditSummary
-from tactile_bags.auditing.auditor import FingerAuditor, nominal_rate_hz
+from tactile_bags.auditing.auditor import FingerAuditor
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.conversions import audit_to_msg
 from tactile_bags.errors import BagError
+from tactile_bags.recorded_setup import shared_rate_hz, WRITTEN_IN
 from tactile_bags.recorded_topics import (
     AUDIT,
     EVENT,
     EVENT_TOPIC,
     FEATURES_TOPIC,
-    recorded_topics,
+    FINGER_TOPICS,
     RecordedTopic,
+    SPECIFICATIONS_TOPIC,
     STRAIN_TOPIC,
 )
 from tactile_bags.records import RecorderConfig
-from tactile_features.conversions import event_from_msg, strain_block_from_msg
+from tactile_features.conversions import (
+    event_from_msg,
+    specifications_from_msg,
+    strain_block_from_msg,
+)
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
 from tactile_msgs.msg import RecordingAudit, TrialEvent
 from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
@@ -54,7 +60,7 @@ MOST_DISORDER_NS = 1_000_000_000
 """Arrivals that lie further back than this mean that the clock was set back [ns]."""
 
 HISTORY_S = 0.5
-"""How long further latched messages from before the activation may come."""
+"""How long further latched events from before the activation may come."""
 
 KEPT_LATCHED = 64
 """Recorded messages of a latched topic that are known again; a publisher keeps 16 at most."""
@@ -128,13 +134,12 @@ class BagRecorderNode(PollingNode):
         metadata = json.loads(config.metadata)
         if not isinstance(metadata, dict):
             raise ValueError('parameter metadata is no JSON object; write {"name": value}')
+        metadata[WRITTEN_IN] = str(Path(config.bag).resolve())
         writer = self._writer = BagWriter(Path(config.bag), metadata)
         for namespace in config.namespaces:
-            for topic in recorded_topics(config.classifiers):
+            for topic in FINGER_TOPICS:
                 self._topics[writer.add_topic(topic, namespace)] = topic
-            self._auditors[namespace.strip('/')] = FingerAuditor(
-                namespace.strip('/'), nominal_rate_hz(metadata)
-            )
+            self._auditors[namespace.strip('/')] = FingerAuditor(namespace.strip('/'))
         self._audit_topic = writer.add_topic(
             RecordedTopic(f'{self.get_name()}/audit', AUDIT, latched=True), self.get_namespace()
         )
@@ -187,13 +192,17 @@ class BagRecorderNode(PollingNode):
                 self._record(arrival)
 
     def _record(self, arrival: _Arrival) -> None:
-        name = arrival.topic
+        name, topic = arrival.topic, self._topics[arrival.topic]
         if self.failure:
             return
-        if self._topics[name].latched and arrival.source_ns < self._activated_ns:
+        # Only of events does it show later whether they belong to the bag.
+        is_event = topic.type_name == EVENT
+        if is_event and arrival.source_ns < self._activated_ns:
             self._held.setdefault(name, []).append(arrival.data)
             self._held_ns = time.monotonic_ns()
             return
+        if topic.latched and not is_event and arrival.data in self._latched.get(name, ()):
+            return  # from before another activation
         try:
             self._write_held(name)
             self._write(name, arrival.data, arrival.received_ns)
@@ -209,15 +218,14 @@ class BagRecorderNode(PollingNode):
         self.window_count += topic == FEATURES_TOPIC
         if topic.latched:
             self._latched.setdefault(name, deque(maxlen=KEPT_LATCHED)).append(data)
-        if topic in (STRAIN_TOPIC, EVENT_TOPIC):
+        if topic in (STRAIN_TOPIC, EVENT_TOPIC, SPECIFICATIONS_TOPIC):
             finger = name[: -len(topic.name)].strip('/')
             self._audit(self._auditors[finger], topic, data, writer)
 
     def _write_held(self, name: str) -> None:
-        """Write the latched messages from before the activation that belong to the bag."""
-        held = self._held.pop(name, [])
+        """Write the events from before the activation that belong to the bag."""
         known = self._latched.get(name, ())
-        for data in held if self._topics[name].type_name != EVENT else _drop_ended(held, known):
+        for data in _drop_ended(self._held.pop(name, []), known):
             if data not in known:
                 self._write(name, data)
 
@@ -350,6 +358,9 @@ class BagRecorderNode(PollingNode):
     ) -> None:
         try:
             message = deserialize_message(data, message_class(topic.type_name))
+            if topic == SPECIFICATIONS_TOPIC:
+                auditor.nominal_rate_hz = shared_rate_hz(specifications_from_msg(message).specs)
+                return
             if topic == STRAIN_TOPIC:
                 block = strain_block_from_msg(message)
                 audits = auditor.add_block(block)
@@ -388,7 +399,9 @@ class BagRecorderNode(PollingNode):
         needed = [
             name
             for name, topic in self._topics.items()
-            if not topic.optional and (self.config.rig or not topic.of_rig)
+            if not topic.optional
+            and (self.config.rig or not topic.of_rig)
+            and (self.config.classifier or not topic.of_classifier)
         ]
         return [name for name in needed if not self._publisher_count(name)]
 

@@ -99,7 +99,7 @@ def _tail(more: TactileResults, fewer: TactileResults, from_ns: int) -> list[Res
 
 
 def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
-    """Return results by the topic that each is published on."""
+    """Return results by topic, and by specification or model."""
     kinds: dict[tuple[object, ...], list[Result]] = {}
     for result in results.all():
         kinds.setdefault(_kind(result), []).append(result)
@@ -107,8 +107,9 @@ def _by_kind(results: TactileResults) -> dict[tuple[object, ...], list[Result]]:
 
 
 def _kind(result: Result) -> tuple[object, ...]:
-    source = 'windows' if isinstance(result, FeatureWindow) else result.model_id
-    return source, result.partial
+    if isinstance(result, FeatureWindow):
+        return 'windows', result.specification_digest, result.partial
+    return 'answers', result.model_id, result.partial
 
 
 def _without(results: TactileResults, left_out: Sequence[Result]) -> TactileResults:

@@ -10,26 +10,18 @@ through real nodes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
 from tactile_bags.bag_reader import BagMessage, TactileBag
-from tactile_bags.errors import BagError
 from tactile_bags.message_records import read_records
+from tactile_bags.recorded_setup import RecordedFeatures
 from tactile_bags.recorded_topics import CLASSIFICATION, EVENT, FEATURES, STRAIN
-from tactile_classifier.errors import ModelFileError
-from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.model_file.live_recalibration import LiveRecalibration
-from tactile_classifier.names import parse_classifier_name
-from tactile_classifier.records import ClassificationResult, ClassifierConfig
-from tactile_features.config import FeatureConfig
+from tactile_classifier.model_file.model_set import ModelSet
+from tactile_classifier.records import ClassificationResult
 from tactile_features.conversions import event_from_msg
-from tactile_features.errors import FeatureError
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.records import (
     FeatureWindow,
@@ -38,7 +30,7 @@ from tactile_features.records import (
     PHASES_STATED,
     TrialEvent,
 )
-from tactile_features.spec import spec_for
+from tactile_features.spec import FeatureSpec
 from tactile_ros.errors import MessageError
 
 
@@ -66,28 +58,18 @@ class TactileResults:
     def sort(self) -> TactileResults:
         """Bring the results into the order of time, whatever order they arrived in."""
         self.windows.sort(
-            key=lambda w: (w.window_end_ns, w.trial_id, w.feature_set, not w.partial)
+            key=lambda w: (
+                w.window_end_ns,
+                w.trial_id,
+                w.feature_set,
+                not w.partial,
+                w.specification_digest,
+            )
         )
         self.classifications.sort(
             key=lambda c: (c.window_end_ns, c.trial_id, c.model_id, not c.partial)
         )
         return self
-
-
-def recorded_config(bag: TactileBag) -> FeatureConfig:
-    """Return the feature parameters that the recording was made with."""
-    values = bag.metadata.get('feature_config')
-    try:
-        return FeatureConfig(**_renamed(values or {}))
-    except (TypeError, FeatureError) as error:
-        raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
-
-
-def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters of a recording by the names of today."""
-    if not isinstance(values, Mapping):
-        raise TypeError(f'they are {type(values).__name__}, not names and values')
-    return {'partial_samples' if k == 'running_samples' else k: v for k, v in values.items()}
 
 
 def recorded_results(bag: TactileBag, namespace: str = '') -> TactileResults:
@@ -159,15 +141,18 @@ class ReplayedPhases:
         For each, when the message arrived that completed it [ns].
     events : list of TrialEvent
         The phases that the windows go by: those of the recording, or those found in the signal.
+    specifications : tuple of FeatureSpec
+        Those of the windows.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
     completed_at_ns: list[int] = field(default_factory=list)
     events: list[TrialEvent] = field(default_factory=list)
+    specifications: tuple[FeatureSpec, ...] = ()
 
 
 def replay_phases(
-    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
+    bag: TactileBag, features: RecordedFeatures, namespace: str = '', *, finish: bool = False
 ) -> ReplayedPhases:
     """Return windows and phases of a recording, computed anew by the plain core.
 
@@ -175,8 +160,8 @@ def replay_phases(
     a window without features too. Samples that had not come in time when it ended, a node
     had given up as well: see `TrialFeatureExtractor`.
     """
-    extractor = TrialFeatureExtractor(config)
-    replayed = ReplayedPhases()
+    extractor = TrialFeatureExtractor(features.config, features.wanted)
+    replayed = ReplayedPhases(specifications=extractor.specifications)
     arrived_ns = 0
 
     def take(windows: list[FeatureWindow]) -> None:
@@ -190,7 +175,7 @@ def replay_phases(
             replayed.events += extractor.take_detected_events()
         else:
             take(extractor.add_event(record))
-            if config.phases == PHASES_STATED:
+            if features.config.phases == PHASES_STATED:
                 replayed.events.append(record)
     arrived_ns = bag.end_ns
     take(extractor.pass_time(arrived_ns))
@@ -200,79 +185,41 @@ def replay_phases(
 
 
 def replay_windows(
-    bag: TactileBag, config: FeatureConfig, namespace: str = '', *, finish: bool = False
+    bag: TactileBag, features: RecordedFeatures, namespace: str = '', *, finish: bool = False
 ) -> list[FeatureWindow]:
     """Return the windows of `replay_phases`."""
-    return replay_phases(bag, config, namespace, finish=finish).windows
+    return replay_phases(bag, features, namespace, finish=finish).windows
 
 
 def replay_through_core(
     bag: TactileBag,
-    models: Mapping[str, TactileModel],
-    config: FeatureConfig,
+    models: ModelSet | None,
+    features: RecordedFeatures,
     namespace: str = '',
-    recalibration_trials: Mapping[str, int] = MappingProxyType({}),
 ) -> TactileResults:
     """Return features and classifications of a recording, without any node.
 
     Parameters
     ----------
     bag : TactileBag
-    models : mapping of str to TactileModel
-        By the name of the classifier node, which says the contact that it takes.
-    config : FeatureConfig
+    models : ModelSet or None
+        Not used before, if it is to be recalibrated by the recording.
+    features : RecordedFeatures
     namespace : str
         Namespace of the finger.
-    recalibration_trials : mapping of str to int
-        Parameter of that name by classifier node, see `recorded_recalibration`; 0 where not given.
     """
-    for model in models.values():
-        model.expect(spec_for(model.task, config))
-    recalibrations = {
-        name: LiveRecalibration(model, recalibration_trials.get(name, 0))
-        for name, model in models.items()
-    }
-    replayed = replay_phases(bag, config, namespace)
+    replayed = replay_phases(bag, features, namespace)
     results = TactileResults(replayed.windows)
+    if models is not None:
+        models.set_specifications(replayed.specifications)
     for window, at_ns in zip(replayed.windows, replayed.completed_at_ns, strict=True):
         results.made_at_ns[id(window)] = at_ns
-        for name, model in models.items():
-            task, contact = parse_classifier_name(name)
-            takes_contact = ClassifierConfig(task=task, contact=contact).takes_contact
-            if model.accepts(window) and takes_contact(window.contact):
-                answer = recalibrations[name].classify(window)
-                results.classifications.append(answer)
-                results.made_at_ns[id(answer)] = at_ns
+        for answer in models.classify(window) if models is not None else ():
+            results.classifications.append(answer)
+            results.made_at_ns[id(answer)] = at_ns
     return results.sort()
 
 
-def recorded_recalibration(
-    recorded: TactileResults, models: Mapping[str, TactileModel]
-) -> dict[str, int]:
-    """Return the known trials that each classifier node waited for, by its answers; 0: none."""
-    found = dict.fromkeys(models, 0)
-    for answer in recorded.classifications:
-        for name, model in models.items():
-            if answer.model_id == model.model_id:
-                found[name] = max(found[name], answer.recalibration_trials)
-    return found
-
-
-def load_models(paths: Mapping[str, str]) -> dict[str, TactileModel]:
-    """Load model files by the name of their classifier node.
-
-    Raises
-    ------
-    ModelFileError
-        When a file cannot be used, or is for another task or contact than its name says.
-    """
-    models = {}
-    for name, path in paths.items():
-        model = models[name] = TactileModel.load(Path(path))
-        task, contact = parse_classifier_name(name)
-        if model.task != task or model.contact not in ('', contact):
-            raise ModelFileError(
-                f'model {path} is for {model.task} {model.contact}, not for {task} {contact}; '
-                'give the file the name of what it is for'
-            )
-    return models
+def recorded_recalibration(recorded: TactileResults) -> int:
+    """Return the known trials that the models waited for, by their answers; 0: none."""
+    return max((answer.recalibration_trials for answer in recorded.classifications), default=0)

@@ -16,6 +16,7 @@ from tactile_bags import (
     STRAIN_TOPIC,
     TactileBag,
 )
+from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.recorded_topics import JOINT_STATE, RecordedTopic
 from tactile_bags.replaying.comparison import compare
 from tactile_bags.replaying.replay import recorded_results, replay_through_core
@@ -108,7 +109,7 @@ def test_a_replay_gives_up_what_the_node_gave_up(tmp_path, inputs, end_s, count)
     with TactileBag(tmp_path / 'bag') as bag:
         assert bag.end_ns == START_NS + round(end_s * S)
         recorded = recorded_results(bag)
-        core = replay_through_core(bag, {}, CONFIG)
+        core = replay_through_core(bag, None, recorded_features(bag))
     assert len(recorded.windows) == count
     assert compare(recorded, core, NAMES).first_difference == ''
     if count:

@@ -9,32 +9,29 @@ are both made from it, see `tactile_bringup.launch_config.launch_plans`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 import json
-import os
 from pathlib import Path
 from typing import Any
 
-from tactile_bringup.launch_config.model_folder import wanted_features
-from tactile_classifier.names import parse_classifier_name
-from tactile_classifier.records import ClassifierConfig
-from tactile_features.config import FeatureConfig
-from tactile_features.slip import SlipConfig
 from tactile_ros.errors import TactileError
 from tendon_sensor_driver.records import AXES, NORM
 
 FEATURES_NODE = 'tactile_features'
 """Name of the node that computes features."""
 
+CLASSIFIER_NODE = 'tactile_classifier'
+"""Name of the node that answers with every model of a finger, where there are models."""
+
 SENSING_NODES = ('tendon_sensor', FEATURES_NODE)
-"""Names of the nodes of a finger that a hand moves, but for its classifiers."""
+"""Names of the nodes of a finger that a hand moves, but for its classifier."""
 
 SLIP_NODE = 'slip_detector'
 """Name of the node that finds a slip, where one is wanted."""
 
 RIG_NODES = (*SENSING_NODES, 'linear_guide', 'tendon_actuator', 'trial_runner')
-"""Names of the nodes of the whole rig, but for its classifiers."""
+"""Names of the nodes of the whole rig, but for its classifier."""
 
 PLAYER = 'bag_player'
 """Name of the node that plays a recording."""
@@ -127,78 +124,105 @@ class LaunchPlan:
     ends_with: str = ''
 
 
+@dataclass(frozen=True)
+class ModelChoice:
+    """The models of a finger, which say what its features and its classifier node do.
+
+    Attributes
+    ----------
+    path : Path
+        Folder of model files, or one file.
+    contact : str
+        Models of another contact are passed over; empty: none is.
+    recalibration_trials : int
+        Known trials of a session that correct the models; 0: none.
+    """
+
+    path: Path
+    contact: str = ''
+    recalibration_trials: int = 0
+
+    @classmethod
+    def read(
+        cls, path: Path | None, task: str = '', contact: str = '', recalibrate: str | int = 0
+    ) -> ModelChoice | None:
+        """Return the models for a task and a contact (empty: for any); None without a path.
+
+        Raises
+        ------
+        TactileError
+            When no file there can be used for these, or ``recalibrate`` is no number.
+        """
+        try:
+            trials = int(recalibrate)
+        except ValueError:
+            raise TactileError(
+                f'recalibrate is "{recalibrate}"; it must be a number of trials'
+            ) from None
+        if path is None:
+            return None
+        from tactile_features import read_contracts  # slow to import
+
+        contracts, _ = read_contracts(path, contact)
+        found = sorted({each.task for each in contracts})
+        if task and task not in found:
+            only = f'{", ".join(found)} {contact}'.strip()
+            raise TactileError(
+                f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
+            )
+        return cls(path.resolve(), contact, trials)
+
+    def rate_hz(self) -> float:
+        """Return the sample rate that the models were trained at [Hz]; 0: they differ."""
+        from tactile_features import read_contracts  # slow to import
+
+        contracts, _ = read_contracts(self.path, self.contact)
+        rates = {each.wanted.spec.rate_hz for each in contracts}
+        return rates.pop() if len(rates) == 1 else 0.0
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """Parameters of the nodes that read the models."""
+        contact = {'contact': self.contact} if self.contact else {}
+        return {'models': str(self.path), **contact}
+
+
 def sensing_graph(
     sensor_port: str,
-    models: Mapping[str, str],
+    models: ModelChoice | None,
     parameters: Mapping[str, Mapping[str, Any]],
     *,
     simulated: bool = False,
     namespace: str = '',
 ) -> list[NodeDescription]:
-    """Return the nodes that sense with one finger: sensor, features, one classifier a model.
-
-    The feature node is told what the models need, unless the parameters say it.
+    """Return the nodes that sense with one finger: sensor, features and, with models, classifier.
 
     Parameters
     ----------
     sensor_port : str
         Serial port of the load cell; empty: that of the parameters; ``none``: there is no
         sensor node, unless the parameters name a sensor with an address or a topic.
-    models : mapping of str to str
-        Model file by classifier name, see `classifier_name`.
+    models : ModelChoice or None
     parameters : mapping
         Further parameters by node name; they win over those given here.
     simulated : bool
         The sensor is simulated: it marks its samples, and nobody else needs to know.
-
-    Raises
-    ------
-    TactileError
-        When a classifier's name does not say its task and contact, or two models need
-        different features.
-    ModelFileError
-        When a file is no model.
     """
-    stated = parameters.get(FEATURES_NODE, {})
-    wanted = wanted_features(models, stated)
-    of_features = {}
-    nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, wanted)]
+    told = models.parameters if models else {}
+    nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, told)]
     has_port = sensor_port != NO_PORT
     if has_port or parameters.get('tendon_sensor', {}).get('sensor') in PORTLESS_SENSORS:
-        told: dict[str, Any] = {'port': sensor_port} if sensor_port and has_port else {}
+        of_sensor: dict[str, Any] = {'port': sensor_port} if sensor_port and has_port else {}
         if simulated:
-            told['simulated'] = True
-        sensor = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', told)
+            of_sensor['simulated'] = True
+        sensor = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', of_sensor)
         nodes.insert(0, NodeDescription(*sensor))
-    for name, model in models.items():
-        task, contact = parse_classifier_name(name)
-        nodes.append(
-            NodeDescription(
-                'tactile_classifier',
-                'tactile_classifier_node',
-                name,
-                # What the feature node is told about windows, its classifiers must know.
-                {'model': model, 'task': task, 'contact': contact, **of_features},
-            )
-        )
+    if models:
+        trials = models.recalibration_trials
+        recalibration = {'recalibration_trials': trials} if trials else {}
+        classifier = ('tactile_classifier', 'tactile_classifier_node', CLASSIFIER_NODE)
+        nodes.append(NodeDescription(*classifier, {**told, **recalibration}))
     return [_placed(node, parameters, namespace) for node in nodes]
-
-
-def recalibration_parameters(
-    trials: str | int, models: Mapping[str, str]
-) -> dict[str, dict[str, Any]]:
-    """Return the parameters of classifiers that so many known trials of a session correct.
-
-    Raises
-    ------
-    TactileError
-        When ``trials`` is no number.
-    """
-    try:
-        count = int(trials)
-    except ValueError:
-        raise TactileError(f'recalibrate is "{trials}"; it must be a number of trials') from None
-    return {name: {'recalibration_trials': count} for name in models} if count else {}
 
 
 def sensor_on_topic(text: str, rate_hz: float = 0.0) -> dict[str, Any]:
@@ -211,28 +235,30 @@ def sensor_on_topic(text: str, rate_hz: float = 0.0) -> dict[str, Any]:
 
 
 def topic_sensor_parameters(
-    topic: str, models: Mapping[str, str], stated: Mapping[str, Mapping[str, Any]]
+    topic: str, models: ModelChoice | None, stated: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Return the parameters of a sensor on a topic, at the models' rate; empty without a topic."""
+    """Return the parameters of a sensor on a topic; empty without a topic.
+
+    Its rate is that of the models, without models that of the feature node. Where neither says
+    one, the sensor measures it.
+    """
     if not topic:
         return {}
-    of_features = stated.get(FEATURES_NODE, {})
-    wanted = {**wanted_features(models, of_features), **of_features}
-    return sensor_on_topic(topic, float(wanted.get('rate_hz', 0.0)))
+    of_features = stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0)
+    return sensor_on_topic(topic, models.rate_hz() if models else float(of_features))
 
 
 def slip_node(
     parameters: Mapping[str, Mapping[str, Any]], *, namespace: str = ''
 ) -> NodeDescription:
-    """Return the node that finds the slip of a held object; of the same sensor as the features."""
-    shared = _shared(SlipConfig, parameters.get(FEATURES_NODE, {}))
-    node = NodeDescription('tactile_features', 'slip_detector_node', SLIP_NODE, shared)
+    """Return the node that finds the slip of a held object."""
+    node = NodeDescription('tactile_features', 'slip_detector_node', SLIP_NODE)
     return _placed(node, parameters, namespace)
 
 
 def rig_graph(
     ports: Ports,
-    models: Mapping[str, str],
+    models: ModelChoice | None,
     parameters: Mapping[str, Mapping[str, Any]],
     *,
     simulated: bool,
@@ -284,58 +310,32 @@ def rig_graph(
 
 def recorder_node(
     bag: Path,
-    models: Path | None,
-    classifiers: tuple[str, ...],
-    feature_parameters: Mapping[str, Any],
     *,
     namespaces: Sequence[str] = ('',),
     simulated: bool = False,
     rig: bool = True,
+    classifier: bool = False,
 ) -> NodeDescription:
-    """Return the recorder node for one or more fingers; it notes what a replay needs to know.
+    """Return the recorder node for one or more fingers.
 
     It notes by itself that samples are ``simulated``; a recording from before samples said so
     needs to be told.
 
-    Without a ``rig`` that moves them it waits for the topics of sensing alone.
-    ``feature_parameters`` are those that the feature node gets, see `feature_parameters_of`.
+    It does not wait for the topics of a ``rig`` or of a ``classifier`` that is not there.
     """
-    known = {f.name for f in fields(FeatureConfig)}  # every node has further ones
-    features = FeatureConfig(**{k: v for k, v in feature_parameters.items() if k in known})
-    metadata = {
-        'simulated': simulated,
-        'feature_config': asdict(features),
-        'models': os.path.relpath(models.resolve(), bag.resolve()) if models else '',
+    parameters = {
+        'bag': str(bag),
+        'namespaces': tuple(namespaces),
+        'metadata': json.dumps({'simulated': simulated}),
+        'rig': rig,
+        'classifier': classifier,
     }
-    return NodeDescription(
-        'tactile_bags',
-        'bag_recorder_node',
-        'bag_recorder',
-        {
-            'bag': str(bag),
-            'namespaces': tuple(namespaces),
-            'metadata': json.dumps(metadata),
-            'rig': rig,
-            # ROS cannot tell the type of an empty list.
-            **({'classifiers': classifiers} if classifiers else {}),
-        },
-    )
-
-
-def feature_parameters_of(nodes: Iterable[NodeDescription]) -> Mapping[str, Any]:
-    """Return the parameters of the first feature node in a graph."""
-    return next(node.parameters for node in nodes if node.name == FEATURES_NODE)
+    return NodeDescription('tactile_bags', 'bag_recorder_node', 'bag_recorder', parameters)
 
 
 def join_namespaces(*parts: str) -> str:
     """Return one namespace within the other, without slashes around it; empty: the root."""
     return '/'.join(stripped for part in parts if (stripped := part.strip('/')))
-
-
-def _shared(config: type, of_features: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those parameters of the feature node that another node's config has, too."""
-    names = {f.name for f in fields(config)} & {f.name for f in fields(FeatureConfig)}
-    return {name: value for name, value in of_features.items() if name in names}
 
 
 def _placed(

@@ -28,7 +28,7 @@ class Finger:
         Namespace of its nodes.
     sensor_port, sensor_topic, phases : str
         Empty: not said.
-    model : Path or None
+    models : Path or None
     parameters : mapping
         By node name, then by parameter name.
     slip : bool or None
@@ -37,7 +37,7 @@ class Finger:
 
     name: str
     sensor_port: str = ''
-    model: Path | None = None
+    models: Path | None = None
     phases: str = ''
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     slip: bool | None = None
@@ -68,7 +68,7 @@ def read_hand(path: Path, wanted: Iterable[str] = ()) -> tuple[Finger, ...]:
     """Return the fingers that a file describes: those that are wanted, or all.
 
     The file holds ``fingers:`` and below it, by name, any of ``sensor_port``,
-    ``sensor_topic``, ``model`` (a path, relative to the file), ``phases``, ``slip`` (true or
+    ``sensor_topic``, ``models`` (a path, relative to the file), ``phases``, ``slip`` (true or
     false) and ``parameters`` (by node name).
 
     Raises
@@ -100,13 +100,15 @@ def _finger(name: str, content: Any, path: Path) -> Finger:
     content = {} if content is None else content
     if not isinstance(content, dict):
         raise TactileError(f'{path}: {name} must hold names and values')
-    known = ('sensor_port', 'sensor_topic', 'model', 'phases', 'slip', 'parameters')
+    known = ('sensor_port', 'sensor_topic', 'models', 'phases', 'slip', 'parameters')
+    if 'model' in content:
+        raise TactileError(f'{path}: model of {name} is now called models; rename it')
     unknown = [str(key) for key in content if key not in known]
     if unknown:
         raise TactileError(
             f'{path}: {name} has {", ".join(unknown)}; it can have {", ".join(known)}'
         )
-    for key in ('sensor_port', 'sensor_topic', 'model', 'phases'):
+    for key in ('sensor_port', 'sensor_topic', 'models', 'phases'):
         if not isinstance(content.get(key, ''), str):
             raise TactileError(f'{path}: {key} of {name} must be text')
     slip = content.get('slip')
@@ -119,11 +121,11 @@ def _finger(name: str, content: Any, path: Path) -> Finger:
         raise TactileError(
             f'{path}: the parameters of {name} must stand below the name of their node'
         )
-    model = content.get('model')
+    models = content.get('models')
     return Finger(
         name,
         sensor_port=content.get('sensor_port', ''),
-        model=path.parent / model if model else None,
+        models=path.parent / models if models else None,
         phases=content.get('phases', ''),
         parameters={str(node): dict(of_node) for node, of_node in parameters.items()},
         slip=slip,

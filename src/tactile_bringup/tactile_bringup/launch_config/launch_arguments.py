@@ -69,14 +69,14 @@ TENDON_PORT = LaunchArgument(
 )
 CONTACT = LaunchArgument(
     'contact',
-    'how the finger touches: which model of a folder is loaded',
+    'how the finger touches: which models are loaded',
     'flexion',
     CONTACTS,
 )
-MODEL = LaunchArgument(
-    'model',
-    'model file, or folder of them as "tactile train" writes it, which also says which features '
-    'are computed; empty: no classifier',
+MODELS = LaunchArgument(
+    'models',
+    'folder of model files as "tactile train" writes it, or one file. They say which features are '
+    'computed, and each answers the windows that fit it; empty: no classifier',
 )
 RECALIBRATE = LaunchArgument(
     'recalibrate',
@@ -93,8 +93,8 @@ PHASES = LaunchArgument(
 )
 DETECTED_CONTACT = LaunchArgument(
     'contact',
-    'how the finger touches: which models of a folder are loaded, and what phases that are found '
-    'in the tension say; empty: not known, and all models are loaded',
+    'how the finger touches: which models are loaded, and what phases that are found in the '
+    'tension say; empty: not known, and all models are loaded',
     '',
     ('', *CONTACTS),
 )
@@ -137,7 +137,7 @@ def _protocol_arguments(beneath: str, example: str) -> tuple[LaunchArgument, ...
         'object', f'the {beneath} under the finger of the simulated rig', example
     )
     ports = (GUIDE_PORT, TENDON_PORT, SENSOR_PORT, SENSOR_TOPIC)
-    return (RIG, *ports, CONTACT, MODEL, RECALIBRATE, simulated_object, *_SHARED)
+    return (RIG, *ports, CONTACT, MODELS, RECALIBRATE, simulated_object, *_SHARED)
 
 
 LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
@@ -147,7 +147,7 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
         RIG,
         SENSOR_PORT,
         SENSOR_TOPIC,
-        MODEL,
+        MODELS,
         RECALIBRATE,
         PHASES,
         DETECTED_CONTACT,
@@ -163,7 +163,7 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
         ),
         LaunchArgument(
             'hand_file',
-            "YAML file that describes the fingers: each one's port or topic, model, phases, slip "
+            "YAML file that describes the fingers: each one's port or topic, models, phases, slip "
             'and parameters. Empty: each has the port /dev/tactile/<finger> and what the other '
             'arguments say',
         ),
@@ -172,7 +172,7 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
             description=f'{SENSOR_TOPIC.description}. A relative name is within the namespace of '
             'each finger. hand_file wins',
         ),
-        dataclasses.replace(MODEL, description=f'{MODEL.description}. hand_file wins'),
+        dataclasses.replace(MODELS, description=f'{MODELS.description}. hand_file wins'),
         RECALIBRATE,
         dataclasses.replace(PHASES, description=f'{PHASES.description}. hand_file wins'),
         DETECTED_CONTACT,
@@ -183,9 +183,9 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
         LaunchArgument('bag', 'folder of the recording to play; must be given'),
         LaunchArgument('rate', 'how many times faster than it was recorded', '1.0'),
         dataclasses.replace(
-            MODEL,
-            description='model file or folder; empty: the one that the recording was made with, '
-            'if any',
+            MODELS,
+            description='folder of model files, or one file; empty: those that the recording was '
+            'made with, if any',
         ),
         RECORD,
         PARAMS_FILE,
@@ -200,6 +200,9 @@ LAUNCH_FILES: dict[str, tuple[LaunchArgument, ...]] = {
     ),
 }
 """Arguments of each launch file, by its name without ``.launch.py``."""
+
+RENAMED = {'model': 'models'}
+"""Arguments of version 0.1 by their name of today."""
 
 NodeParameters = Mapping[str, Mapping[str, Any]]
 """Parameters by the name of the node."""
@@ -224,6 +227,8 @@ class LaunchValues:
         arguments = {argument.name: argument for argument in LAUNCH_FILES[name]}
         self._values = {argument.name: argument.default for argument in arguments.values()}
         for key, value in given.items():
+            if key in RENAMED:
+                raise TactileError(f'the argument {key} is now called {RENAMED[key]}')
             if key not in arguments:
                 raise TactileError(f'{name} has no argument {key}, only {", ".join(arguments)}')
             choices = arguments[key].choices

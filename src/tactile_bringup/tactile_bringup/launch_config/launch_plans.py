@@ -15,16 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from tactile_bringup.launch_config.graph import (
-    feature_parameters_of,
+    CLASSIFIER_NODE,
     FEATURES_NODE,
     join_namespaces,
     LaunchPlan,
+    ModelChoice,
     NO_PORT,
     NodeDescription,
     PLAYER,
     PORTLESS_SENSORS,
     Ports,
-    recalibration_parameters,
     recorder_node,
     rig_graph,
     RIG_NODES,
@@ -41,9 +41,7 @@ from tactile_bringup.launch_config.launch_arguments import (
     merge_parameters,
     PHASES,
 )
-from tactile_bringup.launch_config.model_folder import choose_models, find_models
 from tactile_bringup.records import PROTOCOLS
-from tactile_classifier.names import parse_classifier_name
 from tactile_features.records import PHASES_STATED
 from tactile_ros.errors import TactileError
 
@@ -61,7 +59,7 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
     given : mapping of str to str
         Values of its arguments; what is left out has its default.
     scratch : Path
-        Folder for the ports of simulated rigs.
+        Folder for the ports of simulated rigs, and for links to the models of a recording.
 
     Raises
     ------
@@ -72,7 +70,7 @@ def plan_launch(name: str, given: Mapping[str, str], scratch: Path) -> LaunchPla
     if name in PROTOCOLS:
         plan = _plan_protocol(name, values, scratch)
     elif name == 'replay':
-        plan = _plan_replay(values)
+        plan = _plan_replay(values, scratch)
     else:
         plan = _plan_fingers(_described_fingers(name, values), values, scratch)
     if values['use_sim_time'] == 'true':
@@ -115,27 +113,16 @@ def _plan_protocol(protocol: str, values: LaunchValues, scratch: Path) -> Launch
     else:
         ports = Ports(**{name: port or str(DEVICES / name) for name, port in given.items()})
     ports = dataclasses.replace(ports, sensor_topic=values['sensor_topic'])
-    model = values.path('model')
-    models = choose_models(model, protocol, values['contact']) if model else {}
-    namespace = values['namespace']
-    parameters = merge_parameters(
-        recalibration_parameters(values['recalibrate'], models),
-        values.parameters((*RIG_NODES, *models), namespace),
+    models = ModelChoice.read(
+        values.path('models'), protocol, values['contact'], values['recalibrate']
     )
+    namespace = values['namespace']
+    parameters = values.parameters((*RIG_NODES, CLASSIFIER_NODE), namespace)
     nodes = rig_graph(
         ports, models, parameters, simulated=simulated, watched=True, namespace=namespace
     )
     if values['record']:
-        nodes.append(
-            _recorder(
-                Path(values['record']),
-                model,
-                models,
-                nodes,
-                namespace,
-                rig=True,
-            )
-        )
+        nodes.append(_recorder(Path(values['record']), models, namespace, rig=True))
     return LaunchPlan(tuple(nodes), tuple(rigs))
 
 
@@ -184,10 +171,18 @@ def _finger_nodes(
             f'phases of the finger {finger.name} is "{phases}"; it must be one of '
             + ', '.join(PHASES.choices)
         )
-    model = finger.model or values.path('model')
-    models = _models_for(find_models(model), phases, values['contact']) if model else {}
+    models = ModelChoice.read(
+        finger.models or values.path('models'),
+        '' if phases == PHASES_STATED else phases,
+        values['contact'],
+        values['recalibrate'],
+    )
     slips = values['slip'] == 'true' if finger.slip is None else finger.slip
-    names = (*SENSING_NODES, *([SLIP_NODE] if slips else []), *models)
+    names = (
+        *SENSING_NODES,
+        *([SLIP_NODE] if slips else []),
+        *([CLASSIFIER_NODE] if models else []),
+    )
     unknown = [node for node in finger.parameters if node not in names]
     if unknown:
         raise TactileError(
@@ -201,31 +196,15 @@ def _finger_nodes(
             FEATURES_NODE: _found_phases(phases, values['contact']),
             SENSING_NODES[0]: topic_sensor_parameters(finger.sensor_topic, models, stated),
         },
-        recalibration_parameters(values['recalibrate'], models),
         stated,
     )
     nodes = sensing_graph(port, models, parameters, simulated=simulated, namespace=namespace)
     if slips:
-        told = merge_parameters({FEATURES_NODE: feature_parameters_of(nodes)}, parameters)
-        nodes.append(slip_node(told, namespace=namespace))
+        nodes.append(slip_node(parameters, namespace=namespace))
     if values['record']:
         bag = Path(values['record'], finger.name)  # the sense launch file has one, without name
-        nodes.append(_recorder(bag, model, models, nodes, namespace, rig=False))
+        nodes.append(_recorder(bag, models, namespace, rig=False))
     return nodes
-
-
-def _models_for(models: Mapping[str, str], phases: str, contact: str) -> Mapping[str, str]:
-    """Return the models that windows of these phases and of this contact can reach."""
-    task = '' if phases == PHASES_STATED else phases
-    taken = {}
-    for name, file in models.items():
-        of_task, of_contact = parse_classifier_name(name)
-        if task in ('', of_task) and (not contact or of_contact in (contact, '')):
-            taken[name] = file
-    if not taken:
-        what = ' '.join(filter(None, (task, contact)))
-        raise TactileError(f'no model is for {what}, only {", ".join(models)}')
-    return taken
 
 
 def _found_phases(phases: str, contact: str) -> dict[str, Any]:
@@ -248,30 +227,18 @@ def _refuse_shared_ports(nodes: Iterable[NodeDescription]) -> None:
 
 
 def _recorder(
-    bag: Path,
-    model: Path | None,
-    models: Mapping[str, str],
-    nodes: Iterable[NodeDescription],
-    namespace: str,
-    *,
-    rig: bool,
+    bag: Path, models: ModelChoice | None, namespace: str, *, rig: bool
 ) -> NodeDescription:
-    node = recorder_node(
-        bag,
-        model,
-        tuple(models),
-        feature_parameters_of(nodes),
-        namespaces=(namespace.strip('/'),),
-        rig=rig,
-    )
-    return dataclasses.replace(node, namespace=namespace.strip('/'))
+    finger = namespace.strip('/')
+    node = recorder_node(bag, namespaces=(finger,), rig=rig, classifier=models is not None)
+    return dataclasses.replace(node, namespace=finger)
 
 
-def _plan_replay(values: LaunchValues) -> LaunchPlan:
+def _plan_replay(values: LaunchValues, scratch: Path) -> LaunchPlan:
     """Return the nodes that classify a recording, and the player that ends them."""
     # libraries for files, which a process that senses need not load
     from tactile_bags.bag_reader import TactileBag
-    from tactile_bags.replaying.replay import recorded_config
+    from tactile_bags.recorded_setup import find_models, gather_models, recorded_features
 
     path = values.path('bag')
     if path is None:
@@ -280,40 +247,33 @@ def _plan_replay(values: LaunchValues) -> LaunchPlan:
         rate = float(values['rate'])
     except ValueError:
         raise TactileError(f'rate is "{values["rate"]}"; it must be a number') from None
-    with TactileBag(path) as bag:
-        config, metadata, found = recorded_config(bag), bag.metadata, bag.namespaces
     wanted = values['namespace'].strip('/')
-    if wanted and wanted not in found:
-        raise TactileError(
-            f'{path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
-        )
-    namespaces = (wanted,) if wanted else found
-    model = values.path('model')
-    if model is None and metadata.get('models'):
-        model = Path(path, metadata['models'])
-        if not model.exists():
-            raise TactileError(
-                f'the models of this recording are not at {model.resolve()}; name them: model:=...'
-            )
-    models = find_models(model) if model else {}
+    named = values.path('models')
     nodes: list[NodeDescription] = []
-    for namespace in namespaces:
-        recorded = {FEATURES_NODE: dataclasses.asdict(config)}
-        parameters = merge_parameters(
-            recorded, values.parameters((*SENSING_NODES, *models), namespace)
-        )
-        graph = sensing_graph('', models, parameters, namespace=namespace)
-        nodes += [node for node in graph if node.name != 'tendon_sensor']
+    with TactileBag(path) as bag:
+        found, simulated = bag.namespaces, bool(bag.metadata.get('simulated'))
+        if wanted and wanted not in found:
+            raise TactileError(
+                f'{path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
+            )
+        namespaces = (wanted,) if wanted else found
+        for namespace in namespaces:
+            place = named or gather_models(find_models(bag, namespace), scratch)
+            models = ModelChoice.read(place)
+            parameters = merge_parameters(
+                {FEATURES_NODE: dataclasses.asdict(recorded_features(bag, namespace).config)},
+                values.parameters((*SENSING_NODES, CLASSIFIER_NODE), namespace),
+            )
+            graph = sensing_graph('', models, parameters, namespace=namespace)
+            nodes += [node for node in graph if node.name != SENSING_NODES[0]]
     if values['record']:
         nodes.append(
             recorder_node(
                 Path(values['record']),
-                model,
-                tuple(models),
-                feature_parameters_of(nodes),
                 namespaces=namespaces,
-                simulated=bool(metadata.get('simulated')),
+                simulated=simulated,
                 rig=False,
+                classifier=any(node.name == CLASSIFIER_NODE for node in nodes),
             )
         )
     chosen = {'namespace': wanted} if wanted else {}

@@ -35,7 +35,7 @@ from tactile_bringup.launch_config.graph import (
     PLAYER,
     RigDescription,
 )
-from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
+from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES, LaunchValues, RENAMED
 from tactile_bringup.launch_config.launch_plans import plan_launch
 
 RIG_LINGERS_S = 3.0
@@ -97,6 +97,9 @@ class Planned:
             argument.name: str(LaunchConfiguration(argument.name).perform(context))
             for argument in LAUNCH_FILES[name]
         }
+        # launch passes over arguments that nobody declares.
+        old = {key: context.launch_configurations.get(key) for key in RENAMED}
+        LaunchValues(name, {key: value for key, value in old.items() if value})
         self._scratch = Path(tempfile.mkdtemp(prefix='tactile_launch_'))
         try:
             self._plan = plan_launch(name, self._values, self._scratch)

@@ -1,14 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Asks for trials and waits for what the classifiers say: the experimenter's part."""
+"""Asks for trials and waits for the answers of the models: the experimenter's part."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 import concurrent.futures
 import dataclasses
 import threading
-import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
@@ -17,20 +17,20 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from tactile_bags.recorded_topics import classification_topic
+from tactile_bags.recorded_topics import CLASSIFICATION_TOPIC, MODELS_TOPIC
 from tactile_bringup.nodes.trial_devices import cancel_late_goal
 from tactile_bringup.records import TrialConfig
 from tactile_bringup.trial_protocols import longest_trial_s, TrialRequest
-from tactile_classifier.conversions import classification_from_msg
-from tactile_classifier.records import ClassificationResult
+from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
+from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_msgs.action import HomeGuide, RunTrial
-from tactile_msgs.msg import Classification
+from tactile_msgs.msg import Classification, ModelInfos
 from tactile_ros.errors import TactileError
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK
 from tactile_ros.node.message_guard import MessageGuard
 from tactile_ros.node.requests import send
 from tactile_ros.programs.signals import INTERRUPT_TIMEOUT_S
-from tactile_ros.qos import RESULTS
+from tactile_ros.qos import LATEST, RESULTS
 
 HOMING_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 5.0
@@ -48,6 +48,11 @@ class OperatorNode(Node):  # type: ignore[misc]
 
     Service ``~/stop`` ends the session: the goal that runs is cancelled, and no other one is sent.
 
+    Parameters
+    ----------
+    answers : bool
+        Take the answers of the models, for `wait_for_models` and `wait_for_answers`.
+
     Attributes
     ----------
     trial_config : TrialConfig
@@ -56,11 +61,11 @@ class OperatorNode(Node):  # type: ignore[misc]
 
     def __init__(
         self,
-        classifiers: tuple[str, ...],
         context: Context,
         namespace: str = '',
         *,
         name: str = 'operator',
+        answers: bool = False,
     ) -> None:
         super().__init__(name, context=context, namespace=namespace)
         self.trial_config = TrialConfig()
@@ -73,11 +78,14 @@ class OperatorNode(Node):  # type: ignore[misc]
         self.create_service(Trigger, '~/stop', self._on_stop)
         self._arrived = threading.Condition()
         self._answers: list[ClassificationResult] = []
+        self._models: tuple[ModelInfo, ...] | None = None
         guard = MessageGuard(self)
-        for name in classifiers:
-            topic = classification_topic(name).name
-            on_message = guard.wrap(topic, self._on_classification)
-            self.create_subscription(Classification, topic, on_message, RESULTS)
+        wanted = (
+            (Classification, CLASSIFICATION_TOPIC.name, self._on_classification, RESULTS),
+            (ModelInfos, MODELS_TOPIC.name, self._on_models, LATEST),
+        )
+        for kind, topic, take, qos in wanted if answers else ():
+            self.create_subscription(kind, topic, guard.wrap(topic, take), qos)
 
     def stop(self) -> None:
         """Cancel the goal that runs, and send none until `resume`."""
@@ -112,6 +120,28 @@ class OperatorNode(Node):  # type: ignore[misc]
             self._answers.append(answer)
             self._arrived.notify_all()
 
+    def _on_models(self, message: ModelInfos) -> None:
+        infos = model_infos_from_msg(message)
+        with self._arrived:
+            self._models = infos.models
+            self._arrived.notify_all()
+
+    def wait_for_models(self) -> tuple[ModelInfo, ...]:
+        """Wait for the classifier; return the models that it answers with.
+
+        Raises
+        ------
+        TactileError
+            When it does not name them.
+        """
+        with self._arrived:
+            if not self._arrived.wait_for(lambda: self._models is not None, ANSWER_TIMEOUT_S):
+                raise TactileError(
+                    f'no message on {MODELS_TOPIC.name} within {ANSWER_TIMEOUT_S:.0f} s; does the '
+                    'classifier run?'
+                )
+            return self._models or ()
+
     def home_guide(self) -> str:
         """Home the guide; return what the action says at its end.
 
@@ -139,26 +169,36 @@ class OperatorNode(Node):  # type: ignore[misc]
         timeout_s = longest_trial_s(self.trial_config, request) + END_TIMEOUT_S
         return str(self._call(self._run, 'the trial', goal, timeout_s).trial_id)
 
-    def wait_for_answer(self, trial_id: str) -> ClassificationResult:
-        """Wait for the classification of a trial.
+    def wait_for_answers(
+        self, trial_id: str, models: Collection[str]
+    ) -> tuple[ClassificationResult, ...]:
+        """Wait for the classification of a trial by each of some models.
+
+        Parameters
+        ----------
+        trial_id : str
+        models : collection of str
+            Their ``model_id``.
 
         Raises
         ------
         TactileError
-            When none comes.
+            When one does not come.
         """
-        deadline = time.monotonic() + ANSWER_TIMEOUT_S
+
+        def found() -> dict[str, ClassificationResult]:
+            of_trial = (answer for answer in self._answers if answer.trial_id == trial_id)
+            return {answer.model_id: answer for answer in of_trial if answer.model_id in models}
+
         with self._arrived:
-            while True:
-                for answer in self._answers:
-                    if answer.trial_id == trial_id:
-                        return answer
-                left_s = deadline - time.monotonic()
-                if left_s <= 0:
-                    raise TactileError(
-                        f'no classification of trial {trial_id} within {ANSWER_TIMEOUT_S:.0f} s'
-                    )
-                self._arrived.wait(left_s)
+            self._arrived.wait_for(lambda: len(found()) == len(models), ANSWER_TIMEOUT_S)
+            answers = found()
+        if missing := [name for name in models if name not in answers]:
+            raise TactileError(
+                f'no classification of trial {trial_id} by {", ".join(missing)} within '
+                f'{ANSWER_TIMEOUT_S:.0f} s'
+            )
+        return tuple(answers[name] for name in models)
 
     def _call(self, client: ActionClient, what: str, goal: Any, timeout_s: float) -> Any:
         is_there = not self._stopped.is_set() and client.wait_for_server(ANSWER_TIMEOUT_S)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from pathlib import Path
 import time
-from types import MappingProxyType
 from typing import Any
 
 from rclpy.context import Context
@@ -17,17 +17,22 @@ from rclpy.node import Node
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.recorded_topics import (
-    classification_topic,
+    CLASSIFICATION_TOPIC,
     EVENT,
     EVENT_TOPIC,
     FEATURES_TOPIC,
+    PARTIAL_CLASSIFICATION_TOPIC,
     PARTIAL_FEATURES_TOPIC,
-    partial_topic,
     STRAIN,
     STRAIN_TOPIC,
 )
 from tactile_bags.replaying.replay import sensed_messages, TactileResults
-from tactile_bringup.launch_config.graph import NodeDescription, sensing_graph
+from tactile_bringup.launch_config.graph import (
+    FEATURES_NODE,
+    ModelChoice,
+    NodeDescription,
+    sensing_graph,
+)
 from tactile_bringup.nodes.graph_runner import create_node
 from tactile_classifier.conversions import classification_from_msg
 from tactile_features.config import FeatureConfig
@@ -45,13 +50,13 @@ BATCH = 200
 
 def replay_through_nodes(
     bag: TactileBag,
-    models: Mapping[str, str],
+    models: Path | None,
     config: FeatureConfig,
     context: Context,
     *,
     expected: TactileResults,
     namespace: str = '',
-    recalibration_trials: Mapping[str, int] = MappingProxyType({}),
+    recalibration_trials: int = 0,
 ) -> TactileResults:
     """Send a recording's strain and events to fresh nodes and collect what they publish.
 
@@ -61,8 +66,8 @@ def replay_through_nodes(
     Parameters
     ----------
     bag : TactileBag
-    models : mapping of str to str
-        Model file by classifier node name.
+    models : Path or None
+        Folder of model files, or one file.
     config : FeatureConfig
     context : rclpy.context.Context
         A context on a ROS domain where nobody else publishes.
@@ -70,8 +75,8 @@ def replay_through_nodes(
         How many windows and classifications to wait for.
     namespace : str
         Namespace of the finger in the recording.
-    recalibration_trials : mapping of str to int
-        Parameter of that name by classifier node; 0 where not given.
+    recalibration_trials : int
+        Parameter of the classifier node.
 
     Raises
     ------
@@ -84,19 +89,20 @@ def replay_through_nodes(
     player = Node('bag_player', context=context, namespace=namespace)
     try:
         executor.add_node(player)
-        for description in _replay_graph(models, config, recalibration_trials):
+        choice = ModelChoice.read(models, recalibrate=recalibration_trials)
+        for description in _replay_graph(choice, config):
             node = create_node(description, context, namespace, quiet=True)
             nodes.append(node)
             if not node.bring_up():
                 raise TactileError(f'the node {description.name} could not be started')
             executor.add_node(node)
-        features, *classifiers = nodes
+        features = nodes[0]
         topics = {FEATURES_TOPIC.name: TactileFeatures}
         topics[PARTIAL_FEATURES_TOPIC.name] = TactileFeatures
-        for name, classifier in zip(models, classifiers, strict=True):
-            topics[classification_topic(name).name] = Classification
-            if classifier.model.partial_samples:
-                topics[partial_topic(name).name] = Classification
+        if choice:
+            topics[CLASSIFICATION_TOPIC.name] = Classification
+        if any(answer.partial for answer in expected.classifications):
+            topics[PARTIAL_CLASSIFICATION_TOPIC.name] = Classification
 
         def take(message: Any) -> None:
             if isinstance(message, TactileFeatures):
@@ -115,7 +121,7 @@ def replay_through_nodes(
             lambda: all(p.get_subscription_count() > 0 for p in publishers.values())
             and all(player.count_publishers(player.resolve_topic_name(t)) > 0 for t in topics)
             and player.count_subscribers(player.resolve_topic_name(FEATURES_TOPIC.name))
-            > len(classifiers),
+            >= len(nodes),
             lambda: 'the nodes did not find each other',
         )
         sent = {STRAIN: 0, EVENT: 0}
@@ -149,14 +155,9 @@ def replay_through_nodes(
     return results.sort()
 
 
-def _replay_graph(
-    models: Mapping[str, str], config: FeatureConfig, recalibration_trials: Mapping[str, int]
-) -> list[NodeDescription]:
+def _replay_graph(models: ModelChoice | None, config: FeatureConfig) -> list[NodeDescription]:
     """Return the sensing graph without the sensor: the bag takes its place."""
-    parameters: dict[str, dict[str, Any]] = {'tactile_features': asdict(config)}
-    for name, trials in recalibration_trials.items():
-        parameters[name] = {'recalibration_trials': trials}
-    graph = sensing_graph('', models, parameters)
+    graph = sensing_graph('', models, {FEATURES_NODE: asdict(config)})
     return [node for node in graph if node.name != 'tendon_sensor']
 
 

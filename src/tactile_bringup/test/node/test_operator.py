@@ -19,7 +19,7 @@ from tactile_testing.waiting import DEADLINE_S, wait_until
 
 @pytest.fixture
 def operated(bench, context):
-    operator = OperatorNode((), context)
+    operator = OperatorNode(context)
     with NodeGroup([operator], context=context):
         yield bench, operator
 

@@ -12,7 +12,7 @@ HAND = """
 fingers:
   index:
     sensor_port: /dev/tactile/index
-    model: models/texture_flexion.onnx
+    models: models/texture_flexion.onnx
     phases: texture
     parameters:
       tendon_sensor: {scale: -1.0}
@@ -49,7 +49,8 @@ def test_only_wanted_fingers_are_taken_in_their_order(hand_file):
         ('fingers: {2nd: }', '"2nd" is no name for a finger'),
         ('fingers: {index: /dev/ttyUSB0}', 'index must hold names and values'),
         ('fingers: {index: {port: /dev/ttyUSB0}}', 'index has port; it can have sensor_port'),
-        ('fingers: {index: {model: 3}}', 'model of index must be text'),
+        ('fingers: {index: {models: 3}}', 'models of index must be text'),
+        ('fingers: {index: {model: m}}', 'model of index is now called models'),
         ('fingers: {index: {parameters: {rate_hz: 60.0}}}', 'below the name of their node'),
         ('fingers: {index: !!python/object/apply:os.system [true]}', 'cannot read the hand'),
         ('[' * 5000, 'cannot read the hand'),

@@ -11,12 +11,11 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bags.recorded_topics import message_store, recorded_topics
-from tactile_classifier.names import all_classifier_names
+from tactile_bags.recorded_topics import FINGER_TOPICS, message_store
 
 FOLDER = Path(__file__).resolve().parents[2] / 'layouts'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
-TOPICS = {f'/{topic.name}': topic.type_name for topic in recorded_topics(all_classifier_names())}
+TOPICS = {f'/{topic.name}': topic.type_name for topic in FINGER_TOPICS}
 JOINTS = {
     '/linear_guide/joint_states': LinearGuideConfig().joint_name,
     '/tendon_actuator/joint_states': TendonActuatorConfig().joint_name,
@@ -83,7 +82,10 @@ def foxglove_paths():
 
 @pytest.mark.parametrize(('kind', 'path', 'time'), foxglove_paths())
 def test_foxglove_shows_fields_that_there_are(store, kind, path, time):
-    topic, *steps = path.split('.')
+    filters = re.findall(r"\{(\w+)=='\w+'\}", path)
+    topic, *steps = re.sub(r'\{.*?\}', '', path).split('.')
+    for field in filters:
+        assert check_field(store, topic, [field]) == 'string'
     if kind == 'Plot':
         check_numeric(store, topic, steps)
     else:

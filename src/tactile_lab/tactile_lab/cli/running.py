@@ -68,7 +68,7 @@ def trials(request: TrialsRequest, as_json: JsonOption = False) -> None:
 def rig(request: RigRequest) -> None:
     """Run all nodes of the rig in this process until Ctrl-C; print each classification.
 
-    Starts sensor, guide, tendon, trial runner, features and one classifier for each model. Start
+    Starts sensor, guide, tendon, trial runner, features and, with models, a classifier. Start
     trials with the action ``trial_runner/run_trial``. To run trials without another program, use
     `tactile trials`.
     """
@@ -83,7 +83,7 @@ class SensingOptions:
     """Options that `tactile sense` and `tactile hand` share."""
 
     sensor_topic: SensorTopicOption = ''
-    model: ModelOption = None
+    models: ModelOption = None
     recalibrate: RecalibrateOption = 0
     phases: PhasesOption = 'stated'
     contact: DetectedContactOption = ''
@@ -97,12 +97,12 @@ class SensingOptions:
 
     def run(self, name: str, **values: str) -> None:
         """Run what the launch file of this name starts."""
-        check_paths(self.model, self.params)
+        check_paths(self.models, self.params)
         from tactile_lab.commands.running.sense import run_sensing
 
         values |= {
             'sensor_topic': self.sensor_topic,
-            'model': str(self.model or ''),
+            'models': str(self.models or ''),
             'recalibrate': str(self.recalibrate),
             'phases': self.phases,
             'contact': self.contact,
@@ -119,7 +119,7 @@ class SensingOptions:
 def sense(sensor: SensorOption = '', *, options: SensingOptions) -> None:
     """Run the nodes of one finger that another program moves, in this process until Ctrl-C.
 
-    Starts sensor, features and classifiers, as ``ros2 launch tactile_bringup sense.launch.py``
+    Starts sensor, features and classifier, as ``ros2 launch tactile_bringup sense.launch.py``
     does in processes of their own. Prints a line for each classification. The program that moves
     the finger publishes trial events on ``trial_runner/events``. With ``--phases`` they are found
     in the tension instead.
@@ -135,7 +135,7 @@ def hand(
     hand_file: Annotated[
         Optional[Path],
         typer.Option(
-            help="YAML file with each finger's port or topic, model, phases, slip and parameters."
+            help="YAML file with each finger's port or topic, models, phases, slip and parameters."
         ),
     ] = None,
     *,

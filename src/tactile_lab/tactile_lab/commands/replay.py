@@ -5,27 +5,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
+import tempfile
 import time
 from typing import Any
 
 from tactile_bags.auditing.audit import Audit, summarise_audits
 from tactile_bags.auditing.auditor import audit_open_bag
 from tactile_bags.bag_reader import TactileBag
+from tactile_bags.recorded_setup import (
+    find_models,
+    gather_models,
+    recorded_features,
+    recorded_models,
+    RecordedFeatures,
+)
 from tactile_bags.replaying.comparison import compare, compare_with_recorded, Comparison
 from tactile_bags.replaying.replay import (
     first_sample_ns,
-    load_models,
-    recorded_config,
     recorded_recalibration,
     recorded_results,
     replay_through_core,
     TactileResults,
 )
-from tactile_bringup.launch_config.model_folder import find_models
+from tactile_classifier.model_file.model_set import ModelSet
 from tactile_features.config import FeatureConfig
+from tactile_features.model_contract import read_contracts
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.running.watch import say_address
 from tactile_lab.watch.options import WatchOptions
@@ -65,11 +73,11 @@ class ReplayReport:
 
 
 def run_replay(
-    path: Path, model_folder: Path | None, *, through_nodes: bool, times: int, as_json: bool
+    path: Path, models: Path | None, *, through_nodes: bool, times: int, as_json: bool
 ) -> bool:
     """Replay a bag, print the comparison, return whether all is equal."""
     output = Output(as_json)
-    reports = replay_and_compare(path, model_folder, through_nodes=through_nodes, times=times)
+    reports = replay_and_compare(path, models, through_nodes=through_nodes, times=times)
     for report in reports:
         print_report(report, output)
     equal = all(report.is_equal for report in reports)
@@ -78,7 +86,7 @@ def run_replay(
 
 
 def play_and_watch(
-    path: Path, model_folder: Path | None, options: WatchOptions, *, as_json: bool
+    path: Path, models: Path | None, options: WatchOptions, *, as_json: bool
 ) -> None:
     """Play a bag in its own time through fresh nodes, on a domain of their own, on a live page.
 
@@ -94,14 +102,16 @@ def play_and_watch(
     from tactile_lab.watch.watching import watching
 
     output = Output(as_json)
-    given = {'bag': str(path), 'model': str(model_folder or '')}
-    plan = plan_launch('replay', {key: value for key, value in given.items() if value}, path)
+    given = {'bag': str(path), 'models': str(models or '')}
     with (
+        tempfile.TemporaryDirectory(prefix='tactile_') as scratch,
         domain_id() as domain,
         ros_context(int(domain)) as context,
         watching(context, options) as watch,
-        running_graph(plan.nodes, context, quiet=True) as nodes,
+        ExitStack() as stack,
     ):
+        plan = plan_launch('replay', {k: v for k, v in given.items() if v}, Path(scratch))
+        nodes = stack.enter_context(running_graph(plan.nodes, context, quiet=True))
         say_address(watch, output)
         player = nodes[plan.ends_with]
         while not player.is_finished:
@@ -136,50 +146,82 @@ def print_audits(audits: Sequence[Audit], output: Output) -> None:
 
 
 def replay_and_compare(
-    path: Path, model_folder: Path | None, *, through_nodes: bool, times: int = 1
+    path: Path, models: Path | None, *, through_nodes: bool, times: int = 1
 ) -> list[ReplayReport]:
     """Replay a bag through the core, and through nodes, and compare with the recording.
+
+    Parameters
+    ----------
+    path : Path
+    models : Path or None
+        Folder of model files, or one file; None: those of the recording.
+    through_nodes : bool
+    times : int
 
     Raises
     ------
     TactileError
         When the bag or the models cannot be used.
     """
-    reports = []
-    with TactileBag(path) as bag:
-        place = model_folder or _recorded_models(bag)
-        paths = find_models(place) if place else {}
-        models = load_models(paths)
-        config = recorded_config(bag)
+    with TactileBag(path) as bag, tempfile.TemporaryDirectory(prefix='tactile_') as scratch:
         audits = audit_open_bag(bag)
-        for namespace in bag.namespaces:
-            recorded = recorded_results(bag, namespace)
-            _check_has_features(bag, recorded)
-            known = recorded_recalibration(recorded, models)
-            comparisons: dict[str, Comparison] = {}
-            count = 0
-            while count < times and all(c.is_equal for c in comparisons.values()):
-                count += 1
-                core = replay_through_core(bag, models, config, namespace, known)
-                comparisons['recorded and plain core'] = compare_with_recorded(
-                    recorded, core, bag.end_ns, first_sample_ns(bag, namespace) or 0
-                )
-                if through_nodes:
-                    nodes = _replay_in_own_domain(bag, paths, config, core, namespace, known)
-                    names = ('the core', 'the nodes')
-                    comparisons['plain core and nodes'] = compare(core, nodes, names)
-            of_finger = tuple(audit for audit in audits if audit.finger == namespace)
-            reports.append(ReplayReport(namespace, comparisons, of_finger, count))
-    return reports
+        return [
+            _replay_finger(
+                bag,
+                namespace,
+                models or gather_models(find_models(bag, namespace), Path(scratch)),
+                tuple(audit for audit in audits if audit.finger == namespace),
+                is_chosen=models is not None,
+                through_nodes=through_nodes,
+                times=times,
+            )
+            for namespace in bag.namespaces
+        ]
+
+
+def _replay_finger(
+    bag: TactileBag,
+    namespace: str,
+    models: Path | None,
+    audits: tuple[Audit, ...],
+    *,
+    is_chosen: bool,
+    through_nodes: bool,
+    times: int,
+) -> ReplayReport:
+    features = recorded_features(bag, namespace)
+    if is_chosen and models is not None and features.wanted:
+        contracts, _ = read_contracts(models)
+        features = RecordedFeatures(features.config, tuple(each.wanted for each in contracts))
+    recorded = recorded_results(bag, namespace)
+    _check_has_features(bag, recorded)
+    infos = recorded_models(bag, namespace)
+    # Version 0.1 did not record it; its answers tell.
+    known = max((info.recalibration_trials for info in infos), default=0)
+    known = known or recorded_recalibration(recorded)
+    comparisons: dict[str, Comparison] = {}
+    count = 0
+    while count < times and all(c.is_equal for c in comparisons.values()):
+        count += 1
+        loaded = ModelSet.load(models, recalibration_trials=known) if models else None
+        core = replay_through_core(bag, loaded, features, namespace)
+        comparisons['recorded and plain core'] = compare_with_recorded(
+            recorded, core, bag.end_ns, first_sample_ns(bag, namespace) or 0
+        )
+        if through_nodes:
+            nodes = _replay_in_own_domain(bag, models, features.config, core, namespace, known)
+            names = ('the core', 'the nodes')
+            comparisons['plain core and nodes'] = compare(core, nodes, names)
+    return ReplayReport(namespace, comparisons, audits, count)
 
 
 def _replay_in_own_domain(
     bag: TactileBag,
-    paths: Mapping[str, str],
+    models: Path | None,
     config: FeatureConfig,
     core: TactileResults,
     namespace: str,
-    known: Mapping[str, int],
+    known: int,
 ) -> TactileResults:
     from domain_coordinator import domain_id
 
@@ -189,7 +231,7 @@ def _replay_in_own_domain(
     with domain_id() as domain, ros_context(int(domain)) as context:
         return replay_through_nodes(
             bag,
-            paths,
+            models,
             config,
             context,
             expected=core,
@@ -211,15 +253,3 @@ def _check_has_features(bag: TactileBag, recorded: TactileResults) -> None:
         'No trial ended while it was recorded, or it was made without nodes '
         '(tactile simulate); tactile train and tactile evaluate take it all the same'
     )
-
-
-def _recorded_models(bag: TactileBag) -> Path | None:
-    """Return the folder or file of the models that the recording was made with, if any."""
-    name = bag.metadata.get('models', '')
-    if not name:
-        return None
-    bag_folder = bag.path if bag.path.is_dir() else bag.path.parent
-    path = Path(bag_folder, name).resolve()
-    if not path.exists():
-        raise TactileError(f'the models of this recording are not at {path}; name them: --models')
-    return path

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
-from tactile_bags.replaying.replay import recorded_config, replay_phases
+from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
+from tactile_bags.replaying.replay import replay_phases
 from tactile_classifier.datasets.dataset import FeatureTable
-from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.records import (
@@ -30,11 +30,14 @@ from tactile_features.records import (
     PROTOCOL_SLIP,
     TrialEvent,
 )
-from tactile_features.spec import FeatureSpec, spec_for
+from tactile_features.spec import FeatureSpec
 from tactile_lab.experiment.folder import find_dropped
 
 BLOCKS = 6
 """Into how many parts the trials of a session are cut in the order of time, as many as folds."""
+
+Key = tuple[str, ...]
+"""Task and contact of a table; then, but of the first specification of a task, its digest."""
 
 Row = tuple[FeatureWindow, TrialEvent, str, str]
 """A labelled window, its trial's last event before it, bag and namespace."""
@@ -46,13 +49,14 @@ class BagTables:
 
     Attributes
     ----------
-    tables : dict of (str, str) to FeatureTable
-        By task and contact.
+    tables : dict of tuple to FeatureTable
+        By task and contact. Where a recording has several specifications of a task, each has a
+        table; those after the first have the digest in their key, too.
     left_out : tuple of str
         One sentence for each trial that gave no features, or has no label.
     """
 
-    tables: dict[tuple[str, str], FeatureTable]
+    tables: dict[Key, FeatureTable]
     left_out: tuple[str, ...]
 
 
@@ -75,49 +79,69 @@ def read_tables(
         When a bag cannot be read, or was recorded with other feature parameters than
         the first, or no labelled trial is in any of them.
     """
-    config: FeatureConfig | None = None
-    found: defaultdict[tuple[str, str], list[Row]] = defaultdict(list)
+    first: RecordedFeatures | None = None
+    found: defaultdict[tuple[str, str, str], list[Row]] = defaultdict(list)
+    specs: dict[str, FeatureSpec] = {}
     left_out: list[str] = []
     for path in paths:
         with TactileBag(path) as bag:
-            bag_config = _choose(path, recorded_config(bag), chosen)
-            if config and bag_config.without_detection() != config.without_detection():
-                raise BagError(
-                    f'{path} was recorded with other feature parameters than {paths[0]}; '
-                    'train on each of them alone'
-                )
-            config = bag_config
             for namespace in bag.namespaces:
-                _collect(bag, namespace, config, found, left_out)
-    if config is None or not found:
+                features = _choose(path, recorded_features(bag, namespace), chosen)
+                first = first or features
+                if _compared(features) != _compared(first):
+                    finger = f'{namespace} of ' if namespace else ''
+                    raise BagError(
+                        f'{finger}{path} was recorded with other feature parameters than '
+                        f'{paths[0]}; train on each of them alone, or name the features'
+                    )
+                specs |= _collect(bag, namespace, features, found, left_out)
+    if not found:
         what = ', '.join(map(str, paths)) or 'no bag'
         raise BagError(
             f'no labelled trial with features in {what}'
             + (f'; the first reason: {left_out[0]}' if left_out else '')
         )
-    tables = {key: _table(rows, spec_for(key[0], config)) for key, rows in sorted(found.items())}
-    return BagTables(tables, tuple(left_out))
+    tables: dict[Key, FeatureTable] = {}
+    places = {digest: place for place, digest in enumerate(specs)}
+    for task, contact, digest in sorted(found, key=lambda key: (*key[:2], places[key[2]])):
+        key: Key = (task, contact)
+        key = (*key, digest) if key in tables else key
+        tables[key] = _table(found[task, contact, digest], specs[digest])
+    return BagTables(tables, tuple(dict.fromkeys(left_out)))
 
 
-def _choose(path: Path, config: FeatureConfig, chosen: Mapping[str, Any]) -> FeatureConfig:
+def name_table(key: Key, table: FeatureTable) -> str:
+    """Return task and contact of a table, and the set of features where they are not enough."""
+    more = [table.spec.feature_set] if len(key) > 2 else []
+    return ', '.join(filter(None, (*key[:2], *more)))
+
+
+def _choose(path: Path, recorded: RecordedFeatures, chosen: Mapping[str, Any]) -> RecordedFeatures:
+    # A table has features of full windows alone: measures would be made in vain.
     if not chosen:
-        return config
+        return recorded.without_parts()
     try:
-        return replace(config, partial_samples=(), **chosen)
+        config = replace(recorded.bound(), partial_samples=(), measures=False, **chosen)
     except FeatureError as error:
         raise BagError(f'{path}: {error}') from error
+    return RecordedFeatures(config)
+
+
+def _compared(features: RecordedFeatures) -> tuple[object, ...]:
+    """Return what the recordings of a table must share."""
+    digests = tuple(sorted(spec.digest for spec in features.specifications))
+    return features.bound().without_detection(), digests
 
 
 def _collect(
     bag: TactileBag,
     namespace: str,
-    config: FeatureConfig,
-    found: defaultdict[tuple[str, str], list[Row]],
+    features: RecordedFeatures,
+    found: defaultdict[tuple[str, str, str], list[Row]],
     left_out: list[str],
-) -> None:
-    # A table has features of full windows alone: measures would be made in vain.
-    config = replace(config, measures=False, partial_samples=())
-    replayed = replay_phases(bag, config, namespace, finish=True)
+) -> dict[str, FeatureSpec]:
+    """Collect the labelled windows of a finger; return their specifications by digest."""
+    replayed = replay_phases(bag, features, namespace, finish=True)
     dropped = find_dropped(bag.path)
     events: defaultdict[str, list[TrialEvent]] = defaultdict(list)
     for event in replayed.events:
@@ -141,8 +165,9 @@ def _collect(
             left_out.append(f'{window.trial_id}: the trial has no label')
         else:
             # By what the features are: a trial of one protocol may have a window of the other.
-            key = task_of(window.feature_set), event.contact
+            key = task_of(window.feature_set), event.contact, window.specification_digest
             found[key].append((window, event, str(bag.path), namespace))
+    return {spec.digest: spec for spec in replayed.specifications}
 
 
 def _event_before(window: FeatureWindow, events: Sequence[TrialEvent]) -> TrialEvent:

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_features.feature_sets.registry import find_feature_set
-from tactile_lab.datasets.bag_tables import BagTables, read_tables
+from tactile_lab.datasets.bag_tables import BagTables, Key, read_tables
 from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.sources.leaves import Leaf
 from tactile_lab.datasets.trial_options import TrialOptions
 
-Key = tuple[str, str]
 """Task and contact."""
 
 Reader = Callable[[TactileModel], BagTables]
@@ -158,9 +157,9 @@ def _fitting(
 ) -> Mapping[Key, FeatureTable]:
     contacts = {model.contact for model in models}
     return {
-        (task, contact): table
-        for (task, contact), table in read.tables.items()
-        if task == models[0].task and len((contacts | {contact}) - {''}) < 2
+        key: table
+        for key, table in read.tables.items()
+        if key[0] == models[0].task and len((contacts | {key[1]}) - {''}) < 2
     }
 
 

@@ -13,11 +13,13 @@ import numpy as np
 
 from tactile_bags.bag_reader import TactileBag
 from tactile_bags.errors import BagError
-from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
+from tactile_bags.replaying.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.records import FeatureWindow, Measure, Outcome
+from tactile_features.spec import WantedFeatures
 
 
 def count_samples(seconds: Sequence[float], config: FeatureConfig) -> tuple[int, ...]:
@@ -61,7 +63,9 @@ def read_partial_tables(table: FeatureTable, seconds: Sequence[float]) -> dict[i
         (*source, window.window_start_ns, window.sample_count): window.values
         for *source, window in _read_windows(
             table,
-            lambda config: replace(config, **fields, partial_samples=counts, measures=False),
+            lambda recorded: RecordedFeatures(
+                replace(recorded.config, **fields, partial_samples=counts, measures=False)
+            ),
         )
         if window.partial
     }
@@ -92,7 +96,11 @@ def read_measures(table: FeatureTable) -> list[tuple[Measure, ...]]:
     found = {
         (*source, window.window_start_ns, window.window_end_ns): window.measures
         for *source, window in _read_windows(
-            table, lambda config: replace(config, measures=True, partial_samples=())
+            table,
+            lambda recorded: RecordedFeatures(
+                replace(recorded.config, measures=True, partial_samples=()),
+                tuple(WantedFeatures(each.spec) for each in recorded.wanted),
+            ),
         )
     }
     columns = ('bag', 'namespace', 'window_start_ns', 'window_end_ns')
@@ -107,13 +115,13 @@ def read_measures(table: FeatureTable) -> list[tuple[Measure, ...]]:
 
 
 def _read_windows(
-    table: FeatureTable, change: Callable[[FeatureConfig], FeatureConfig]
+    table: FeatureTable, change: Callable[[RecordedFeatures], RecordedFeatures]
 ) -> Iterator[tuple[str, str, FeatureWindow]]:
     """Yield bag, namespace and window of each usable window of the table's bags."""
     columns = (table.column(name).tolist() for name in ('bag', 'namespace'))
     for path, namespace in sorted(set(zip(*columns, strict=True))):
         with TactileBag(Path(path)) as bag:
-            config = change(recorded_config(bag))
-            for window in replay_windows(bag, config, namespace, finish=True):
+            features = change(recorded_features(bag, namespace))
+            for window in replay_windows(bag, features, namespace, finish=True):
                 if window.outcome == Outcome.OK:
                     yield path, namespace, window

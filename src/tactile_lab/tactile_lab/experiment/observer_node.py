@@ -27,7 +27,10 @@ WINDOW_TIMEOUT_S = 5.0
 
 
 class ObserverNode(Node):  # type: ignore[misc]
-    """Keeps the samples since `begin` and the feature windows; blocking calls, spun elsewhere."""
+    """Keeps the samples since `begin` and the first feature window of each trial.
+
+    Blocking calls, spun elsewhere.
+    """
 
     def __init__(self, context: Context) -> None:
         super().__init__('trial_observer', context=context)
@@ -51,7 +54,8 @@ class ObserverNode(Node):  # type: ignore[misc]
         window = feature_window_from_msg(message)
         with self._arrived:
             if self._is_on and not window.partial:
-                self._windows[window.trial_id] = window
+                # The windows of one phase come in the order of their specifications.
+                self._windows.setdefault(window.trial_id, window)
                 self._arrived.notify_all()
 
     def begin(self) -> None:

@@ -19,6 +19,7 @@ from tactile_classifier.datasets.splits import grouped_split, Split
 from tactile_classifier.errors import EvaluationError
 from tactile_classifier.training.feature_choice import Candidate, FeatureChoice
 from tactile_features.records import PROTOCOL_STIFFNESS
+from tactile_lab.datasets.bag_tables import Key, name_table
 from tactile_lab.datasets.traces import read_spans, read_trace, TrialTrace
 
 
@@ -120,7 +121,7 @@ def array_examples(
 
 
 def bag_sets(
-    tables: Mapping[tuple[str, str], FeatureTable],
+    tables: Mapping[Key, FeatureTable],
     hold_out: Sequence[Sequence[str]] | None = None,
     also: Sequence[str] = (),
 ) -> list[RecordingSet]:
@@ -128,8 +129,8 @@ def bag_sets(
 
     Parameters
     ----------
-    tables : mapping of (str, str) to FeatureTable
-        By task and contact, as `read_tables` returns them.
+    tables : mapping of tuple to FeatureTable
+        As `read_tables` returns them.
     hold_out : sequence of sequence of str, optional
         Columns of the grouped splits. When left out, one session is held out where there are
         several that have all labels, and one block of trials where not.
@@ -142,12 +143,13 @@ def bag_sets(
         When a bag has gone.
     """
     sets = []
-    for (task, contact), table in tables.items():
+    for key, table in tables.items():
+        task, contact = key[:2]
         simulated = bool(table.column('simulated').any())
         chosen, not_done = _usual_splits(table, also) if hold_out is None else (hold_out, [])
         sets.append(
             RecordingSet(
-                title=f'{task}, {contact}' + (', simulated' if simulated else ''),
+                title=name_table(key, table) + (', simulated' if simulated else ''),
                 contact=contact,
                 simulated=simulated,
                 table=table,

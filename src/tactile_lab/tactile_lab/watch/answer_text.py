@@ -15,14 +15,13 @@ def rounded(value: float) -> float:
     return float(f'{value:.4g}')
 
 
-def describe_answer(source: str, answer: ClassificationResult, true_label: str) -> dict[str, Any]:
+def describe_answer(answer: ClassificationResult, true_label: str) -> dict[str, Any]:
     """Return an answer as what JSON can hold, with the likeliest labels first."""
     scores = sorted(zip(answer.labels, answer.scores, strict=False), key=lambda x: -x[1])
     is_right = None
     if true_label and answer.outcome == Outcome.LABEL and not answer.partial:
         is_right = answer.label == true_label
     return {
-        'source': source,
         'task': answer.task,
         'contact': answer.contact,
         'trial': answer.trial_id,
@@ -40,7 +39,9 @@ def describe_answer(source: str, answer: ClassificationResult, true_label: str) 
     }
 
 
-def describe_line(finger: str, answer: ClassificationResult, true_label: str) -> str:
+def describe_line(
+    finger: str, answer: ClassificationResult, true_label: str, *, names_model: bool = False
+) -> str:
     """Return one line about an answer: finger, task, label with its score or *unknown*."""
     parts = [finger] if finger else []
     parts.append(f'{answer.task:9} {answer.contact or "any contact":9}')
@@ -53,6 +54,8 @@ def describe_line(finger: str, answer: ClassificationResult, true_label: str) ->
         parts.append(f'unknown: {answer.reason}')
     else:
         parts.append(f'no answer: {answer.reason}')
+    if names_model:
+        parts.append(answer.model_id)
     if answer.simulated:
         parts.append('SIMULATED')
     return '  '.join(parts)

@@ -119,7 +119,7 @@ class WatchControls:
         if finger not in {f.name for f in self._node.state.fingers}:
             raise TactileError(f'there is no finger "{finger}"')
         if finger not in self._operators:
-            operator = OperatorNode((), self._context, finger, name='watch_operator')
+            operator = OperatorNode(self._context, finger, name='watch_operator')
             group = NodeGroup([operator], self._context)
             group.__enter__()
             self._operators[finger] = (operator, group)

@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import (
     FeatureWindow,
@@ -93,8 +94,9 @@ class Finger:
         self._samples: NDArray[np.float64] = np.empty(0)  # those that a spectrum may be of
         self._sample_ns = 0  # time of the last sample
         self._spans: deque[TrialEvent] = deque(maxlen=64)
-        self._answers: dict[str, tuple[ClassificationResult, str]] = {}
-        self._window: FeatureWindow | None = None
+        self._answers: dict[str, tuple[ClassificationResult, str]] = {}  # by model
+        self._models: tuple[ModelInfo, ...] = ()
+        self._windows: dict[str, FeatureWindow] = {}  # of the trial, by specification
         self._slip: dict[str, Any] | None = None
         self._tare: dict[str, Any] | None = None
 
@@ -152,16 +154,29 @@ class Finger:
     def take_event(self, event: TrialEvent) -> None:
         """Take the start of a phase."""
         if self._spans and self._spans[-1].trial_id != event.trial_id:
-            self._window = None
+            self._windows = {}
         self._spans.append(event)
         self.simulated = self.simulated or event.simulated
         self.version += 1
 
-    def take_answer(self, source: str, answer: ClassificationResult) -> None:
-        """Take what a classifier says; ``source`` is its node's name."""
+    def take_models(self, models: Sequence[ModelInfo]) -> None:
+        """Take the models that a classifier answers with."""
+        self._models = tuple(models)
+
+    def names_model(self, answer: ClassificationResult) -> bool:
+        """Return whether other models answer the same question, so that its model is named."""
+        same = [
+            model
+            for model in self._models
+            if model.task == answer.task and len({model.contact, answer.contact} - {''}) < 2
+        ]
+        return len(same) > 1
+
+    def take_answer(self, answer: ClassificationResult) -> None:
+        """Take the answer of a model."""
         true_label = self._true_label(answer.trial_id)
-        self._answers.pop(source, None)
-        self._answers[source] = (answer, true_label)
+        self._answers.pop(answer.model_id, None)
+        self._answers[answer.model_id] = (answer, true_label)
         while len(self._answers) > MOST_ANSWERS:
             del self._answers[next(iter(self._answers))]
         self.simulated = self.simulated or answer.simulated
@@ -173,7 +188,10 @@ class Finger:
 
     def take_window(self, window: FeatureWindow) -> None:
         """Take the features of a window."""
-        self._window = window
+        self._windows.pop(window.specification_digest, None)
+        self._windows[window.specification_digest] = window
+        while len(self._windows) > MOST_ANSWERS:
+            del self._windows[next(iter(self._windows))]
         self.simulated = self.simulated or window.simulated
         self.version += 1
 
@@ -248,9 +266,7 @@ class Finger:
             'simulated': self.simulated,
             'trial': event and self._describe_event(event),
             'spans': self._describe_spans(),
-            'answers': [
-                describe_answer(source, *answer) for source, answer in self._answers.items()
-            ],
+            'answers': [describe_answer(*answer) for answer in self._answers.values()],
             'window': self._describe_window(),
             'slip': self._slip and {**self._slip, 'at': self._seconds(self._slip['at'])},
             'tare': self._tare,
@@ -288,9 +304,9 @@ class Finger:
         ]
 
     def _describe_window(self) -> dict[str, Any] | None:
-        window = self._window
-        if window is None:
+        if not self._windows:
             return None
+        window = next(reversed(self._windows.values()))
         return {
             'set': window.feature_set,
             'partial': window.partial,
@@ -310,12 +326,12 @@ class Finger:
         During a trial and after it they are those of the trial's window, as the classifier got
         them. Without one, they are those of the last seconds, within the phase that runs.
         """
-        window = self._window
-        if (
-            window is not None
-            and window.feature_set == SET_TEXTURE_SPECTRUM
-            and window.outcome == Outcome.OK
-        ):
+        spectra = (
+            window
+            for window in reversed(self._windows.values())
+            if window.feature_set == SET_TEXTURE_SPECTRUM and window.outcome == Outcome.OK
+        )
+        if window := next(spectra, None):
             part = 'partial window' if window.partial else 'window of the trial'
             step_hz = window.rate_hz / (2 * (len(window.values) - 1))
             return _describe_spectrum(window.values, step_hz, part)

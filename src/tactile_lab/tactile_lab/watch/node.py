@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
-from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.conversions import classification_from_msg, model_infos_from_msg
 from tactile_features.conversions import (
     event_from_msg,
     feature_window_from_msg,
@@ -27,6 +27,7 @@ from tactile_features.records import FeatureWindow
 from tactile_lab.watch.state import MOST_FINGERS, WatchState
 from tactile_msgs.msg import (
     Classification,
+    ModelInfos,
     Readiness,
     Slip,
     StrainBlock,
@@ -63,6 +64,7 @@ PROFILES = {
     TactileFeatures: RESULTS,
     Classification: RESULTS,
     TrialEvent: EVENTS,
+    ModelInfos: LATEST,
     Readiness: LATEST,
     Slip: RESULTS,
     Tare: LATEST,
@@ -142,7 +144,7 @@ class WatchNode(Node):  # type: ignore[misc]
             return
         for topic, types in self.get_topic_names_and_types():
             kind = next((KINDS[name] for name in types if name in KINDS), None)
-            if self._answers_only and kind not in (TrialEvent, Classification):
+            if self._answers_only and kind not in (TrialEvent, Classification, ModelInfos):
                 continue
             if kind is None or topic in self._topics or len(self._topics) >= MOST_SUBSCRIPTIONS:
                 continue
@@ -217,6 +219,10 @@ class WatchNode(Node):  # type: ignore[misc]
         def take_tare(message: Tare) -> None:
             state.update(finger, lambda known: known.take_tare(message.is_set, message.bias_n))
 
+        def take_models(message: ModelInfos) -> None:
+            models = model_infos_from_msg(message).models
+            state.update(finger, lambda known: known.take_models(models))
+
         def take_window(window: FeatureWindow) -> None:
             state.update(finger, lambda known: known.take_window(window))
 
@@ -228,8 +234,9 @@ class WatchNode(Node):  # type: ignore[misc]
             StrainBlock: lambda message: state.take_block(finger, strain_block_from_msg(message)),
             TactileFeatures: lambda message: take_window(feature_window_from_msg(message)),
             Classification: lambda message: state.take_answer(
-                finger, source, classification_from_msg(message)
+                finger, classification_from_msg(message)
             ),
+            ModelInfos: take_models,
             TrialEvent: lambda message: state.take_event(finger, event_from_msg(message)),
             Readiness: take_readiness,
             Slip: take_slip,

@@ -47,7 +47,7 @@ class WatchState:
     Attributes
     ----------
     on_answer : callable
-        Given finger, answer and the stated label for every answer on a full window.
+        Given a line about every answer on a full window.
     was_stopped : bool
         Somebody has pressed Stop on a page.
     """
@@ -73,7 +73,7 @@ class WatchState:
         self._progress: dict[str, Any] | None = None
         self._version = 0
         self.was_stopped = False
-        self.on_answer: Callable[[str, ClassificationResult, str], None] = lambda *_: None
+        self.on_answer: Callable[[str], None] = lambda _: None
 
     # -- what comes ------------------------------------------------------------------
 
@@ -99,18 +99,19 @@ class WatchState:
         """Take the start of a phase."""
         self.update(name, lambda finger: finger.take_event(event))
 
-    def take_answer(self, name: str, source: str, answer: ClassificationResult) -> None:
-        """Take what a classifier says."""
+    def take_answer(self, name: str, answer: ClassificationResult) -> None:
+        """Take the answer of a model."""
         with self._lock:
             finger = self.finger(name)
             if finger is None:
                 return
-            finger.take_answer(source, answer)
+            finger.take_answer(answer)
             _, true_label = finger.last_answer() or (answer, '')
+            line = describe_line(name, answer, true_label, names_model=finger.names_model(answer))
             if not answer.partial:
-                self.say(describe_line(name, answer, true_label))
+                self.say(line)
         if not answer.partial:
-            self.on_answer(name, answer, true_label)
+            self.on_answer(line)
 
     def take_health(
         self, device: str, level: int, message: str, values: Mapping[str, str]

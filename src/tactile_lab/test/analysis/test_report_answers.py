@@ -11,7 +11,8 @@ import pytest
 
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
-from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bags.recorded_setup import recorded_features
+from tactile_bags.replaying.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.evaluation.open_set import evaluate_open_set
 from tactile_classifier.evaluation.plans import run_plans
@@ -120,7 +121,7 @@ def test_measures_are_those_of_the_windows(stiffness_bag):
     (table,) = read_tables([stiffness_bag]).tables.values()
     measures = read_measures(table)
     with TactileBag(stiffness_bag) as bag:
-        windows = {w.trial_id: w for w in replay_windows(bag, recorded_config(bag))}
+        windows = {w.trial_id: w for w in replay_windows(bag, recorded_features(bag))}
     assert len(measures) == len(table) == 15
     for trial_id, found in zip(table.column('trial_id'), measures, strict=True):
         assert found == windows[trial_id].measures

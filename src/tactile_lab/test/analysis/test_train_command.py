@@ -12,7 +12,8 @@ pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bags import TactileBag
 from tactile_bags.errors import BagError
-from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
+from tactile_bags.replaying.replay import replay_windows
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
@@ -80,15 +81,17 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
     model = TactileModel.load(tmp_path / 'texture_flexion.onnx')
     with TactileBag(bag) as opened:
         config = dataclasses.replace(
-            recorded_config(opened), spectrum_detrend=detrend, partial_samples=(30, 60)
+            recorded_features(opened).config, spectrum_detrend=detrend, partial_samples=(30, 60)
         )
-        windows = replay_windows(opened, config)
+        windows = replay_windows(opened, RecordedFeatures(config))
     assert model.spec == spec_for('texture', config)
     assert model.manifest.feature_values()['spectrum_detrend'] == detrend
     others = {'none', 'mean', 'linear'} - {detrend}
     for other in others:
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
-            model.expect(spec_for('texture', dataclasses.replace(config, spectrum_detrend=other)))
+            model.check_fits(
+                spec_for('texture', dataclasses.replace(config, spectrum_detrend=other))
+            )
     # Tables of whole and partial windows are what the live extractor gives.
     (table,) = read_tables([bag], {'spectrum_detrend': detrend}).tables.values()
     tables = {**read_partial_tables(table, [0.5, 1.0]), table.spec.sample_count: table}

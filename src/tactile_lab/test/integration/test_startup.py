@@ -55,7 +55,7 @@ def run(arguments):
         (['evaluate', 'nowhere.npz'], 2),
         (['replay', 'nowhere'], 2),
         (['repair', 'nowhere', '-o', 'copy'], 2),
-        (['sense', '--simulated', '--model', 'nowhere'], 2),
+        (['sense', '--simulated', '--models', 'nowhere'], 2),
         (['hand', '--hand-file', 'nowhere'], 2),
         (['rig', '--simulated', '--models', 'nowhere'], 2),
     ],
@@ -69,7 +69,7 @@ def test_help_and_wrong_paths_import_nothing_slow(arguments, code):
 
 
 def test_a_folder_without_models_is_refused_before_ros_is_loaded(tmp_path):
-    code, said, modules = run(['sense', '--simulated', '--model', str(tmp_path)])
+    code, said, modules = run(['sense', '--simulated', '--models', str(tmp_path)])
     assert code == 2
     assert 'no model files' in said
     assert not modules & {'rclpy', 'onnxruntime', 'sklearn', 'matplotlib'}

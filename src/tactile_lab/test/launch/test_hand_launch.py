@@ -26,7 +26,7 @@ from tactile_ros.qos import EVENTS
 
 FINGERS = ('index', 'middle')
 HAND = 'fingers:\n  index:\n  middle: {parameters: {tendon_sensor: {scale: -1.0}}}\n'
-CLASSIFIER = 'stiffness_flexion_classifier'
+ANSWERS = 'tactile_classifier/classification'
 HOLD_NS = 3_000_000_000
 
 
@@ -40,7 +40,7 @@ def generate_test_description():
         'hand',
         rig='simulated',
         hand_file=str(hand_file),
-        model=str(trained_model(folder, 'stiffness')),
+        models=str(trained_model(folder, 'stiffness')),
         namespace='left',
         log_level='warn',
     )
@@ -51,13 +51,13 @@ class TestHold(unittest.TestCase):
         topics = {'/diagnostics': DiagnosticArray}
         for finger in FINGERS:
             topics[f'left/{finger}/tendon_sensor/strain'] = StrainBlock
-            topics[f'left/{finger}/{CLASSIFIER}/classification'] = Classification
+            topics[f'left/{finger}/{ANSWERS}'] = Classification
         with Ear(topics) as ear:
             ear.wait_for_publishers(*topics)
             for finger in FINGERS:
                 self.hold(ear, finger)
             for finger in FINGERS:
-                answers = ear.heard[f'left/{finger}/{CLASSIFIER}/classification']
+                answers = ear.heard[f'left/{finger}/{ANSWERS}']
                 self.assertEqual([a.trial_id for a in answers], [f'held by {finger}'])
                 self.assertEqual(answers[0].reason, '')
 
@@ -89,7 +89,7 @@ class TestHold(unittest.TestCase):
             )
             event.header.stamp = Time(nanoseconds=start_ns + after_ns).to_msg()
             publisher.publish(event)
-        ear.wait_for_messages(f'left/{finger}/{CLASSIFIER}/classification')
+        ear.wait_for_messages(f'left/{finger}/{ANSWERS}')
 
 
 @launch_testing.post_shutdown_test()

@@ -88,7 +88,7 @@ class LaunchedRig:
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
         self._context = ros_context(int(domain))
-        self.operator = OperatorNode((), self._context.__enter__())
+        self.operator = OperatorNode(self._context.__enter__())
         self.phases = []
         self.operator.create_subscription(
             TrialEvent, 'trial_runner/events', lambda m: self.phases.append(m.phase), EVENTS

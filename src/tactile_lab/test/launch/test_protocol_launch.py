@@ -42,7 +42,7 @@ def generate_test_description(protocol):
         protocol,
         rig='simulated',
         object=OBJECTS[protocol],
-        model=str(trained_model(folder, protocol)),
+        models=str(trained_model(folder, protocol)),
         record=str(bag),
         log_level='warn',
     )
@@ -51,9 +51,9 @@ def generate_test_description(protocol):
 
 class TestTrial(unittest.TestCase):
     def test_a_trial_gives_features_and_an_answer(self, protocol):
-        answers = f'{protocol}_flexion_classifier/classification'
+        answers = 'tactile_classifier/classification'
         topics = {'tactile_features/features': TactileFeatures, answers: Classification}
-        with Ear(topics, lambda context: [OperatorNode((), context)]) as ear:
+        with Ear(topics, lambda context: [OperatorNode(context)]) as ear:
             ear.wait_for_publishers(*OUTPUTS, answers)
             (operator,) = ear.others
             operator.home_guide()
@@ -75,5 +75,5 @@ class TestEnd(unittest.TestCase):
     def test_the_trial_is_in_the_bag(self, bag, protocol):
         with TactileBag(bag) as recording:
             counts = {name: count for name, (_, count) in recording.topics.items()}
-        self.assertEqual(counts[f'/{protocol}_flexion_classifier/classification'], 1)
+        self.assertEqual(counts['/tactile_classifier/classification'], 1)
         self.assertGreater(counts['/tendon_sensor/strain'], 100)

@@ -17,12 +17,13 @@ import launch_testing.asserts
 from launched import DEADLINE_S, Ear, launched, new_folder, simulated_bag, trained_model
 
 from tactile_bags import TactileBag
-from tactile_bags.replaying.replay import load_models, recorded_config, replay_through_core
+from tactile_bags.recorded_setup import recorded_features
+from tactile_bags.replaying.replay import replay_through_core
+from tactile_classifier import ModelSet
 from tactile_classifier.conversions import classification_from_msg
 from tactile_msgs.msg import Classification
 
-CLASSIFIER = 'stiffness_flexion_classifier'
-ANSWERS = f'{CLASSIFIER}/classification'
+ANSWERS = 'tactile_classifier/classification'
 
 
 @pytest.mark.launch_test
@@ -31,9 +32,8 @@ def generate_test_description():
     model = trained_model(folder, 'stiffness')
     bag = simulated_bag(folder / 'played', 'stiffness')
     with TactileBag(bag) as recording:
-        models = load_models({CLASSIFIER: str(model)})
-        core = replay_through_core(recording, models, recorded_config(recording))
-    description = launched('replay', bag=str(bag), model=str(model), rate='8', log_level='warn')
+        core = replay_through_core(recording, ModelSet.load(model), recorded_features(recording))
+    description = launched('replay', bag=str(bag), models=str(model), rate='8', log_level='warn')
     return description, {'expected': core.classifications}
 
 

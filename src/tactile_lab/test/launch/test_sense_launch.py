@@ -29,7 +29,7 @@ from tactile_sim.rig_process import SimulatedRig
 from tactile_testing.simulated_rigs import advance_rig
 
 FEATURES = 'index/tactile_features/features'
-ANSWERS = 'index/stiffness_flexion_classifier/classification'
+ANSWERS = 'index/tactile_classifier/classification'
 REST_S = 1.0
 
 
@@ -43,7 +43,7 @@ def generate_test_description(phases):
         'sense',
         rig='simulated',
         sensor_port=rig.ports.sensor,
-        model=str(trained_model(new_folder(), 'stiffness')),
+        models=str(trained_model(new_folder(), 'stiffness')),
         phases=phases,
         contact='flexion',
         slip='true',
@@ -62,10 +62,12 @@ class TestPress(unittest.TestCase):
             )
             motion = [
                 node
-                for node in rig_graph(Ports(*rig.ports), {}, {}, simulated=True, namespace='index')
+                for node in rig_graph(
+                    Ports(*rig.ports), None, {}, simulated=True, namespace='index'
+                )
                 if node.name in ('linear_guide', 'tendon_actuator', 'trial_runner')
             ]
-            operator = OperatorNode((), ear.context, namespace='index')
+            operator = OperatorNode(ear.context, namespace='index')
             with running_graph(motion, ear.context, others=[operator]):
                 operator.home_guide()
                 advance_rig(rig, REST_S)  # a finger's tension at rest is learnt at rest

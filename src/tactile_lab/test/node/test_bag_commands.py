@@ -9,7 +9,8 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from tactile_bags import BagWriter, FEATURES_TOPIC, STRAIN, TactileBag
-from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bags.recorded_setup import recorded_features
+from tactile_bags.replaying.replay import replay_windows
 from tactile_features.conversions import feature_window_to_msg
 from tactile_lab.commands.repair import run_repair
 from tactile_lab.commands.replay import run_replay
@@ -29,7 +30,7 @@ def record(source, target, lose=()):
             number += message.type_name == STRAIN
             if message.type_name != STRAIN or number not in lose:
                 writer.write_raw(message.topic, message.received_at_ns, message.data)
-        for window in replay_windows(bag, recorded_config(bag)):
+        for window in replay_windows(bag, recorded_features(bag)):
             data = serialize_message(feature_window_to_msg(window))
             writer.write_raw(features, window.window_end_ns, data)
     return target

@@ -182,7 +182,7 @@ def has_begun(bag, trial, phase):
         (['rig', '--simulated', '--guide', '/dev/ttyACM0'], 'brings its own ports'),
         (['rig', '--models', 'nowhere'], 'nowhere does not exist'),
         (['rig', '--simulated', '--params', 'nowhere.yaml'], 'nowhere.yaml'),
-        (['sense', '--model', 'nowhere'], 'nowhere does not exist'),
+        (['sense', '--models', 'nowhere'], 'nowhere does not exist'),
         (['hand'], 'name the fingers'),
         (['hand', '--fingers', '2nd'], 'no name for a finger'),
         (['hand', '--hand-file', 'nowhere.yaml'], 'nowhere.yaml'),

@@ -8,8 +8,9 @@ import dataclasses
 from rclpy.serialization import serialize_message
 
 from tactile_bags import BagWriter, EVENT_TOPIC, STRAIN, STRAIN_TOPIC, TactileBag
+from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
 from tactile_bags.replaying.comparison import compare
-from tactile_bags.replaying.replay import recorded_config, replay_through_core
+from tactile_bags.replaying.replay import replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_features.conversions import event_to_msg, strain_block_from_msg
 from tactile_features.extraction.extractor import TrialFeatureExtractor
@@ -20,9 +21,9 @@ FOUND_TOPIC = dataclasses.replace(EVENT_TOPIC, name='tactile_features/detected_e
 
 def test_nodes_find_the_phases_that_the_core_finds(stiffness_bag, context):
     with TactileBag(stiffness_bag) as bag:
-        config = dataclasses.replace(recorded_config(bag), phases='stiffness')
-        core = replay_through_core(bag, {}, config)
-        nodes = replay_through_nodes(bag, {}, config, context, expected=core)
+        config = dataclasses.replace(recorded_features(bag).config, phases='stiffness')
+        core = replay_through_core(bag, None, RecordedFeatures(config))
+        nodes = replay_through_nodes(bag, None, config, context, expected=core)
     comparison = compare(core, nodes, ('core', 'nodes'))
     assert comparison.first_difference == ''
     assert comparison.window_count == 15
@@ -32,7 +33,7 @@ def record_hand(path, source, label):
     """Write what a hand without a rig records: strain, and the phases found in it."""
     with TactileBag(source) as bag:
         config = dataclasses.replace(
-            recorded_config(bag),
+            recorded_features(bag).config,
             phases='stiffness',
             detected_contact='flexion',
             detected_object_label=label,

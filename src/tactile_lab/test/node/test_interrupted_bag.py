@@ -12,7 +12,6 @@ import pytest
 
 from tactile_bags import EVENT, TactileBag
 from tactile_bringup.launch_config.graph import (
-    feature_parameters_of,
     Ports,
     recorder_node,
     rig_graph,
@@ -49,9 +48,9 @@ def record_until_interrupted(bag, phase):
     ):
         home_fast(rig)
         quick = {'trial_runner': {'approach_speed_m_s': 0.1, 'hold_s': 2.8, **PATIENT}}
-        graph = rig_graph(Ports(*rig.ports), {}, quick, simulated=True)
-        graph.append(recorder_node(bag, None, (), feature_parameters_of(graph), simulated=True))
-        operator = OperatorNode((), context)
+        graph = rig_graph(Ports(*rig.ports), None, quick, simulated=True)
+        graph.append(recorder_node(bag, simulated=True))
+        operator = OperatorNode(context)
         operator.create_subscription(
             TrialEvent,
             'trial_runner/events',

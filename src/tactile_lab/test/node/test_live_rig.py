@@ -14,8 +14,7 @@ from rclpy.task import Future
 from rclpy.time import Time
 
 from linear_guide_driver.grbl import guide_client
-from tactile_bringup.launch_config.graph import NodeDescription, Ports, rig_graph
-from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bringup.launch_config.graph import ModelChoice, NodeDescription, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.trial_protocols import TrialRequest
@@ -91,10 +90,10 @@ def rig():
 @contextmanager
 def running_rig(rig, context, models=None, parameters=None, sensor_topic=''):
     ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor, sensor_topic)
-    operator = OperatorNode(tuple(models or ()), context)
+    operator = OperatorNode(context, answers=models is not None)
     watcher = Watcher(context)
     parameters = {'trial_runner': {**QUICK, **(parameters or {})}}
-    graph = rig_graph(ports, models or {}, parameters, simulated=True)
+    graph = rig_graph(ports, models, parameters, simulated=True)
     if sensor_topic:  # the hand's own driver of the load cell
         driver = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor')
         graph.append(NodeDescription(*driver, {'port': rig.ports.sensor}, namespace='hand'))
@@ -103,13 +102,14 @@ def running_rig(rig, context, models=None, parameters=None, sensor_topic=''):
 
 
 def test_stiffness_trial_is_felt_and_named(rig, context, trained):
-    with running_rig(rig, context, find_models(trained)) as (operator, watcher, nodes):
+    with running_rig(rig, context, ModelChoice.read(trained)) as (operator, watcher, nodes):
         assert nodes['tactile_features']._strain.is_local  # not one sample in a message
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
         request = TrialRequest('stiffness', 'flexion', 'none', 'first')
         assert operator.run_trial(request) == 'first'
-        answer = operator.wait_for_answer('first')
+        (model,) = operator.wait_for_models()
+        (answer,) = operator.wait_for_answers('first', [model.model_id])
         assert answer.label == 'none', answer.reason
         assert answer.simulated
         watcher.wait_for_phase('done')  # the result may come before the event
@@ -120,11 +120,15 @@ def test_stiffness_trial_is_felt_and_named(rig, context, trained):
 
 def test_a_rig_feels_a_force_that_another_node_publishes(rig, context, trained):
     topic = '/hand/tendon_sensor/wrench:norm'
-    with running_rig(rig, context, find_models(trained), sensor_topic=topic) as (operator, *_):
+    with running_rig(rig, context, ModelChoice.read(trained), sensor_topic=topic) as (
+        operator,
+        *_,
+    ):
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
         operator.run_trial(TrialRequest('stiffness', 'flexion', 'none', 'first'))
-        answer = operator.wait_for_answer('first')
+        (model,) = operator.wait_for_models()
+        (answer,) = operator.wait_for_answers('first', [model.model_id])
         assert answer.label == 'none', answer.reason
 
 

@@ -14,13 +14,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_bringup.launch_config.graph import (
+    ModelChoice,
     NodeDescription,
     Ports,
     recorder_node,
     rig_graph,
     slip_node,
 )
-from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.nodes.graph_runner import create_node, ros_context
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.programs.node_program import GROUP
@@ -37,9 +37,9 @@ def descriptions(stiffness_bag, trained, tmp_path_factory):
         ports = Ports(rig.ports.guide, rig.ports.tendon, rig.ports.sensor)
         recording = tmp_path_factory.mktemp('recordings') / 'bag'
         nodes = [
-            *rig_graph(ports, find_models(trained), {}, simulated=True),
+            *rig_graph(ports, ModelChoice.read(trained), {}, simulated=True),
             slip_node({}),
-            recorder_node(recording, None, (), {}, simulated=True),
+            recorder_node(recording, simulated=True),
             NodeDescription(
                 'tactile_bringup', 'bag_player_node', 'bag_player', {'bag': str(stiffness_bag)}
             ),

@@ -13,14 +13,15 @@ import pytest
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
 from tactile_bags import TactileBag
-from tactile_bags.replaying.replay import recorded_config, recorded_results
+from tactile_bags.recorded_setup import recorded_features, recorded_models
+from tactile_bags.replaying.replay import recorded_results
 from tactile_bringup.launch_config.graph import Ports
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_lab.commands.output import Output
-from tactile_lab.commands.partial.live_trials import LiveSetup, run_live_trials
 from tactile_lab.commands.replay import replay_and_compare
+from tactile_lab.commands.running.live_trials import LiveSetup, run_live_trials
 from tactile_lab.datasets.bag_tables import read_tables
 from tactile_lab.datasets.reread import read_partial_tables
 from tactile_ros.errors import TactileError
@@ -79,7 +80,10 @@ def test_partial_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
     trial = glide(rig, bag, model)
     assert trial.answer.scores  # whatever it is: one window in twenty may be unknown
     with TactileBag(bag) as recording:
-        assert recorded_config(recording).partial_samples == (30, 90)
+        (wanted,) = (f for f in recorded_features(recording).wanted if f.task == 'texture')
+        assert wanted.partial_samples == (30, 90)
+        (info,) = recorded_models(recording)
+        assert info.specification_digest == wanted.spec.digest
         results = recorded_results(recording)
     for found in (results.windows, results.classifications):
         assert Counter(item.partial for item in found) == {True: 2, False: 1}
@@ -87,5 +91,5 @@ def test_partial_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
     assert report.is_equal, report.comparisons
     assert report.comparisons['recorded and plain core'].classification_count == 3
     model.rename(model.with_name('elsewhere.onnx'))
-    with pytest.raises(TactileError, match=r'partial\.onnx; name them: --models'):
+    with pytest.raises(TactileError, match=r'is not at .*partial\.onnx; name it: --models'):
         replay_and_compare(bag, None, through_nodes=False)

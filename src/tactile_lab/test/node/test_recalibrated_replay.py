@@ -11,25 +11,22 @@ from rclpy.serialization import serialize_message
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bags import (
-    classification_topic,
-    FEATURES_TOPIC,
-    TactileBag,
-)
+from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, TactileBag
 from tactile_bags.bag_writer import BagWriter
+from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.recorded_topics import RecordedTopic
-from tactile_bags.replaying.replay import load_models, recorded_config, replay_through_core
-from tactile_bringup.launch_config.model_folder import find_models, model_path
+from tactile_bags.replaying.replay import replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
+from tactile_classifier import ModelSet
 from tactile_classifier.conversions import classification_to_msg
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
+from tactile_lab.commands.analysis.train import model_path
 from tactile_lab.commands.replay import replay_and_compare
 from tactile_lab.datasets.bag_tables import read_tables
 
-NODE = 'stiffness_flexion_classifier'
 TRIALS = 6
 NOISE = 1.0
 
@@ -50,7 +47,7 @@ def record_answers(source, path, results):
             writer.add_topic(RecordedTopic(name.strip('/'), type_name))
         for message in bag.messages():
             writer.write_raw(message.topic, message.received_at_ns, message.data)
-        features, answers = map(writer.add_topic, (FEATURES_TOPIC, classification_topic(NODE)))
+        features, answers = map(writer.add_topic, (FEATURES_TOPIC, CLASSIFICATION_TOPIC))
         for window in results.windows:
             data = serialize_message(feature_window_to_msg(window))
             writer.write_raw(features, window.window_end_ns, data)
@@ -63,16 +60,14 @@ def record_answers(source, path, results):
 def test_known_trials_correct_the_nodes_and_the_replay_alike(
     models, simulate_bag, tmp_path, context
 ):
-    paths = find_models(models)
     before = (models / 'stiffness_flexion.onnx').read_bytes()
     source = simulate_bag('stiffness', 'flexion', 2, seed=11, sessions=2)
     with TactileBag(source) as bag:
-        config = recorded_config(bag)
-        core = replay_through_core(
-            bag, load_models(paths), config, recalibration_trials={NODE: TRIALS}
-        )
+        features = recorded_features(bag)
+        loaded = ModelSet.load(models, recalibration_trials=TRIALS)
+        core = replay_through_core(bag, loaded, features)
         nodes = replay_through_nodes(
-            bag, paths, config, context, expected=core, recalibration_trials={NODE: TRIALS}
+            bag, models, features.config, context, expected=core, recalibration_trials=TRIALS
         )
     # Each of the two sessions begins with the model as trained.
     counts = [answer.recalibration_trials for answer in nodes.classifications]
@@ -86,7 +81,7 @@ def test_known_trials_correct_the_nodes_and_the_replay_alike(
     assert all(c.classification_count == 20 for c in report.comparisons.values())
     assert (models / 'stiffness_flexion.onnx').read_bytes() == before
     with TactileBag(source) as bag:  # else there was nothing to repeat
-        untouched = replay_through_core(bag, load_models(paths), config)
+        untouched = replay_through_core(bag, ModelSet.load(models), features)
     pairs = zip(untouched.classifications, nodes.classifications, strict=True)
     changed = [one.novelty != other.novelty for one, other in pairs]
     assert changed == 2 * (TRIALS * [False] + 4 * [True])
@@ -104,12 +99,13 @@ def test_raw_scores_are_the_same_live_and_replayed(simulate_bag, tmp_path, conte
     table = FeatureTable(values, table.labels, table.spec, table.columns)
     model = write_model(model_path(tmp_path / 'models', *key), train(table, 'svm_linear'))
     assert model.manifest.calibration['scores']['kept'] == 'raw'
-    paths = find_models(tmp_path / 'models')
     source = simulate_bag('stiffness', 'flexion', 2, seed=11)
     with TactileBag(source) as bag:
-        config = recorded_config(bag)
-        core = replay_through_core(bag, load_models(paths), config)
-        nodes = replay_through_nodes(bag, paths, config, context, expected=core)
+        features = recorded_features(bag)
+        core = replay_through_core(bag, ModelSet.load(tmp_path / 'models'), features)
+        nodes = replay_through_nodes(
+            bag, tmp_path / 'models', features.config, context, expected=core
+        )
     assert len(nodes.classifications) == 10
     for answer, window in zip(nodes.classifications, nodes.windows, strict=True):
         assert answer.score_kind == 'margin'

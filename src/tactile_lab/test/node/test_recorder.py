@@ -22,21 +22,25 @@ from tactile_bags import (
     AUDIT,
     BagWriter,
     EVENT,
+    SPECIFICATIONS,
     STRAIN,
     STRAIN_TOPIC,
     TactileBag,
 )
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
+from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.storage.mcap_writer import McapWriter
 from tactile_bringup.launch_config.graph import recorder_node
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
-from tactile_features.conversions import strain_block_from_msg
+from tactile_features import FeatureConfig, spec_for, WantedFeatures
+from tactile_features import FeatureSpecifications as Announced
+from tactile_features.conversions import specifications_to_msg, strain_block_from_msg
 from tactile_lab.commands.running.live_trials import check_recording
-from tactile_msgs.msg import RecordingAudit, StrainBlock, TrialEvent
+from tactile_msgs.msg import FeatureSpecifications, RecordingAudit, StrainBlock, TrialEvent
 from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_group import NodeGroup
-from tactile_ros.qos import EVENTS, STREAM
+from tactile_ros.qos import EVENTS, LATEST, STREAM
 from tactile_testing.waiting import wait_until
 
 DEADLINE_S = 10.0
@@ -50,6 +54,9 @@ class Source:
         self.node = Node('source', context=context, namespace=namespace)
         self.strain = self.node.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
         self.events = self.node.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+        self.specifications = self.node.create_publisher(
+            FeatureSpecifications, 'tactile_features/specifications', LATEST
+        )
 
     def send(self, sequences):
         for i in sequences:
@@ -69,7 +76,7 @@ class Source:
 
 
 def describe_recorder(path):
-    return recorder_node(path, None, (), {'rate_hz': 100.0}, simulated=False)
+    return recorder_node(path)
 
 
 def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
@@ -83,9 +90,11 @@ def test_recording_holds_the_very_bytes_that_were_sent(context, tmp_path):
         for i in range(200)
     ]
     path = tmp_path / 'bag'
-    description = recorder_node(path, None, ('c',), {}, namespaces=('thumb',), simulated=False)
+    description = recorder_node(path, namespaces=('thumb',), classifier=True)
     with source.recorded(description, '/thumb') as recorder:
-        assert '/thumb/tactile_features/features' in recorder.unmatched_topics()
+        missing = recorder.unmatched_topics()
+        assert '/thumb/tactile_features/features' in missing
+        assert '/thumb/tactile_classifier/classification' in missing
         for block in blocks:
             source.strain.publish(block)
         wait_until(lambda: recorder.message_count == 201)
@@ -112,6 +121,11 @@ def test_what_came_before_the_end_is_in_the_bag(context, tmp_path):
         assert [m.decode().sequence for m in bag.messages(STRAIN)] == list(range(10))
 
 
+def specifications(rate_hz):
+    wanted = WantedFeatures(spec_for('stiffness', FeatureConfig(rate_hz=rate_hz)))
+    return specifications_to_msg(Announced((wanted,)))
+
+
 def trial_event(phase, stamp_ns, trial_id='t'):
     event = TrialEvent(trial_id=trial_id, phase=phase)
     event.header.stamp.sec, event.header.stamp.nanosec = divmod(stamp_ns, 10**9)
@@ -129,22 +143,45 @@ def test_each_trial_is_audited_when_it_has_ended(context, tmp_path):
     received = []
     source.node.create_subscription(RecordingAudit, 'bag_recorder/audit', received.append, EVENTS)
     path = tmp_path / 'bag'
+    source.specifications.publish(specifications(100.0))
     with source.recorded(describe_recorder(path)) as recorder:
+        wait_until(lambda: recorder.message_count == 1)
         source.events.publish(trial_event('approach', 10**9))
         source.events.publish(trial_event('done', 2 * 10**9))
-        wait_until(lambda: recorder.message_count == 2)
+        wait_until(lambda: recorder.message_count == 3)
         source.send(i for i in range(300) if i != 150)
         wait_until(lambda: received)
         assert not received[0].passed
         assert received[0].trial_id == 't'
         assert received[0].lost_count == received[0].gap_count == 1
         assert received[0].nominal_rate_hz == 100.0
-        wait_until(lambda: recorder.message_count == 301)
+        wait_until(lambda: recorder.message_count == 302)
     assert [audit.trial_id for audit in recorder.audits] == ['t', '']
     with TactileBag(path) as bag:
         assert bag.metadata['audit']['failed_trials'] == 1
         assert bag.metadata['audit']['whole'][0]['lost_count'] == 1
         assert [m.decode().trial_id for m in bag.messages(AUDIT)] == ['t', '']
+
+
+def test_what_features_were_computed_is_recorded_once_however_often_it_is_active(
+    context, tmp_path
+):
+    source = Source(context)
+    source.specifications.publish(specifications(100.0))
+    with source.recorded(describe_recorder(tmp_path / 'bag')) as recorder:
+        wait_until(lambda: recorder.message_count == 1)
+        recorder.trigger_deactivate()
+        recorder.trigger_activate()
+        wait_until(source.specifications.get_subscription_count)
+        source.specifications.publish(specifications(50.0))
+        wait_until(lambda: recorder.message_count == 2)
+    with TactileBag(tmp_path / 'bag') as bag:
+        assert [m.decode().specifications[0].rate_hz for m in bag.messages(SPECIFICATIONS)] == [
+            100.0,
+            50.0,
+        ]
+        features = recorded_features(bag)
+    assert [each.spec.rate_hz for each in features.wanted] == [100.0, 50.0]
 
 
 def test_messages_keep_their_order_when_the_clock_is_set_back(context, tmp_path, monkeypatch):
@@ -174,6 +211,7 @@ def test_what_a_hand_has_not_is_not_waited_for(context, tmp_path):
     assert '/tendon_sensor/strain' in missing
     assert not any('linear_guide' in name or 'trial_runner' in name for name in missing)
     assert '/tactile_features/partial_features' not in missing
+    assert not any('tactile_classifier' in name for name in missing)
 
 
 def test_a_recording_that_lacks_a_topic_says_which(context, tmp_path):

@@ -12,10 +12,16 @@ from rclpy.node import Node
 
 from tactile_bags import STRAIN, TactileBag
 from tactile_bags.auditing.auditor import audit_bag
+from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.replaying.comparison import compare
-from tactile_bags.replaying.replay import recorded_config, replay_through_core
-from tactile_bringup.launch_config.graph import recorder_node, sensing_graph, slip_node
-from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bags.replaying.replay import replay_through_core
+from tactile_bringup.launch_config.graph import (
+    CLASSIFIER_NODE,
+    ModelChoice,
+    recorder_node,
+    sensing_graph,
+    slip_node,
+)
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
@@ -25,17 +31,15 @@ from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 
-CLASSIFIER = 'stiffness_flexion_classifier'
-
 
 def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_path):
     graph = [
         node
-        for node in sensing_graph('', find_models(trained), {})
+        for node in sensing_graph('', ModelChoice.read(trained), {})
         if node.name != 'tendon_sensor'
     ]
     graph.append(slip_node({}))
-    graph.append(recorder_node(tmp_path / 'bag', None, (), {}, simulated=False, rig=False))
+    graph.append(recorder_node(tmp_path / 'bag', rig=False))
     peer = Node('peer', context=context)
     strain = peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
     events = peer.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
@@ -60,28 +64,29 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
         features.publish(TactileFeatures(outcome=9))
         for name in listeners:
             wait_until(lambda name=name: nodes[name].message_guard.refused_count == 4)
-        wait_until(lambda: nodes[CLASSIFIER].message_guard.refused_count == 1)
-        wait_until(lambda: reasons.keys() == {*listeners, CLASSIFIER})
-        assert 'outcome is 9' in reasons[CLASSIFIER]
+        wait_until(lambda: nodes[CLASSIFIER_NODE].message_guard.refused_count == 1)
+        wait_until(lambda: reasons.keys() == {*listeners, CLASSIFIER_NODE})
+        assert 'outcome is 9' in reasons[CLASSIFIER_NODE]
         assert 'cannot be audited' in reasons['bag_recorder']
         # Everything works on.
         strain.publish(StrainBlock(period_ns=1, tension_n=[1.0]))
         features.publish(TactileFeatures(feature_set='stiffness_regression', outcome=1))
         wait_until(lambda: nodes['tactile_features'].extractor.block_count == 1)
-        wait_until(lambda: nodes[CLASSIFIER].published_count == 1)
+        wait_until(lambda: nodes[CLASSIFIER_NODE].published_count == 1)
         # One a message on each recorded topic: four blocks, one event, two feature windows.
         wait_until(lambda: nodes['bag_recorder'].message_count >= 7)
 
 
 def test_the_operator_waits_on_after_an_unknown_answer(context):
-    operator, peer = OperatorNode((CLASSIFIER,), context), Node('peer', context=context)
-    answers = peer.create_publisher(Classification, f'{CLASSIFIER}/classification', RESULTS)
+    operator, peer = OperatorNode(context, answers=True), Node('peer', context=context)
+    answers = peer.create_publisher(Classification, f'{CLASSIFIER_NODE}/classification', RESULTS)
     with NodeGroup([operator], context=context) as group, NodeGroup([peer], context=context):
         wait_until(answers.get_subscription_count)
         answers.publish(Classification(trial_id='a', outcome=9))
         answers.publish(Classification(trial_id='a', outcome=1, scores=[1.0]))
         answers.publish(Classification(trial_id='a', outcome=1))
-        assert operator.wait_for_answer('a').scores == ()
+        (answer,) = operator.wait_for_answers('a', [''])
+        assert answer.scores == ()
         assert not group.ended.is_set()
 
 
@@ -97,10 +102,10 @@ def test_a_replay_passes_over_what_the_nodes_refuse(stiffness_bag, rewrite, cont
 
     path = rewrite(stiffness_bag, tmp_path / 'spoiled', spoil)
     with TactileBag(path) as bag:
-        config = recorded_config(bag)
-        core = replay_through_core(bag, {}, config)
+        features = recorded_features(bag)
+        core = replay_through_core(bag, None, features)
         try:
-            nodes = replay_through_nodes(bag, {}, config, context, expected=core)
+            nodes = replay_through_nodes(bag, None, features.config, context, expected=core)
         except TactileError as error:
             pytest.fail(str(error))
     comparison = compare(core, nodes, ('the core', 'the nodes'))

@@ -25,7 +25,7 @@ from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_testing.waiting import wait_until
 
 PROGRAM = 'import sys; sys.argv[0] = "tactile"; from tactile_lab.cli.main import main; main()'
-ANSWERS = 'stiffness_flexion_classifier/classification'
+ANSWERS = 'tactile_classifier/classification'
 SECOND_NS = 1_000_000_000
 
 
@@ -90,7 +90,7 @@ def test_somebody_elses_wrenches_become_a_label_and_replay_equal(
     (label,) = {what.object_label for _, send, what in hand.waiting if send == hand.send_event}
     params, bag = tmp_path / 'params.yaml', tmp_path / 'bag'
     params.write_text('tendon_sensor: {ros__parameters: {scale: -2.0}}')
-    command = ['sense', '--sensor-topic', '/ft/wrench:fx', '--model', str(trained)]
+    command = ['sense', '--sensor-topic', '/ft/wrench:fx', '--models', str(trained)]
     process = subprocess.Popen(
         [sys.executable, '-c', PROGRAM, *command, '--params', str(params), '--record', str(bag)],
         env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},

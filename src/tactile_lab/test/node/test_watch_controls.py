@@ -105,7 +105,7 @@ def test_stop_names_the_driver_that_could_not_do_it(context, buttons):
 
 
 def test_stop_ends_a_session_of_another_process_between_two_trials(context, buttons):
-    operator = OperatorNode((), context)
+    operator = OperatorNode(context)
     with NodeGroup([operator], context):
         wait_for_stops(buttons, '/operator/stop')
         assert asyncio.run(buttons.stop()) == 'stop: confirmed by operator'

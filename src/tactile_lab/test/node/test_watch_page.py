@@ -12,8 +12,7 @@ from chromium import Chromium, find_chromium
 import pytest
 from tactile_command import program
 
-from tactile_bringup.launch_config.graph import Ports, rig_graph
-from tactile_bringup.launch_config.model_folder import find_models
+from tactile_bringup.launch_config.graph import ModelChoice, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
@@ -54,7 +53,7 @@ def rig(context, trained):
     """Return the simulated rig, its nodes and a live page beside it."""
     with ExitStack() as stack:
         simulated = stack.enter_context(SimulatedRig(seed=3))
-        models = find_models(trained)
+        models = ModelChoice.read(trained)
         home_fast(simulated)
         quick = {'trial_runner': {'approach_speed_m_s': 0.1}}
         graph = rig_graph(Ports(*simulated.ports), models, quick, simulated=True)
@@ -182,7 +181,7 @@ def test_stop_ends_the_trial_and_brings_guide_and_tendon_to_rest(rig, browser):
     browser.open(watch.address.split('#')[0])  # without the token
     browser.wait_for('document.querySelector(".tension")')
     assert browser.evaluate('document.getElementById("home").hidden')
-    operator = OperatorNode((), nodes['trial_runner'].context)
+    operator = OperatorNode(nodes['trial_runner'].context)
     with NodeGroup([operator], nodes['trial_runner'].context):
         operator.home_guide()
         simulated.mount('texture', 'R1', 'flexion')

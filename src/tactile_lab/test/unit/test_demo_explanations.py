@@ -42,7 +42,7 @@ def live(trained, label, values):
         specification_digest=spec.digest,
     )  # fmt: skip
     answer = TactileModel.load(trained.path).classify(window)
-    return LiveTrial(TrialRequest('stiffness', 'flexion', label), answer)
+    return LiveTrial(TrialRequest('stiffness', 'flexion', label), (answer,))
 
 
 def test_a_right_answer_needs_no_explanation(trained):

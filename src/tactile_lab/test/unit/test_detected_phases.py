@@ -17,7 +17,8 @@ from tactile_bags import (
     TactileBag,
 )
 from tactile_bags.auditing.auditor import audit_bag
-from tactile_bags.replaying.replay import recorded_config, replay_windows
+from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
+from tactile_bags.replaying.replay import replay_windows
 from tactile_features.records import Outcome
 
 WITHIN_NS = 50_000_000
@@ -30,8 +31,8 @@ def texture_bag(simulate_bag):
 
 def windows(path, phases):
     with TactileBag(path) as bag:
-        config = dataclasses.replace(recorded_config(bag), phases=phases)
-        return replay_windows(bag, config, finish=True)
+        config = dataclasses.replace(recorded_features(bag).config, phases=phases)
+        return replay_windows(bag, RecordedFeatures(config), finish=True)
 
 
 def check_each_trial_is_found(path, phases):

@@ -26,6 +26,8 @@ GENERATED = {'parameters.md', 'interfaces.md', 'simulator_constants.md'}
 INTERFACES = sorted((ROOT / 'src' / 'tactile_msgs').glob('*/*.*'))
 UNITLESS = {
     'bool',
+    'FeatureSpecification',
+    'ModelInfo',
     'string',
     'uint8',
     'uint32',

@@ -1,10 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-import shutil
-
 import pytest
 
+from tactile_features.errors import FeatureError
 from tactile_ros.errors import TactileError
 
 PROTOCOLS = ('texture', 'stiffness')
@@ -65,8 +64,7 @@ def test_a_slip_detector_listens_where_it_is_wanted(launch, parameter_file, hand
     hand = hand_file(
         'fingers:\n'
         '  index: {slip: false}\n'
-        '  middle: {parameters: {slip_detector: {threshold: 6.0}, tactile_features: '
-        '{rate_hz: 100.0, frame_id: middle_sensor}}}\n'
+        '  middle: {parameters: {slip_detector: {threshold: 6.0}}}\n'
     )
     text = '/**:\n  slip_detector:\n    ros__parameters: {threshold: 7.0, history_s: 0.3}\n'
     values = {'hand_file': hand, 'params_file': parameter_file(text)}
@@ -74,12 +72,7 @@ def test_a_slip_detector_listens_where_it_is_wanted(launch, parameter_file, hand
         launch('hand', **values)
     _, nodes = launch('hand', **values, slip='true')
     assert 'index/slip_detector' not in nodes
-    assert nodes['middle/slip_detector'].parameters == {
-        'rate_hz': 100.0,
-        'frame_id': 'middle_sensor',
-        'threshold': 6.0,
-        'history_s': 0.3,
-    }
+    assert nodes['middle/slip_detector'].parameters == {'threshold': 6.0, 'history_s': 0.3}
     _, nodes = launch('sense', slip='true', rig='simulated')
     assert nodes['slip_detector'].parameters == {}
     assert 'slip_detector' not in launch('sense')[1]
@@ -92,12 +85,18 @@ def test_a_slip_detector_listens_where_it_is_wanted(launch, parameter_file, hand
         ('{a: {sensor_port: /dev/x}, b: {sensor_port: /dev/x}}', 'a port has one user'),
         ('{a: {parameters: {tendon_senser: {scale: 1.0}}}}', 'parameters for tendon_senser'),
         ('{a: {phases: smell}}', 'phases of the finger a is "smell"'),
-        ('{a: {model: nowhere}}', 'no model files in'),
+        ('{a: {model: nowhere}}', 'model of a is now called models'),
     ],
 )
 def test_a_hand_that_cannot_be_is_refused(launch, text, sentence, hand_file):
     hand = hand_file(f'fingers: {text}')
     with pytest.raises(TactileError, match=sentence):
+        launch('hand', hand_file=hand)
+
+
+def test_models_that_are_not_there_are_refused(launch, hand_file):
+    hand = hand_file('fingers: {a: {models: nowhere}}')
+    with pytest.raises(FeatureError, match='nowhere: No such file'):
         launch('hand', hand_file=hand)
 
 
@@ -177,19 +176,18 @@ def test_a_rig_that_cannot_move_is_refused(launch, name):
         launch('texture', **{f'{name}_port': 'none'})
 
 
-@pytest.mark.parametrize('phases', ['stated', 'stiffness'])
-def test_the_contact_narrows_the_models_of_a_finger(launch, phases, trained, tmp_path):
-    models = tmp_path / 'models'
-    models.mkdir()
-    for name in ('stiffness_flexion', 'stiffness_abduction', 'stiffness'):
-        shutil.copy(trained / 'stiffness_flexion.onnx', models / f'{name}.onnx')
-    values = {'model': str(models), 'phases': phases, 'sensor_port': 'none'}
-    _, every = launch('sense', **values)
-    _, flexion = launch('sense', **values, contact='flexion')
-    assert set(every) - set(flexion) == {'stiffness_abduction_classifier'}
-    (models / 'stiffness.onnx').unlink()
-    (models / 'stiffness_flexion.onnx').unlink()
-    with pytest.raises(TactileError, match=r'no model is for (stiffness )?flexion, only'):
-        launch('sense', **values, contact='flexion')
-    with pytest.raises(TactileError, match='no model is for texture, only stiffness_abduction'):
-        launch('sense', **{**values, 'phases': 'texture'})
+def test_the_contact_narrows_the_models_of_a_finger(launch, trained):
+    values = {'models': str(trained), 'sensor_port': 'none'}
+    _, nodes = launch('sense', **values, phases='stiffness', contact='flexion')
+    for name in ('tactile_features', 'tactile_classifier'):
+        assert nodes[name].parameters['contact'] == 'flexion'
+    assert 'contact' not in launch('sense', **values)[1]['tactile_classifier'].parameters
+    with pytest.raises((TactileError, FeatureError), match='abduction'):
+        launch('sense', **values, contact='abduction')
+    with pytest.raises(TactileError, match='no model for texture, only for stiffness'):
+        launch('sense', **values, phases='texture')
+
+
+def test_a_sensor_on_a_topic_has_the_rate_of_the_models(launch, trained):
+    _, nodes = launch('sense', sensor_topic='/f', models=str(trained))
+    assert nodes['tendon_sensor'].parameters['rate_hz'] == 60.0

@@ -1,21 +1,19 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-import json
 from pathlib import Path
 
 import pytest
 
 from tactile_bringup.launch_config.graph import (
+    CLASSIFIER_NODE,
+    ModelChoice,
     Ports,
     recorder_node,
     rig_graph,
     RIG_NODES,
     slip_node,
 )
-from tactile_bringup.launch_config.model_folder import find_models
-from tactile_classifier.names import all_classifier_names, classifier_name, parse_classifier_name
-from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_program import find_node_class
 
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
@@ -27,12 +25,12 @@ def by_name(nodes):
 
 @pytest.fixture
 def models(trained):
-    return find_models(trained)
+    return ModelChoice.read(trained)
 
 
 def test_rig_has_every_node_with_its_port(models):
     nodes = by_name(rig_graph(PORTS, models, {}, simulated=True))
-    assert sorted(nodes) == sorted([*RIG_NODES, 'stiffness_flexion_classifier'])
+    assert sorted(nodes) == sorted([*RIG_NODES, CLASSIFIER_NODE])
     assert nodes['linear_guide'].parameters['port'] == '/dev/guide'
     assert nodes['tendon_actuator'].parameters['port'] == '/dev/tendon'
     assert nodes['tendon_sensor'].parameters['port'] == '/dev/sensor'
@@ -42,28 +40,17 @@ def test_rig_has_every_node_with_its_port(models):
     assert nodes['tendon_sensor'].parameters['simulated'] is True
 
 
-def test_classifier_is_told_what_the_feature_node_is_told(models):
-    parameters = {'tactile_features': {'rate_hz': 100.0, 'texture_samples': 300, 'buffer_s': 60.0}}
-    nodes = by_name(rig_graph(PORTS, models, parameters, simulated=False))
-    classifier = nodes['stiffness_flexion_classifier'].parameters
-    assert classifier['rate_hz'] == 100.0
-    assert classifier['texture_samples'] == 300
-    assert 'buffer_s' not in classifier
-    assert classifier['task'] == 'stiffness'
-    assert classifier['contact'] == 'flexion'
-
-
-def test_classifier_names_round_trip():
-    assert len(all_classifier_names()) == 6
-    for name in all_classifier_names():
-        assert classifier_name(*parse_classifier_name(name)) == name
-    with pytest.raises(TactileError, match='smell'):
-        parse_classifier_name('smell_flexion_classifier')
+def test_features_and_classifier_get_the_models_and_nothing_out_of_them(trained):
+    choice = ModelChoice.read(trained, 'stiffness', 'flexion', '5')
+    nodes = by_name(rig_graph(PORTS, choice, {}, simulated=False))
+    told = {'models': str(trained), 'contact': 'flexion'}
+    assert nodes['tactile_features'].parameters == told
+    assert nodes[CLASSIFIER_NODE].parameters == {**told, 'recalibration_trials': 5}
 
 
 def test_every_described_node_can_be_created_here(models):
     nodes = rig_graph(PORTS, models, {}, simulated=True)
-    nodes.append(recorder_node(Path('bag'), None, (), {}, simulated=True))
+    nodes.append(recorder_node(Path('bag'), simulated=True))
     nodes.append(slip_node({}))
     for node in nodes:
         module = find_node_class(node.executable).__module__
@@ -71,20 +58,14 @@ def test_every_described_node_can_be_created_here(models):
         assert module.split('.')[-1] == node.executable
 
 
-def test_recording_notes_where_its_models_are(tmp_path):
-    node = recorder_node(tmp_path / 'recording', tmp_path / 'models', (), {}, simulated=True)
-    assert '"models": "../models"' in node.parameters['metadata']
-
-
-def test_recording_notes_the_windows_and_passes_over_parameters_of_every_node(tmp_path):
-    parameters = {'texture_samples': 90, 'use_sim_time': True}
-    node = recorder_node(tmp_path / 'recording', None, (), parameters, simulated=True)
-    assert json.loads(node.parameters['metadata'])['feature_config']['texture_samples'] == 90
+def test_the_recorder_waits_for_a_classifier_where_one_runs():
+    assert recorder_node(Path('bag')).parameters['classifier'] is False
+    assert recorder_node(Path('bag'), classifier=True).parameters['classifier'] is True
 
 
 def test_nodes_that_can_die_alone_watch_each_other():
     def parameters(given, watched=True):
-        nodes = by_name(rig_graph(PORTS, {}, given, simulated=True, watched=watched))
+        nodes = by_name(rig_graph(PORTS, None, given, simulated=True, watched=watched))
         return nodes['linear_guide'].parameters, nodes['tendon_actuator'].parameters
 
     assert 'heartbeat_topics' not in parameters({}, watched=False)[0]

@@ -3,18 +3,18 @@
 
 import ast
 import dataclasses
-import json
 from pathlib import Path
 import re
+import shutil
 import subprocess
 import sys
 
 import pytest
 
-from tactile_bringup.launch_config.graph import PLAYER, RIG_NODES
+from tactile_bringup.launch_config.graph import CLASSIFIER_NODE, PLAYER, RIG_NODES
 from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES
 from tactile_bringup.launch_config.parameter_tables import argument_tables
-from tactile_classifier.errors import ModelFileError
+from tactile_features.errors import FeatureError, ModelFileError
 from tactile_lab.options import PHASES
 from tactile_ros.errors import TactileError
 
@@ -45,7 +45,7 @@ def test_each_launch_file_has_its_arguments():
 def test_a_launch_file_shows_every_node_that_its_plan_starts(
     launch, name, trained, stiffness_bag, tmp_path
 ):
-    given = {'model': str(trained), 'record': str(tmp_path / 'recording')}
+    given = {'models': str(trained), 'record': str(tmp_path / 'recording')}
     if name == 'replay':
         given['bag'] = str(stiffness_bag)
     else:
@@ -54,7 +54,7 @@ def test_a_launch_file_shows_every_node_that_its_plan_starts(
             name, {}
         )
     if name == 'texture':
-        del given['model']  # the small models are for stiffness
+        del given['models']  # the small models are for stiffness
     planned = {(n.package, n.executable) for n in launch(name, **given)[0].nodes}
     if name == 'texture':
         planned.add(('tactile_classifier', 'tactile_classifier_node'))
@@ -66,7 +66,7 @@ def test_a_launch_file_shows_every_node_that_its_plan_starts(
 def test_every_argument_says_what_it_is_for(name):
     names = [argument.name for argument in LAUNCH_FILES[name]]
     assert len(names) == len(set(names))
-    assert {'model', 'record', 'params_file', 'namespace', 'use_sim_time', 'log_level'} <= set(
+    assert {'models', 'record', 'params_file', 'namespace', 'use_sim_time', 'log_level'} <= set(
         names
     )
     for argument in LAUNCH_FILES[name]:
@@ -132,22 +132,25 @@ def test_a_simulated_rig_that_runs_already_is_used(launch):
         launch('texture', rig='simulated', guide_port='/tmp/guide')
 
 
-def test_the_parameter_file_reaches_the_node_its_classifier_and_the_recording(
+def test_the_parameter_file_reaches_the_features_and_the_recorder_needs_nothing_of_it(
     launch, trained, parameter_file, tmp_path
 ):
     text = '/**:\n  tactile_features:\n    ros__parameters: {stiffness_settle_s: 0.75}\n'
     values = {
-        'model': str(trained),
+        'models': str(trained),
         'record': str(tmp_path / 'bag'),
         'params_file': parameter_file(text),
     }
     _, nodes = launch('stiffness', **values)
     assert nodes['tactile_features'].parameters['stiffness_settle_s'] == 0.75
-    assert nodes['stiffness_flexion_classifier'].parameters['stiffness_settle_s'] == 0.75
-    metadata = json.loads(nodes['bag_recorder'].parameters['metadata'])
-    assert metadata['feature_config']['stiffness_settle_s'] == 0.75
-    assert nodes['bag_recorder'].parameters['classifiers'] == ('stiffness_flexion_classifier',)
-    assert nodes['bag_recorder'].parameters['rig'] is True
+    assert 'stiffness_settle_s' not in nodes[CLASSIFIER_NODE].parameters
+    assert nodes['bag_recorder'].parameters == {
+        'bag': values['record'],
+        'namespaces': ('',),
+        'metadata': '{"simulated": false}',
+        'rig': True,
+        'classifier': True,
+    }
 
 
 def test_nested_parameters_have_the_names_that_ros_gives_them(launch, parameter_file):
@@ -161,15 +164,22 @@ def test_nested_parameters_have_the_names_that_ros_gives_them(launch, parameter_
 
 
 def test_a_single_model_file_says_what_it_is_for(launch, trained, tmp_path):
-    file = trained / 'stiffness_flexion.onnx'
+    file = tmp_path / 'of any name.onnx'
+    shutil.copy(trained / 'stiffness_flexion.onnx', file)
     for name in ('stiffness', 'sense'):
-        _, nodes = launch(name, model=str(file))
-        assert nodes['stiffness_flexion_classifier'].parameters['model'] == str(file.resolve())
-    with pytest.raises(TactileError, match='no model for the texture_flexion_classifier'):
-        launch('texture', model=str(file))
+        _, nodes = launch(name, models=str(file))
+        for node in ('tactile_features', CLASSIFIER_NODE):
+            assert nodes[node].parameters['models'] == str(file.resolve())
+    with pytest.raises(TactileError, match='no model for texture flexion, only for stiffness'):
+        launch('texture', models=str(file))
     (tmp_path / 'no.onnx').write_text('no')
     with pytest.raises(ModelFileError, match='ONNX file'):
-        launch('sense', model=str(tmp_path / 'no.onnx'))
+        launch('sense', models=str(tmp_path / 'no.onnx'))
+
+
+def test_the_argument_of_version_0_1_is_refused_by_its_new_name(launch, trained):
+    with pytest.raises(TactileError, match='argument model is now called models'):
+        launch('sense', model=str(trained))
 
 
 @pytest.mark.parametrize('name', LAUNCH_FILES)
@@ -186,9 +196,9 @@ def test_time_from_the_clock_topic_reaches_every_node_but_the_clock(launch, name
 
 
 def test_a_replay_has_what_the_recording_was_made_with(launch, stiffness_bag, trained):
-    values = {'bag': str(stiffness_bag), 'rate': '2', 'model': str(trained)}
+    values = {'bag': str(stiffness_bag), 'rate': '2', 'models': str(trained)}
     plan, nodes = launch('replay', **values)
-    assert set(nodes) == {'tactile_features', 'stiffness_flexion_classifier', PLAYER}
+    assert set(nodes) == {'tactile_features', CLASSIFIER_NODE, PLAYER}
     assert plan.ends_with == PLAYER
     assert nodes[PLAYER].parameters['bag'] == str(stiffness_bag)
     assert nodes[PLAYER].parameters['rate'] == 2.0
@@ -206,12 +216,12 @@ def test_a_replay_has_what_the_recording_was_made_with(launch, stiffness_bag, tr
         ('hand', {}, 'name the fingers'),
         ('sense', {'rig': 'toy'}, 'rig is "toy"; it must be one of hardware, simulated'),
         ('sense', {'colour': 'red'}, 'sense has no argument colour'),
-        ('texture', {'model': 'nowhere'}, 'no model files in nowhere'),
+        ('texture', {'models': 'nowhere'}, 'nowhere: No such file'),
         ('texture', {'params_file': 'nowhere.yaml'}, 'nowhere.yaml'),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_sentence(launch, name, values, sentence):
-    with pytest.raises(TactileError, match=sentence):
+    with pytest.raises((TactileError, FeatureError), match=sentence):
         launch(name, **values)
 
 
@@ -228,10 +238,10 @@ def test_a_finger_that_is_not_in_the_recording_is_refused(launch, stiffness_bag)
         ('hand', {'fingers': 'index'}),
     ],
 )
-def test_known_trials_recalibrate_every_classifier(launch, name, values, trained, parameter_file):
+def test_known_trials_recalibrate_the_models(launch, name, values, trained, parameter_file):
     def plan(**more):
-        nodes = launch(name, model=str(trained), **values, **more)[0].nodes
-        (node,) = (node for node in nodes if node.name == 'stiffness_flexion_classifier')
+        nodes = launch(name, models=str(trained), **values, **more)[0].nodes
+        (node,) = (node for node in nodes if node.name == CLASSIFIER_NODE)
         return node.parameters
 
     assert 'recalibration_trials' not in plan()

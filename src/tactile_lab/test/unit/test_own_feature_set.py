@@ -16,7 +16,6 @@ from tactile_classifier.datasets.archive import LabelledTrials
 from tactile_classifier.datasets.dataset import table_from_trials
 from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.records import ClassifierConfig
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features import (
@@ -27,6 +26,7 @@ from tactile_features import (
     spec_for,
     TrialEvent,
     TrialFeatureExtractor,
+    WantedFeatures,
 )
 from tactile_features.feature_sets.registry import find_feature_set, GROUP, list_feature_sets
 from tactile_ros.strain import StrainBlock
@@ -86,11 +86,11 @@ def test_stream_and_arrays_give_the_same_bits(roughness):
     assert window.specification_digest == spec_for('texture', roughness).digest
 
 
-def test_the_live_node_and_the_classifier_share_its_parameters(roughness):
-    config = ClassifierConfig(rate_hz=RATE_HZ, texture_samples=120, texture_features='roughness')
-    assert spec_for('texture', config.feature_config()) == spec_for('texture', roughness)
+def test_its_specification_says_how_a_feature_node_computes_it(roughness):
     spec = spec_for('texture', roughness)
     assert spec_for('texture', FeatureConfig(**spec.config_values())) == spec
+    extractor = TrialFeatureExtractor(FeatureConfig(), [WantedFeatures(spec)])
+    assert spec in extractor.specifications
     assert 'feature set' in spec.mismatch(spec_for('texture', FeatureConfig(rate_hz=RATE_HZ)))
 
 
@@ -104,13 +104,14 @@ def test_a_model_of_it_answers_and_is_refused_where_the_set_is_missing(
     assert (table.task, table.spec.names) == ('texture', ('tension__rms', 'tension__range'))
     path = tmp_path / 'model.onnx'
     model = write_model(path, train(table, 'knn'))
-    model.expect(spec_for('texture', roughness))
+    model.set_specifications([spec_for('texture', roughness)])
     (window,) = stream(roughness, np.random.default_rng(2).normal(5.0, 3.0, 300))
     assert model.accepts(window)
     assert model.describe_mismatch(window) == ''
     assert model.classify(window).label == 'rough'
+    longer = dataclasses.replace(roughness, texture_samples=180)
     with pytest.raises(ModelFileError, match='window in samples'):
-        model.expect(spec_for('texture', dataclasses.replace(roughness, texture_samples=180)))
+        model.check_fits(spec_for('texture', longer))
 
     monkeypatch.setattr(sys, 'path', [p for p in sys.path if p != str(tmp_path / 'site')])
     find_feature_set.cache_clear()

@@ -3,6 +3,7 @@
 
 """What the live page shows, from records alone."""
 
+import dataclasses
 import json
 
 from hypothesis import given, settings
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tactile_classifier.records import ClassificationResult
+from tactile_classifier.records import ClassificationResult, ModelInfo
 from tactile_classifier.records import Outcome as Answered
 from tactile_features.feature_sets.texture_spectrum import compute_spectrum
 from tactile_features.records import FeatureWindow, Outcome, TrialEvent
@@ -52,12 +53,12 @@ def event(number, phase, label='R1', trial='t1'):
     return TrialEvent(stamp_ns, trial, 's', 'texture', 'flexion', label, phase, simulated=True)
 
 
-def answer(label='R1', outcome=Answered.LABEL, trial='t1', **fields):
+def answer(label='R1', outcome=Answered.LABEL, trial='t1', model='m', **fields):
     return ClassificationResult(
         task='texture',
         trial_id=trial,
         contact='flexion',
-        model_id='m',
+        model_id=model,
         simulated=True,
         outcome=outcome,
         label=label if outcome == Answered.LABEL else '',
@@ -149,7 +150,7 @@ def test_a_trial_is_followed_from_contact_to_label(state):
         ('glide', 3.0, None),
     ]
     state.take_event('', event(420, 'release'))
-    state.take_answer('', 'texture_flexion_classifier', answer())
+    state.take_answer('', answer())
     state.take_event('', event(480, 'done'))
     (finger,) = state.describe()['fingers']
     assert not finger['trial']['runs']
@@ -175,7 +176,7 @@ def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, 
     lines = []
     state.on_answer = lambda *what: lines.append(what)
     state.take_event('', event(0, 'glide'))
-    state.take_answer('', 'c', result)
+    state.take_answer('', result)
     (said,) = state.describe()['fingers'][0]['answers']
     assert said['right'] is right
     sentences = [s['text'] for s in state.describe()['said']]
@@ -189,11 +190,35 @@ def test_an_answer_is_judged_only_where_the_trial_states_a_label(state, result, 
 
 
 def test_the_newest_answer_comes_last(state):
-    state.take_answer('', 'a', answer('C1'))
-    state.take_answer('', 'b', answer('R1'))
-    state.take_answer('', 'a', answer('R1'))
+    state.take_answer('', answer('C1', model='a'))
+    state.take_answer('', answer('R1', model='b'))
+    state.take_answer('', answer('R1', model='a'))
     (finger,) = state.describe()['fingers']
-    assert [a['source'] for a in finger['answers']] == ['b', 'a']
+    assert [a['model'] for a in finger['answers']] == ['b', 'a']
+
+
+def test_a_line_names_its_model_where_several_answer_the_same_question(state):
+    def model(name, task, contact):
+        return ModelInfo(name, '', '', task, contact, (), '', 0, True)
+
+    models = [model('a', 'texture', ''), model('b', 'stiffness', 'flexion')]
+    lines = []
+    state.on_answer = lines.append
+    for more in ([], [model('c', 'texture', 'abduction')], [model('d', 'texture', 'flexion')]):
+        state.update('', lambda finger, more=more: finger.take_models([*models, *more]))
+        state.take_answer('', answer(model='a'))
+    assert ['  a  ' in line for line in lines] == [False, False, True]
+
+
+def test_each_specification_of_a_trial_keeps_its_window(state):
+    state.take_event('', event(0, 'glide'))
+    for digest, name in (('1', 'texture_spectrum'), ('2', 'texture_spatial')):
+        values = np.ones(91)
+        made = dataclasses.replace(window(values, name), specification_digest=digest)
+        state.update('', lambda finger, made=made: finger.take_window(made))
+    (finger,) = state.fingers
+    assert finger.describe()['window']['set'] == 'texture_spatial'
+    assert finger.spectrum()['part'] == 'window of the trial'
 
 
 def test_the_spectrum_is_that_of_the_last_seconds_then_of_the_phase_then_of_the_window():
@@ -302,7 +327,7 @@ def test_untrusted_messages_cannot_fill_the_memory(state):
         state.take_block(f'f{number}', block(0))
         state.take_health(f'd{number}', 9, '', {})
         state.take_readiness(f'd{number}', [])
-        state.take_answer('f0', f'c{number}', answer())
+        state.take_answer('f0', answer(model=f'm{number}'))
         state.take_event('f0', event(number, 'glide'))
     description = state.describe()
     assert len(description['fingers']) == MOST_FINGERS
@@ -316,7 +341,7 @@ def test_the_terminal_shows_the_same(state, clock):
     console.print(draw(state, 100))
     state.take_block('index', block(0, np.sin(np.arange(300))))
     state.take_event('index', event(0, 'glide'))
-    state.take_answer('index', 'c', answer())
+    state.take_answer('index', answer())
     state.take_health('index/tendon_sensor', 2, 'The link is silent. Plug it in.', {})
     clock.now_s += 3.0
     console.print(draw(state, 100))

@@ -22,7 +22,7 @@ from tactile_features.feature_sets.texture_spectrum import TextureSpectrum
 from tactile_lab.commands.analysis.features import AUTO, choose_automatically, keep_task, Reader
 from tactile_lab.commands.analysis.requests import EvaluateRequest
 from tactile_lab.commands.output import Output
-from tactile_lab.datasets.bag_tables import BagTables, read_tables
+from tactile_lab.datasets.bag_tables import BagTables, Key, read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials, PreparedTrials
 from tactile_lab.datasets.sources.load import split_sources
@@ -153,7 +153,8 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
     published = read_tables(own, PAPER).tables
     return [
         replace(
-            each, published=_select_published(request.train_test.keep(published[key]), request)
+            each,
+            published=_select_published(request.train_test.keep(published[key[:2]]), request),
         )
         if _is_unlike_paper(table)
         else each
@@ -163,7 +164,7 @@ def _read_sets(request: EvaluateRequest, output: Output) -> list[RecordingSet]:
 
 def _choose(
     read: Reader, chosen: Mapping[str, Any], request: EvaluateRequest, output: Output
-) -> dict[tuple[str, str], tuple[FeatureTable, Candidate, FeatureChoice]]:
+) -> dict[Key, tuple[FeatureTable, Candidate, FeatureChoice]]:
     """Return the tables with the set of features that folds choose, and say why."""
     columns = next(iter(request.hold_out), ('session_id',))
     return choose_automatically(

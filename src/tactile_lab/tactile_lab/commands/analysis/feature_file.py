@@ -16,7 +16,7 @@ from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_lab.commands.analysis.features import keep_task
 from tactile_lab.commands.analysis.requests import FeaturesRequest
 from tactile_lab.commands.output import Output, refuse_to_replace
-from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.bag_tables import Key, read_tables
 from tactile_lab.datasets.feature_options import choose_features, select_features
 from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.sources.load import split_sources
@@ -44,8 +44,8 @@ def run_features(request: FeaturesRequest, *, as_json: bool) -> None:
         tables, notes = _read(request)
     several = len(tables) > 1
     written = []
-    for (task, contact), table in tables.items():
-        kind = '_'.join(filter(None, (task, contact)))
+    for key, table in tables.items():
+        kind = '_'.join(filter(None, key))
         path = request.file
         if several:
             path = path.with_name(f'{path.stem}_{kind}{path.suffix}')
@@ -80,7 +80,7 @@ def run_features(request: FeaturesRequest, *, as_json: bool) -> None:
     )
 
 
-def _read(request: FeaturesRequest) -> tuple[dict[tuple[str, str], FeatureTable], list[str]]:
+def _read(request: FeaturesRequest) -> tuple[dict[Key, FeatureTable], list[str]]:
     own, leaves = split_sources(list_recordings(request.recordings), request.sources)
     if leaves:
         prepared = prepare_trials(leaves, request, folds=0)
@@ -92,7 +92,7 @@ def _read(request: FeaturesRequest) -> tuple[dict[tuple[str, str], FeatureTable]
             table = FeatureTable(
                 table.values, table.labels, table.spec, {**table.columns, 'source': source}
             )
-        tables = {(prepared.task, ''): table}
+        tables: dict[Key, FeatureTable] = {(prepared.task, ''): table}
         notes = [*trials.steps, *skipped]
     else:
         request.check_for_bags()

@@ -18,15 +18,13 @@ from tactile_classifier.training.feature_choice import Candidate, choose_candida
 from tactile_features.feature_sets.registry import list_feature_sets
 from tactile_features.records import PHASE_GLIDE, PHASE_HOLD
 from tactile_lab.commands.output import Output
-from tactile_lab.datasets.bag_tables import BagTables
+from tactile_lab.datasets.bag_tables import BagTables, Key, name_table
 from tactile_lab.datasets.selection import TrainTest
 from tactile_lab.datasets.tables import name_candidate, tell_nested
 from tactile_ros.errors import TactileError
 
 AUTO = 'auto'
 """In place of a set of features: choose one inside the folds."""
-
-Key = tuple[str, str]
 
 Reader = Callable[[Mapping[str, Any]], BagTables]
 """Returns the tables of some recordings, with features that fields of `FeatureConfig` name."""
@@ -57,8 +55,7 @@ def choose_automatically(
 ) -> dict[Key, tuple[FeatureTable, Candidate, FeatureChoice]]:
     """Choose set of features and classifier for each task and contact, and say why.
 
-    Models of one task share a feature node, so the contacts of a task share a set: that whose best
-    classifiers have the highest mean accuracy.
+    The contacts of a task share a set: that whose best classifiers have the highest mean accuracy.
 
     Parameters
     ----------
@@ -90,14 +87,14 @@ def choose_automatically(
         f'; chosen on trials with {train_test.train_where}' if train_test.train_where else ''
     )
     picked = {}
-    for (task, contact), choice in choices.items():
-        same = [other for key, other in choices.items() if key[0] == task]
-        shared = [n for n in tables[task, contact] if all(map(_holds(n), same))]
+    for key, choice in choices.items():
+        same = [other for another, other in choices.items() if another[0] == key[0]]
+        shared = [n for n in tables[key] if all(map(_holds(n), same))]
         name = max(shared, key=lambda n: sum(_best(each, n).accuracy for each in same))
         best = _best(choice, name)
-        kind = f'{task}, {contact}' if contact else task
+        kind = name_table(key, tables[key][name])
         output.say(f'{kind}: {describe_choice(choice, name)}{of_these}')
-        picked[task, contact] = tables[task, contact][name], best.candidate, choice
+        picked[key] = tables[key][name], best.candidate, choice
     return picked
 
 

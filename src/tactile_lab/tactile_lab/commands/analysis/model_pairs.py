@@ -7,9 +7,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tactile_bringup.launch_config.model_folder import find_models
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.names import CLASSIFIER_TITLES, short_scaling
+from tactile_features.model_contract import read_contracts
 from tactile_ros.errors import TactileError
 
 SIDES = ('A', 'B')
@@ -38,9 +38,12 @@ def load_models(path: Path) -> list[Contender]:
     Raises
     ------
     TactileError, ModelFileError
-        When there is none.
+        When there is none, or a file of a folder cannot be used.
     """
-    return [Contender(Path(file), TactileModel.load(file)) for file in find_models(path).values()]
+    contracts, refused = read_contracts(path)
+    if refused:
+        raise TactileError('; '.join(refused))
+    return [Contender(each.path, TactileModel.load(each.path)) for each in contracts]
 
 
 def pair_models(

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from tactile_bringup.launch_config.model_folder import model_path
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.datasets.splits import choose_repetitions
 from tactile_classifier.estimators.classifiers import default_scaling
@@ -31,7 +30,7 @@ from tactile_features.records import PHASE_GLIDE, PHASE_HOLD, PROTOCOL_TEXTURE
 from tactile_lab.commands.analysis.features import AUTO, choose_automatically, keep_task, Reader
 from tactile_lab.commands.analysis.requests import TrainRequest
 from tactile_lab.commands.output import make_output_folder, Output, refuse_to_replace
-from tactile_lab.datasets.bag_tables import BagTables, read_tables
+from tactile_lab.datasets.bag_tables import BagTables, name_table, read_tables
 from tactile_lab.datasets.feature_options import choose_features, list_sets
 from tactile_lab.datasets.prepared import prepare_trials
 from tactile_lab.datasets.reread import read_partial_tables
@@ -147,6 +146,11 @@ def read_with_progress(
     return found
 
 
+def model_path(folder: Path, task: str, contact: str, digest: str = '') -> Path:
+    """Return the path of a new model. Its name is for people: the file says what it is for."""
+    return folder / f'{"_".join(filter(None, (task, contact, digest)))}.onnx'
+
+
 def train_models(
     found: BagTables,
     request: TrainRequest,
@@ -172,7 +176,8 @@ def train_models(
     refuse_to_replace(paths.values(), force=request.force)
     make_output_folder(request.folder)
     models = []
-    for (task, contact), table in found.tables.items():
+    for key, table in found.tables.items():
+        task = key[0]
         repetitions, saving = choose_repetitions(table, request.repetitions)
         if saving:
             output.say(saving)
@@ -185,7 +190,7 @@ def train_models(
                 jobs=-1,
                 progress=show,
             )
-        name = f'{task}, {contact}' if contact else task
+        name = name_table(key, table)
         simulated = ', SIMULATED trials' if np.any(table.columns.get('simulated', False)) else ''
         output.say(accuracy_table(evaluation, f'{name}{simulated}'))
         output.say(accuracy_caption(evaluation))
@@ -203,7 +208,7 @@ def train_models(
             stop_error_rate=request.stop_error_rate,
             score=evaluation.score(request.classifier, chosen),
         )
-        path = paths[task, contact]
+        path = paths[key]
         model = write_model(path, trained)
         for sentence in describe_answers(trained.manifest):
             output.say(sentence)
@@ -238,7 +243,7 @@ def run_recalibrate(
     tables = read_with_progress(bags, output, model.spec.config_values()).tables
     fitting = [
         table
-        for (task, contact), table in tables.items()
+        for (task, contact, *_), table in tables.items()
         if task == model.task and len({contact, model.contact} - {''}) < 2
     ]
     if len(fitting) != 1:

@@ -17,17 +17,11 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from tactile_bags.auditing.audit import Audit
-from tactile_bringup.launch_config.graph import (
-    feature_parameters_of,
-    Ports,
-    recorder_node,
-    rig_graph,
-)
-from tactile_bringup.launch_config.model_folder import find_models, models_for
+from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
 from tactile_bringup.nodes.graph_runner import ros_context, running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode, StoppedError
 from tactile_bringup.trial_protocols import TrialRequest
-from tactile_classifier.records import ClassificationResult, Outcome
+from tactile_classifier.records import ClassificationResult, ModelInfo, Outcome
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.replay import print_audits
 from tactile_lab.commands.rig_requests import ExperimentRequest, TrialsRequest
@@ -45,15 +39,24 @@ AUDIT_TIMEOUT_S = 2.0
 
 @dataclass(frozen=True)
 class LiveTrial:
-    """What was asked, what a classifier answered, and whether every sample is recorded."""
+    """A trial with the answers of its models, and the audit of its recording."""
 
     request: TrialRequest
-    answer: ClassificationResult | None
+    answers: tuple[ClassificationResult, ...] = ()
     audit: Audit | None = None
 
     @property
+    def answer(self) -> ClassificationResult | None:
+        """The answer of the first model; None: no model is for this task and contact."""
+        return self.answers[0] if self.answers else None
+
+    @property
     def is_right(self) -> bool:
-        return self.answer is not None and self.answer.label == self.request.object_label
+        return self.answer is not None and self.is_label(self.answer)
+
+    def is_label(self, answer: ClassificationResult) -> bool:
+        """Return whether an answer names what lay under the finger."""
+        return answer.label == self.request.object_label
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold."""
@@ -66,9 +69,18 @@ class LiveTrial:
             'contact': request.contact,
             'object_label': request.object_label,
             'answer': answer.label if answer else '',
-            'reason': answer.reason if answer else 'no classifier for this task and contact',
+            'reason': answer.reason if answer else 'no model for this task and contact',
             'right': self.is_right,
             'model_id': answer.model_id if answer else '',
+            'further_answers': [
+                {
+                    'answer': each.label,
+                    'reason': each.reason,
+                    'right': self.is_label(each),
+                    'model_id': each.model_id,
+                }
+                for each in self.answers[1:]
+            ],
             'audit': self.audit.to_dict() if self.audit else None,
         }
 
@@ -83,7 +95,7 @@ class LiveSetup:
     bag : pathlib.Path
         Where to record; must not exist yet.
     models : pathlib.Path or None
-        Folder of the model files; None runs without classifiers.
+        Folder of model files, or one file; None runs without a classifier.
     simulated_rig : SimulatedRig or None
         The rig is this one. It gets what each trial names under its finger; on a real rig that is
         the experimenter's part.
@@ -108,12 +120,12 @@ class LiveSetup:
 class LiveRig:
     """A rig whose nodes run in this process, homed, and recorded.
 
-    ``models`` are files by classifier name, ``others`` the further nodes.
+    ``models`` are those that answer, ``others`` the further nodes.
     """
 
     operator: OperatorNode
     recorder: Any
-    models: Mapping[str, str]
+    models: tuple[ModelInfo, ...] = ()
     others: tuple[Node, ...] = ()
 
     def run(self, request: TrialRequest) -> LiveTrial:
@@ -127,25 +139,31 @@ class LiveRig:
             When somebody has pressed Stop on a live page.
         """
         check_recording(self.recorder)
-        windows = self.recorder.window_count
+        listening = [
+            model
+            for model in self.models
+            if model.task == request.protocol and model.contact in ('', request.contact)
+        ]
+        # One for each specification; without a model that of the feature node.
+        windows = max(1, len({model.specification_digest for model in listening}))
+        wanted = self.recorder.window_count + windows
         try:
             self.operator.run_trial(request)
         finally:
             audit = self.wait_for_audit(request.trial_id)
-            self.wait_for_window(windows)
+            self.wait_for_windows(wanted)
         check_recording(self.recorder)
-        listens = models_for(self.models, request.protocol, request.contact)
-        answer = self.operator.wait_for_answer(request.trial_id) if listens else None
-        return LiveTrial(request, answer, audit)
+        names = [model.model_id for model in listening]
+        return LiveTrial(request, self.operator.wait_for_answers(request.trial_id, names), audit)
 
-    def wait_for_window(self, before: int) -> None:
-        """Wait until the recording has more windows than before; a trial without a phase has none.
+    def wait_for_windows(self, count: int) -> None:
+        """Wait until the recording has so many windows; a trial without a phase has none.
 
-        The window of a trial comes some tenths of a second after its last event, also of one that
+        The windows of a trial come some tenths of a second after its last event, also of one that
         was interrupted.
         """
         deadline = time.monotonic() + WINDOW_TIMEOUT_S
-        while self.recorder.window_count <= before and not self.recorder.has_failed:
+        while self.recorder.window_count < count and not self.recorder.has_failed:
             if time.monotonic() > deadline:
                 return
             time.sleep(0.02)
@@ -181,7 +199,7 @@ def open_rig(
         bag=bag,
         models=request.models,
         simulated_rig=simulated_rig,
-        parameters=read_rig_parameters(request.params, request.models, ''),
+        parameters=read_rig_parameters(request.params, ''),
         watch=WatchOptions() if request.watch else None,
     )
 
@@ -205,24 +223,17 @@ def live_rig(
     TactileError
         When a node cannot be started or a topic has no publisher.
     """
-    models = find_models(setup.models) if setup.models else {}
+    models = ModelChoice.read(setup.models)
     simulated = setup.simulated_rig is not None
     graph = rig_graph(setup.ports, models, setup.parameters, simulated=simulated)
-    graph.append(
-        recorder_node(
-            setup.bag,
-            setup.models,
-            tuple(models),
-            feature_parameters_of(graph),
-        )
-    )
+    graph.append(recorder_node(setup.bag, classifier=models is not None))
     with ExitStack() as stack:
         context = stack.enter_context(ros_context(setup.domain_id))
         watch = None
         if setup.watch is not None:
             watch = stack.enter_context(watching(context, setup.watch, simulated=simulated))
             say_address(watch, output)
-        operator = OperatorNode(tuple(models), context)
+        operator = OperatorNode(context, answers=models is not None)
         made = [make(context) for make in others]
         with running_graph(graph, context, others=[operator, *made], quiet=True) as nodes:
             recorder = nodes['bag_recorder']
@@ -230,8 +241,9 @@ def live_rig(
             wait_until_matched(recorder)
             if watch is not None and watch.state.was_stopped:  # before there was an operator
                 operator.stop()
+            answering = operator.wait_for_models() if models else ()
             operator.home_guide()
-            yield LiveRig(operator, recorder, models, tuple(made))
+            yield LiveRig(operator, recorder, answering, tuple(made))
 
 
 def run_live_trials(
@@ -323,13 +335,19 @@ def check_recording(recorder: Any) -> None:
 
 
 def describe_trial(trial: LiveTrial) -> str:
-    """Return one line: what was under the finger, what the classifier said."""
-    request, answer = trial.request, trial.answer
+    """Return a line with what was under the finger and the answer, and one a further model."""
+    request = trial.request
     what = f'   {request.protocol:9} {request.contact:9} true {request.object_label:13}'
-    if answer is None:
+    if not trial.answers:
         return f'{what} recorded'
-    if answer.outcome != Outcome.LABEL:
-        return f'{what} no answer: {answer.reason}'
-    verdict = '[green]right[/green]' if trial.is_right else '[red]wrong[/red]'
-    score = f'{max(answer.scores):.2f} {answer.score_kind}'
-    return f'{what} says {answer.label:13} ({score}) {verdict}'
+    lines = []
+    for answer in trial.answers:
+        if answer.outcome != Outcome.LABEL:
+            line = f'{what} no answer: {answer.reason}'
+        else:
+            right = trial.is_label(answer)
+            verdict = '[green]right[/green]' if right else '[red]wrong[/red]'
+            score = f'{max(answer.scores):.2f} {answer.score_kind}'
+            line = f'{what} says {answer.label:13} ({score}) {verdict}'
+        lines.append(line if len(trial.answers) == 1 else f'{line}  {answer.model_id}')
+    return '\n'.join(lines)

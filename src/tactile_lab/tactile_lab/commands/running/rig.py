@@ -12,15 +12,14 @@ import threading
 from typing import Any
 
 from tactile_bringup.launch_config.graph import (
-    feature_parameters_of,
+    CLASSIFIER_NODE,
+    ModelChoice,
     NodeDescription,
     Ports,
-    recalibration_parameters,
     recorder_node,
     rig_graph,
     RIG_NODES,
 )
-from tactile_bringup.launch_config.model_folder import find_models
 from tactile_bringup.launch_config.parameter_files import read_parameters
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.trial_protocols import TrialRequest
@@ -44,23 +43,16 @@ def run_rig(request: RigRequest) -> None:
     """
     if hold_signals().received:
         return
-    models = find_models(request.models) if request.models else {}
-    parameters = read_rig_parameters(request.params, request.models, request.namespace)
-    for name, known in recalibration_parameters(request.recalibrate, models).items():
-        parameters[name] = {**known, **parameters.get(name, {})}
+    models = ModelChoice.read(request.models, recalibrate=request.recalibrate)
+    parameters = read_rig_parameters(request.params, request.namespace)
     simulated = request.ports.simulated
     with ExitStack() as stack:
         ports, simulated_rig = open_ports(request.ports, request.seed, stack)
         nodes = rig_graph(ports, models, parameters, simulated=simulated)
         if request.record:
+            finger = request.namespace.strip('/')
             nodes.append(
-                recorder_node(
-                    request.record,
-                    request.models,
-                    tuple(models),
-                    feature_parameters_of(nodes),
-                    namespaces=(request.namespace.strip('/'),),
-                )
+                recorder_node(request.record, namespaces=(finger,), classifier=models is not None)
             )
         run_nodes(
             nodes,
@@ -127,7 +119,7 @@ def run_nodes(
                 )
             )
             if not quiet:
-                watched.state.on_answer = lambda *answer: output.say(answer_line(*answer))
+                watched.state.on_answer = lambda line: output.say(answer_line(line))
             say_address(watched, output)
         stack.enter_context(
             running_graph(nodes, context, namespace=namespace, on_end=end, signals=signals)
@@ -150,14 +142,11 @@ def simulated_objects() -> dict[str, list[str]]:
     return {protocol: list(list_objects(protocol)) for protocol in PROTOCOLS}
 
 
-def read_rig_parameters(
-    path: Path | None, models: Path | None, namespace: str
-) -> dict[str, dict[str, Any]]:
+def read_rig_parameters(path: Path | None, namespace: str) -> dict[str, dict[str, Any]]:
     """Return the parameters of the rig's nodes from a ROS parameter file, if one is given."""
     if path is None:
         return {}
-    classifiers = find_models(models) if models else {}
-    return read_parameters(path, (*RIG_NODES, *classifiers), namespace)
+    return read_parameters(path, (*RIG_NODES, CLASSIFIER_NODE), namespace)
 
 
 def open_ports(

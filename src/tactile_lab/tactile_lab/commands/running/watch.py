@@ -8,9 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from tactile_classifier.records import ClassificationResult
 from tactile_lab.commands.output import Output
-from tactile_lab.watch.answer_text import describe_line
 from tactile_lab.watch.options import WatchOptions
 from tactile_ros.programs.signals import hold_signals
 
@@ -42,9 +40,9 @@ def run_watch(options: WatchOptions, *, terminal: bool) -> None:
             pass
 
 
-def answer_line(finger: str, answer: ClassificationResult, true_label: str) -> str:
-    """Return the line of the terminal about an answer."""
-    return f'{time.strftime("%H:%M:%S")}  {describe_line(finger, answer, true_label)}'
+def answer_line(line: str) -> str:
+    """Return the line of the terminal about an answer: its time first."""
+    return f'{time.strftime("%H:%M:%S")}  {line}'
 
 
 def say_address(watch: Watch, output: Output) -> None:

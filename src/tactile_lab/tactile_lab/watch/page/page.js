@@ -92,6 +92,10 @@
         notes.push(`${m.name.replaceAll('_', ' ')} ${value} ${unit}`);
       }
       notes.push(`model ${answer.model}${answer.simulated ? ', SIMULATED' : ''}`);
+      for (const other of finger.answers.slice(0, -1)) {
+        if (other.trial !== answer.trial || other.task !== answer.task) continue;
+        notes.push(`model ${other.model}: ${other.outcome === 'label' ? other.label : other.reason}`);
+      }
       set(this.find('.note'), notes.join(' \u00b7 '));
     }
 

@@ -1,0 +1,186 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The features and the models that a recording was made with, as its own messages state them.
+
+Recordings of version 0.1 state them in their metadata.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.message_records import read_records
+from tactile_bags.recorded_topics import MODELS, SPECIFICATIONS
+from tactile_classifier.records import ModelInfo
+from tactile_features.config import FeatureConfig
+from tactile_features.errors import FeatureError
+from tactile_features.feature_sets.registry import PHASE_OF_TASK
+from tactile_features.spec import FeatureSpec, spec_for, WantedFeatures
+from tactile_ros.errors import TactileError
+
+WRITTEN_IN = 'written_in'
+"""Entry of the metadata: folder of the bag when it was recorded."""
+
+
+@dataclass(frozen=True)
+class RecordedFeatures:
+    """The features of one finger of a recording.
+
+    Attributes
+    ----------
+    config : FeatureConfig
+        Parameters of the feature node.
+    wanted : tuple of WantedFeatures
+        What it computed, each with its partial windows; empty: what ``config`` says.
+    """
+
+    config: FeatureConfig
+    wanted: tuple[WantedFeatures, ...] = ()
+
+    @property
+    def specifications(self) -> tuple[FeatureSpec, ...]:
+        """The specifications of the windows."""
+        if self.wanted:
+            return tuple(each.spec for each in self.wanted)
+        return tuple(spec_for(task, self.config) for task in PHASE_OF_TASK)
+
+    def bound(self) -> FeatureConfig:
+        """Return parameters that yield the first recorded specification of each task.
+
+        Raises
+        ------
+        BagError
+            When one of them cannot be computed here.
+        """
+        config, tasks = self.config, set[str]()
+        try:
+            for each in self.wanted:
+                if each.task not in tasks:
+                    tasks.add(each.task)
+                    config = each.bind(config)
+        except FeatureError as error:
+            raise BagError(f'its features cannot be computed here: {error}') from error
+        return config
+
+    def without_parts(self) -> RecordedFeatures:
+        """Return the same with full windows alone, and without measures."""
+        return RecordedFeatures(
+            replace(self.config, measures=False, partial_samples=()),
+            tuple(WantedFeatures(each.spec) for each in self.wanted),
+        )
+
+
+def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
+    """Return the features of a finger of a recording.
+
+    Raises
+    ------
+    BagError
+        When what the recording states cannot be used here.
+    """
+    config = bag.metadata.get('feature_config') or {}
+    wanted: dict[str, WantedFeatures] = {}
+    for _, announced in read_records(bag.messages(SPECIFICATIONS, namespace=namespace)):
+        config = announced.config
+        for each in announced.wanted:
+            known = wanted.get(each.spec.digest, each).partial_samples
+            samples = tuple(sorted({*known, *each.partial_samples}))
+            wanted[each.spec.digest] = WantedFeatures(each.spec, samples)
+    try:
+        return RecordedFeatures(FeatureConfig(**_renamed(config)), tuple(wanted.values()))
+    except (TypeError, FeatureError) as error:
+        raise BagError(f'{bag.path}: its feature parameters are unusable: {error}') from error
+
+
+def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters of a recording by the names of today."""
+    if not isinstance(values, Mapping):
+        raise TypeError(f'they are {type(values).__name__}, not names and values')
+    return {'partial_samples' if k == 'running_samples' else k: v for k, v in values.items()}
+
+
+def shared_rate_hz(specs: Iterable[FeatureSpec]) -> float:
+    """Return the sample rate that all specifications have [Hz]; 0: they differ, or are none."""
+    rates = {spec.rate_hz for spec in specs}
+    return rates.pop() if len(rates) == 1 else 0.0
+
+
+def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:
+    """Return the sample rate that a recording was made for [Hz]; 0 when it does not say."""
+    try:
+        features = recorded_features(bag, namespace)
+    except BagError:
+        return 0.0
+    if features.wanted:
+        return shared_rate_hz(each.spec for each in features.wanted)
+    return features.config.rate_hz if bag.metadata.get('feature_config') else 0.0
+
+
+def recorded_models(bag: TactileBag, namespace: str = '') -> tuple[ModelInfo, ...]:
+    """Return the models that answered while recording; none in recordings of version 0.1."""
+    found: dict[str, ModelInfo] = {}
+    for _, infos in read_records(bag.messages(MODELS, namespace=namespace)):
+        found |= {info.model_id: info for info in infos.models}
+    return tuple(found.values())
+
+
+def find_models(bag: TactileBag, namespace: str = '') -> list[Path]:
+    """Return the model files that a recording was made with, or their folder; none: no models.
+
+    A file is looked for where it was, then beside the bag where it was beside the bag: both may
+    have been moved together.
+
+    Raises
+    ------
+    TactileError
+        When a file is not there, or has changed since.
+    """
+    folder = (bag.path if bag.path.is_dir() else bag.path.parent).resolve()
+    if infos := recorded_models(bag, namespace):
+        written_in = str(bag.metadata.get(WRITTEN_IN, ''))
+        return [_find(info, folder, written_in) for info in infos]
+    if not (name := bag.metadata.get('models', '')):
+        return []
+    path = Path(folder, name).resolve()
+    if not path.exists():
+        raise TactileError(f'the models of this recording are not at {path}; name them: --models')
+    return [path]
+
+
+def _find(info: ModelInfo, folder: Path, written_in: str) -> Path:
+    places = [Path(info.path)]
+    if written_in:
+        places.append(Path(folder, os.path.relpath(info.path, written_in)).resolve())
+    there = [place for place in places if place.is_file()]
+    for place in there:
+        if hashlib.sha256(place.read_bytes()).hexdigest() == info.sha256:
+            return place
+    problem = f'has changed since: {there[0]}' if there else f'is not at {info.path}'
+    raise TactileError(f'the model {info.model_id} of this recording {problem}; name it: --models')
+
+
+def gather_models(files: Sequence[Path], scratch: Path) -> Path | None:
+    """Return one path that a node takes as its ``models``; None without files.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        As `find_models` returns them.
+    scratch : Path
+        Folder in which links to several files are made.
+    """
+    if len(files) < 2:
+        return files[0] if files else None
+    folder = Path(scratch, f'models_{len(list(scratch.iterdir()))}')
+    folder.mkdir()
+    for number, file in enumerate(files):
+        (folder / f'{number:03d}_{file.name}').symlink_to(file)
+    return folder

@@ -1,0 +1,189 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording says itself which features were computed, and which models answered."""
+
+import dataclasses
+import hashlib
+import json
+
+import pytest
+from rclpy.serialization import serialize_message
+
+from tactile_bags import BagWriter, MODELS_TOPIC, SPECIFICATIONS_TOPIC, TactileBag
+from tactile_bags.errors import BagError
+from tactile_bags.recorded_setup import (
+    find_models,
+    gather_models,
+    nominal_rate_hz,
+    recorded_features,
+    recorded_models,
+    RecordedFeatures,
+    WRITTEN_IN,
+)
+from tactile_bags.recorded_topics import RecordedTopic
+from tactile_classifier import ModelInfos, ModelSet
+from tactile_classifier.conversions import model_infos_to_msg
+from tactile_features import FeatureConfig, FeatureSpecifications, spec_for, WantedFeatures
+from tactile_features.conversions import specifications_to_msg
+from tactile_lab.datasets.bag_tables import name_table, read_tables
+from tactile_ros.errors import TactileError
+
+USUAL = WantedFeatures(spec_for('stiffness', FeatureConfig()))
+SETTLED = WantedFeatures(spec_for('stiffness', FeatureConfig(stiffness_settle_s=1.0)))
+GLIDE = WantedFeatures(spec_for('texture', FeatureConfig()), (30, 90))
+
+
+@pytest.fixture
+def record(stiffness_bag, tmp_path):
+    """Return a writer of the small recording with further messages, by topic."""
+
+    def record(*further, name='bag', **metadata):
+        path = tmp_path / name
+        with TactileBag(stiffness_bag) as bag, BagWriter(path, metadata) as writer:
+            for topic, (type_name, _) in bag.topics.items():
+                writer.add_topic(RecordedTopic(topic.strip('/'), type_name))
+            messages = list(bag.messages())
+            names = {topic: writer.add_topic(topic) for topic in dict(further)}
+            for topic, message in further:
+                data = serialize_message(message)
+                writer.write_raw(names[topic], messages[0].received_at_ns, data)
+            for message in messages:
+                writer.write_raw(message.topic, message.received_at_ns, message.data)
+        return path
+
+    return record
+
+
+def announce(*wanted, **config):
+    announced = FeatureSpecifications(wanted, dataclasses.asdict(FeatureConfig(**config)))
+    return SPECIFICATIONS_TOPIC, specifications_to_msg(announced)
+
+
+def test_features_are_those_that_the_node_announced(record):
+    with TactileBag(record(announce(GLIDE, USUAL, samples_timeout_s=7.0))) as bag:
+        features = recorded_features(bag)
+        assert nominal_rate_hz(bag) == 60.0
+    assert features == RecordedFeatures(FeatureConfig(samples_timeout_s=7.0), (GLIDE, USUAL))
+
+
+def test_a_restart_of_the_node_adds_what_is_new(record):
+    more = dataclasses.replace(GLIDE, partial_samples=(60,))
+    path = record(announce(GLIDE, USUAL), announce(more, SETTLED), announce(USUAL))
+    with TactileBag(path) as bag:
+        wanted = recorded_features(bag).wanted
+    both = dataclasses.replace(GLIDE, partial_samples=(30, 60, 90))
+    assert wanted == (both, USUAL, SETTLED)
+
+
+def test_rates_that_differ_are_no_rate_to_compare_with(record):
+    fast = WantedFeatures(spec_for('stiffness', FeatureConfig(rate_hz=100.0)))
+    with TactileBag(record(announce(USUAL, fast))) as bag:
+        assert nominal_rate_hz(bag) == 0.0
+
+
+@pytest.mark.parametrize('config', ['{"colour": 1}', '{"rate_hz": -1.0}', '"red"', '[1]'])
+def test_parameters_that_cannot_be_are_refused(record, config):
+    topic, message = announce(USUAL)
+    message.config = config
+    with TactileBag(record((topic, message))) as bag:
+        if config.startswith('{'):
+            with pytest.raises(BagError, match='feature parameters'):
+                recorded_features(bag)
+        else:  # such a message is passed over, as by a node
+            assert recorded_features(bag).wanted == ()
+        assert nominal_rate_hz(bag) == 0.0
+
+
+def test_each_specification_of_a_phase_has_a_table(record):
+    tables = read_tables([record(announce(USUAL, SETTLED))]).tables
+    first, second = tables
+    assert first == ('stiffness', 'flexion')
+    assert second == ('stiffness', 'flexion', SETTLED.spec.digest)
+    assert tables[first].spec == USUAL.spec
+    assert tables[second].spec == SETTLED.spec
+    assert name_table(first, tables[first]) == 'stiffness, flexion'
+    assert name_table(second, tables[second]) == 'stiffness, flexion, stiffness_regression'
+    alone = read_tables([record(announce(SETTLED), name='alone')]).tables[first]
+    assert alone.compute_sha256() == tables[second].compute_sha256()
+
+
+def test_a_recording_of_today_and_one_of_version_0_1_are_read_together(record, stiffness_bag):
+    (table,) = read_tables([stiffness_bag, record(announce(GLIDE, USUAL))]).tables.values()
+    assert len(table) == 30
+
+
+def test_named_features_make_recordings_alike(record, stiffness_bag):
+    other = record(announce(USUAL, SETTLED))
+    with pytest.raises(BagError, match=r'other feature parameters.*or name the features'):
+        read_tables([stiffness_bag, other])
+    chosen = {'stiffness_features': 'stiffness_relaxation'}
+    (table,) = read_tables([stiffness_bag, other], chosen).tables.values()
+    assert len(table) == 30
+
+
+@pytest.fixture
+def models(trained, tmp_path):
+    folder = tmp_path / 'models'
+    folder.mkdir()
+    data = (trained / 'stiffness_flexion.onnx').read_bytes()
+    (folder / 'any name.onnx').write_bytes(data)
+    return folder
+
+
+def record_models(record, folder, tmp_path, **changes):
+    infos = [dataclasses.replace(info, **changes) for info in ModelSet.load(folder).infos]
+    written_in = {WRITTEN_IN: str(tmp_path / 'bag')}
+    return record((MODELS_TOPIC, model_infos_to_msg(ModelInfos(tuple(infos)))), **written_in)
+
+
+def test_models_are_found_by_path_and_content(record, models, tmp_path):
+    path = record_models(record, models, tmp_path)
+    with TactileBag(path) as bag:
+        (info,) = recorded_models(bag)
+        (file,) = find_models(bag)
+        assert file == models / 'any name.onnx'
+        assert info.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
+        assert gather_models([file], tmp_path) == file
+        file.write_bytes(b'another')
+        with pytest.raises(TactileError, match=r'has changed since: .*any name\.onnx; name it'):
+            find_models(bag)
+        file.unlink()
+        with pytest.raises(TactileError, match=r'is not at .*any name\.onnx; name it: --models'):
+            find_models(bag)
+
+
+def test_models_that_moved_with_the_bag_are_found(record, models, tmp_path):
+    path = record_models(record, models, tmp_path)
+    moved = tmp_path / 'elsewhere'
+    moved.mkdir()
+    path.rename(moved / 'bag')
+    models.rename(moved / 'models')
+    with TactileBag(moved / 'bag') as bag:
+        assert find_models(bag) == [moved / 'models' / 'any name.onnx']
+
+
+def test_several_models_are_gathered_in_one_folder(trained, tmp_path):
+    one = trained / 'stiffness_flexion.onnx'
+    other = tmp_path / one.name
+    other.write_bytes(one.read_bytes())
+    scratch = tmp_path / 'scratch'
+    scratch.mkdir()
+    folder = gather_models([one, other], scratch)
+    assert [file.resolve() for file in sorted(folder.iterdir())] == [one, other]
+    assert gather_models([], scratch) is None
+
+
+def test_version_0_1_states_features_and_models_in_its_metadata(record, models, tmp_path):
+    config = {'running_samples': [30, 90], 'stiffness_settle_s': 1.0}
+    path = record(feature_config=config, models='../models')
+    with TactileBag(path) as bag:
+        features = recorded_features(bag)
+        assert features.config.partial_samples == (30, 90)
+        assert features.specifications[-1] == SETTLED.spec
+        assert recorded_models(bag) == ()
+        assert find_models(bag) == [models]
+        assert json.loads(bag.custom['tactile'])['models'] == '../models'
+    models.rename(tmp_path / 'gone')
+    with TactileBag(path) as bag, pytest.raises(TactileError, match='name them: --models'):
+        find_models(bag)
