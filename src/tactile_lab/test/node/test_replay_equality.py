@@ -1,0 +1,334 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The same recorded bytes in every way of running: every message is the same, bit for bit."""
+
+from collections import Counter
+from contextlib import contextmanager, ExitStack
+import dataclasses
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+from typing import NamedTuple
+
+from ament_index_python.packages import get_package_prefix
+from diagnostic_msgs.msg import DiagnosticArray
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
+
+from tactile_bags import EVENT, STRAIN, TactileBag
+from tactile_bags.recorded_setup import recorded_features, RecordedFeatures
+from tactile_bags.replaying.replay import replay_through_core, sensed_messages
+from tactile_bringup.launch_config.graph import NodeDescription
+from tactile_bringup.nodes.finger import connect_fingers
+from tactile_bringup.nodes.graph_runner import create_node
+from tactile_classifier import ModelSet
+from tactile_classifier.conversions import classification_from_msg
+from tactile_classifier.training.model_writer import write_model
+from tactile_classifier.training.trainer import train
+from tactile_features import FeatureConfig, TrialFeatureExtractor
+from tactile_features.conversions import (
+    event_from_msg,
+    feature_window_from_msg,
+    slip_to_msg,
+    strain_block_from_msg,
+)
+from tactile_features.model_contract import plan_features
+from tactile_features.slip import SlipConfig, SlipDetector
+from tactile_lab.datasets.bag_tables import read_tables
+from tactile_lab.datasets.reread import read_partial_tables
+from tactile_msgs.msg import Classification, Slip, StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_testing.waiting import wait_until
+
+START_S = 60.0
+WORK_S = 60.0
+BLOCKS, EVENTS_AT_ONCE = 800, 12
+"""Messages sent before the nodes have taken them; fewer than a queue holds."""
+
+OUTPUTS = {
+    'tactile_features/features': TactileFeatures,
+    'tactile_features/partial_features': TactileFeatures,
+    'tactile_features/detected_events': TrialEvent,
+    'tactile_classifier/classification': Classification,
+    'tactile_classifier/partial_classification': Classification,
+    'slip_detector/slip': Slip,
+}
+READERS = {
+    TactileFeatures: feature_window_from_msg,
+    TrialEvent: event_from_msg,
+    Classification: classification_from_msg,
+    Slip: lambda message: message,
+}
+
+
+class Case(NamedTuple):
+    bag: Path
+    models: Path
+    config: FeatureConfig
+    recalibration_trials: int = 0
+
+    def parameters(self):
+        """Return the parameters of each node."""
+        models = {'models': str(self.models)}
+        of_features = {
+            field.name: getattr(self.config, field.name)
+            for field in dataclasses.fields(self.config)
+            if getattr(self.config, field.name) != field.default
+        }
+        return {
+            'tactile_features': {**of_features, **models},
+            'tactile_classifier': {**models, 'recalibration_trials': self.recalibration_trials},
+            'slip_detector': {},
+        }
+
+
+@pytest.fixture(scope='module')
+def texture(simulate_bag, tmp_path_factory):
+    """Return a case with partial windows and recalibration."""
+    source = simulate_bag('texture', 'flexion', 4, seed=5, sessions=2)
+    (table,) = read_tables([source]).tables.values()
+    models = tmp_path_factory.mktemp('texture_models')
+    partial = read_partial_tables(table, [0.5, 1.5])
+    write_model(models / 'model.onnx', train(table, 'knn', partial=partial))
+    bag = simulate_bag('texture', 'flexion', 1, seed=6)
+    with TactileBag(bag) as recording:
+        config = recorded_features(recording).config
+    return Case(bag, models, config, recalibration_trials=5)
+
+
+@pytest.fixture(scope='module')
+def stiffness(stiffness_bag, trained):
+    """Return a case in which the phases are found in the tension."""
+    with TactileBag(stiffness_bag) as recording:
+        config = recorded_features(recording).config
+    return Case(stiffness_bag, trained, dataclasses.replace(config, phases='stiffness'))
+
+
+def outputs_of_core(case):
+    """Return the outputs of the plain core for the recording, by topic."""
+    found = {topic: [] for topic in OUTPUTS}
+    plan = plan_features(case.config, case.models)
+    with TactileBag(case.bag) as bag:
+        features = RecordedFeatures(case.config, plan.wanted)
+        models = ModelSet.load(case.models, recalibration_trials=case.recalibration_trials)
+        results = replay_through_core(bag, models, features)
+        slip, extractor = SlipDetector(SlipConfig()), TrialFeatureExtractor(case.config)
+        for message in sensed_messages(bag):
+            if message.type_name == STRAIN:
+                block = strain_block_from_msg(message.decode())
+                extractor.add_block(block)
+                found['tactile_features/detected_events'] += extractor.take_detected_events()
+                found['slip_detector/slip'] += [
+                    slip_to_msg(each, SlipConfig(), '') for each in slip.add(block)
+                ]
+    for window in results.windows:
+        name = 'partial_features' if window.partial else 'features'
+        found[f'tactile_features/{name}'].append(window)
+    for answer in results.classifications:
+        name = 'partial_classification' if answer.partial else 'classification'
+        found[f'tactile_classifier/{name}'].append(answer)
+    return {topic: comparable(outputs) for topic, outputs in found.items()}
+
+
+def comparable(outputs):
+    """Return outputs without the trial of a slip: the event that names it races the samples."""
+    for output in outputs:
+        if isinstance(output, Slip):
+            output.trial_id = ''
+    return outputs
+
+
+class Player:
+    """Sends a recording, and keeps everything that nodes make of it."""
+
+    def __init__(self, context):
+        self.node = Node('bag_player', context=context)
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.node)
+        self.found = {topic: [] for topic in OUTPUTS}
+        self.values = {}
+        for topic, kind in OUTPUTS.items():
+            latched = EVENTS if kind is TrialEvent else RESULTS
+            read, outputs = READERS[kind], self.found[topic]
+            self.node.create_subscription(
+                kind,
+                topic,
+                lambda message, read=read, outputs=outputs: outputs.append(read(message)),
+                latched,
+            )
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, 100)
+        self.strain = self.node.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
+        self.events = self.node.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
+
+    def _on_health(self, message):
+        for status in message.status:
+            self.values[status.name] = {pair.key: pair.value for pair in status.values}
+
+    def wait(self, condition, timeout_s=WORK_S):
+        wait_until(
+            condition,
+            lambda: f'found {self.count()}, diagnostics {self.values}',
+            timeout_s=timeout_s,
+            step=lambda: self.executor.spin_once(timeout_sec=0.02),
+        )
+
+    def count(self):
+        return {topic: len(outputs) for topic, outputs in self.found.items()}
+
+    def is_matched(self, strain_takers):
+        resolve = self.node.resolve_topic_name
+        return (
+            all(self.node.count_publishers(resolve(topic)) for topic in OUTPUTS)
+            and self.strain.get_subscription_count() >= strain_takers
+            and self.events.get_subscription_count() >= 2
+        )
+
+    def send(self, case, take_block, has_taken, expected):
+        """Send all messages; wait until the nodes have taken them and as much came as is due."""
+        sent, waiting = {STRAIN: 0, EVENT: 0}, {STRAIN: 0, EVENT: 0}
+
+        def is_taken():
+            return has_taken(sent[STRAIN], sent[EVENT])
+
+        with TactileBag(case.bag) as bag:
+            for message in sensed_messages(bag):
+                if message.type_name == STRAIN:
+                    take_block(message)
+                else:
+                    self.events.publish(message.data)
+                sent[message.type_name] += 1
+                waiting[message.type_name] += 1
+                if waiting[STRAIN] >= BLOCKS or waiting[EVENT] >= EVENTS_AT_ONCE:
+                    waiting = dict.fromkeys(waiting, 0)
+                    self.wait(is_taken)
+        self.wait(is_taken)
+        self.wait(
+            lambda: all(self.count()[topic] >= len(outputs) for topic, outputs in expected.items())
+        )
+        return {topic: comparable(outputs) for topic, outputs in self.found.items()}
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+
+
+EXECUTABLES = {
+    'tactile_features': ('tactile_features', 'tactile_features_node'),
+    'tactile_classifier': ('tactile_classifier', 'tactile_classifier_node'),
+    'slip_detector': ('tactile_features', 'slip_detector_node'),
+}
+
+
+@contextmanager
+def nodes_of_one_process(case, context, *, has_sensor):
+    """Give nodes that call each other; with a sensor, it calls them, too."""
+    nodes = {
+        name: create_node(
+            NodeDescription(package, executable, name, case.parameters()[name]), context
+        )
+        for name, (package, executable) in EXECUTABLES.items()
+    }
+    connect_fingers(nodes.values())
+    if has_sensor:
+        for name in ('tactile_features', 'slip_detector'):
+            nodes[name].is_fed_by_calls = True
+        nodes['tactile_features'].emit_event = nodes['slip_detector'].add_event
+    for node in nodes.values():
+        assert node.bring_up()
+    with NodeGroup(nodes.values(), context=context):
+        yield nodes
+
+
+def run_in_one_process(case, context, expected, *, has_sensor):
+    player = Player(context)
+    with nodes_of_one_process(case, context, has_sensor=has_sensor) as nodes:
+        features, slip = nodes['tactile_features'], nodes['slip_detector']
+        player.wait(lambda: player.is_matched(0 if has_sensor else 2))
+
+        def call(message):
+            block = strain_block_from_msg(message.decode())
+            features.add_block(block)
+            slip.add_block(block)
+
+        def has_taken(blocks, events):
+            extractor = features.extractor
+            taken = extractor.block_count, extractor.event_count
+            return taken == (blocks, events) and slip.stage._block_count == blocks
+
+        take = call if has_sensor else lambda message: player.strain.publish(message.data)
+        found = player.send(case, take, has_taken, expected)
+    player.close()
+    return found
+
+
+@contextmanager
+def node_programs(case, context, folder):
+    """Run each node in a process of its own."""
+    env = {**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())}
+    processes = []
+    try:
+        for name, (package, executable) in EXECUTABLES.items():
+            parameters = folder / f'{name}.yaml'
+            stated = {
+                key: list(value) if isinstance(value, tuple) else value
+                for key, value in case.parameters()[name].items()
+            }
+            parameters.write_text(json.dumps({name: {'ros__parameters': stated}}))
+            program = Path(get_package_prefix(package), 'lib', package, executable)
+            command = [program, '--ros-args', '--params-file', parameters]
+            processes.append(subprocess.Popen(command, env=env, start_new_session=True))
+        yield
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        codes = [process.wait(START_S) for process in processes]
+    assert codes == [0] * len(EXECUTABLES)
+
+
+def run_in_processes(case, context, expected, folder):
+    player = Player(context)
+    with ExitStack() as stack:
+        stack.enter_context(node_programs(case, context, folder))
+        player.wait(lambda: player.is_matched(2), START_S)
+
+        def has_taken(blocks, events):
+            values = player.values.get('tactile_features', {})
+            return (values.get('blocks'), values.get('events')) == (
+                str(blocks),
+                str(events),
+            ) and player.values.get('slip_detector', {}).get('blocks') == str(blocks)
+
+        found = player.send(
+            case, lambda message: player.strain.publish(message.data), has_taken, expected
+        )
+    player.close()
+    return found
+
+
+@pytest.mark.parametrize('name', ['texture', 'stiffness'])
+def test_every_way_of_running_gives_the_same_messages(request, name, context, tmp_path):
+    case = request.getfixturevalue(name)
+    expected = outputs_of_core(case)
+    counts = Counter({topic: len(outputs) for topic, outputs in expected.items()})
+    assert counts['slip_detector/slip']
+    answers = expected['tactile_classifier/classification']
+    if name == 'texture':
+        assert counts['tactile_features/partial_features'] == 16
+        assert [a.recalibration_trials for a in answers] == [0] * 5 + [5] * 3
+    else:
+        assert counts['tactile_features/detected_events'] > 30
+        assert len(answers) == 15
+    for way, found in (
+        ('calls', run_in_one_process(case, context, expected, has_sensor=True)),
+        ('a process a finger', run_in_one_process(case, context, expected, has_sensor=False)),
+        ('a process a node', run_in_processes(case, context, expected, tmp_path)),
+    ):
+        for topic, outputs in expected.items():
+            assert found[topic] == outputs, (way, topic)
