@@ -49,8 +49,9 @@ from tactile_testing.waiting import wait_until
 
 START_S = 60.0
 WORK_S = 60.0
-BLOCKS, EVENTS_AT_ONCE = 800, 12
-"""Messages sent before the nodes have taken them; fewer than a queue holds."""
+BLOCKS, EVENTS_AT_ONCE = 10, 12
+"""Messages sent before the nodes have taken them. A simulated block holds hundreds of samples, so
+ten hold fewer detected events than a queue."""
 
 OUTPUTS = {
     'tactile_features/features': TactileFeatures,
