@@ -220,5 +220,5 @@ class DynamixelBus:
             raise SilentServoError(f'{action} of {self._name} failed: the packet was damaged')
         if error & ~registers.STATUS_ALERT:
             raise DeviceRefusedError(
-                f'{action} of {self._name} was refused: {registers.describe_status_error(error)}'
+                f'{action} of {self._name} was refused: {registers.format_status_error(error)}'
             )

@@ -79,13 +79,13 @@ HARDWARE_ERRORS = {
 }
 
 
-def describe_status_error(error: int) -> str:
+def format_status_error(error: int) -> str:
     """Return what the error byte of a status packet means, the alert bit left out."""
     code = error & ~STATUS_ALERT
     return STATUS_ERRORS.get(code, f'unknown error {code}')
 
 
-def describe_hardware_error(word: int) -> str:
+def format_hardware_error(word: int) -> str:
     """Return the reasons in a hardware error word, joined by "and"."""
     names = [name for bit, name in HARDWARE_ERRORS.items() if word & bit]
     unknown = word & ~sum(HARDWARE_ERRORS)

@@ -34,11 +34,6 @@ CLOSING_S = 6.0
 _logger = logging.getLogger(__name__)
 
 
-def describe_watchdog(config: TendonActuatorConfig) -> str:
-    """Say that the servo's bus watchdog has acted."""
-    return f"The servo's watchdog has stopped it after {config.watchdog_s} s of silence"
-
-
 class ServoMonitor:
     """The poll thread of one servo.
 
@@ -202,7 +197,7 @@ class ServoMonitor:
                 self._changed.wait_for(lambda: not self.outage or self._closing.is_set(), pause_s)
 
     def _take(self, servo: registers.ServoState) -> TendonState:
-        words = registers.describe_hardware_error(servo.hardware_error)
+        words = registers.format_hardware_error(servo.hardware_error)
         self.is_shut_down = bool(words) and not servo.is_torque_on
         if self.is_shut_down:
             self.fail(f'the servo has shut down: {words}')

@@ -11,7 +11,7 @@ import pytest
 
 from linear_guide_driver import MotionFailedError, MotionRefusedError
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.safety.states import Zero
+from linear_guide_driver.safety import Zero
 from tactile_testing.waiting import wait_until
 
 COUNT_M = 2 * 3.141592653589793 * 0.01 / 4096

@@ -8,7 +8,7 @@ import pytest
 from topic_peers import Peers
 
 from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
-from linear_guide_driver.safety.states import Zero
+from linear_guide_driver.safety import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import PullTendon
 from tactile_msgs.msg import Readiness, StrainBlock
