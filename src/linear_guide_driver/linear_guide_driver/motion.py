@@ -45,29 +45,16 @@ Result = TypeVar('Result')
 
 @dataclass(frozen=True)
 class Motion(Generic[News, Result]):
-    """A device's part of one motion.
+    """A device's part of one motion; see the table of this module.
 
-    Attributes
-    ----------
-    begin : callable
-        Refuses the motion, or returns the generator that moves. The generator is closed before
-        ``stop``.
-    stop : callable
-        Brings the device to rest, returns where for the caller.
-    fail : callable
-        Notes the reason of a failure, returns the sentence for the caller.
-    abandon : callable
-        Stops the device without waiting.
-    finish : callable
-        Called last, however the motion has ended.
-    brake : callable
-        Called by `Motions.request_stop` at once, before ``stop``.
+    ``stop`` and ``fail`` return the sentence for the caller. ``brake`` is called by
+    `Motions.request_stop` at once, before ``stop``.
     """
 
     begin: Callable[[], Generator[News | None, None, Result]]
     stop: Callable[[], str]
     fail: Callable[[str], str]
-    abandon: Callable[[], None]
+    abandon: Callable[[], object]
     finish: Callable[[], None]
     brake: Callable[[], None] = lambda: None
 
@@ -75,12 +62,8 @@ class Motion(Generic[News, Result]):
 class Motions:
     """Runs the motions of one device; thread-safe.
 
-    Parameters
-    ----------
-    busy : str
-        Sentence of a refusal while another motion runs.
-    not_begun : str
-        Sentence of a motion that was stopped before it began.
+    ``busy`` is the sentence of a refusal while another motion runs, ``not_begun`` that of a motion
+    that was stopped before it began.
     """
 
     def __init__(self, busy: str, not_begun: str) -> None:
@@ -102,15 +85,7 @@ class Motions:
         on_news: Callable[[News], None],
         should_stop: Callable[[], bool],
     ) -> Result:
-        """Carry a motion out; return its result.
-
-        Parameters
-        ----------
-        motion : Motion
-        on_news : callable
-            Called with what is new while the device moves.
-        should_stop : callable
-            Stops the motion when it returns True.
+        """Carry a motion out; return its result. ``on_news`` is called with what it yields.
 
         Raises
         ------

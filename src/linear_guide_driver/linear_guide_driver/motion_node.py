@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base of the guide's and the tendon's node: goals, watched topics, joint states, signs of life."""
+"""Base of both nodes: goals, watched topics, joint states, signs of life."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class MotionNode(TactileNode):
     """
 
     device = 'device'
-    """Its name in sentences."""
+    """Name of the device in sentences."""
 
     def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(node_name, config_class, **node_options)
@@ -165,15 +165,9 @@ class MotionNode(TactileNode):
         ----------
         goal : Goal
         move : callable
-            Moves; takes what is called with each new state, and what tells whether to stop.
-        to_feedback : callable
-            Makes the fields of the feedback, ten times a second at the most.
-        find_rest : callable
-            Makes the other fields of the result of a goal that is aborted.
-
-        Raises
-        ------
-        GoalAborted
+            Takes what is called with each new state, and what tells whether to stop.
+        to_feedback, find_rest : callable
+            Make the fields of a feedback, and those of the result of a goal that is aborted.
         """
         due_s = time.monotonic()
         self._loss = ''

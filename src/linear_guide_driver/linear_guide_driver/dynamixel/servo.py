@@ -44,23 +44,14 @@ _logger = logging.getLogger(__name__)
 class ServoSetup(NamedTuple):
     """A servo that is ready and holds its position; its count is 0 where the tendon is slack.
 
-    Attributes
-    ----------
-    identification : str
-        Model and firmware.
-    velocity_limit : int
-        In the servo's units.
-    temperature_limit_c : int
-        [degree Celsius]
-    was_held : bool
-        The servo was holding a tendon: a driver has ended without letting it out.
-    is_zero_kept : bool
-        The zero is the one that the earlier driver has written, and the servo has not lost
-        power since. Otherwise it is where the tendon came to rest with the torque off.
+    ``was_held`` tells that the servo was holding a tendon: a driver has ended without letting it
+    out. ``is_zero_kept`` tells that the zero is the one that this driver has written, and the
+    servo has not lost power since. Otherwise it is where the tendon came to rest with the torque
+    off.
     """
 
-    identification: str
-    velocity_limit: int
+    identification: str  # model and firmware
+    velocity_limit: int  # in the servo's units
     temperature_limit_c: int
     was_held: bool
     is_zero_kept: bool
@@ -69,10 +60,7 @@ class ServoSetup(NamedTuple):
 def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
     """Open the bus and set the servo up; ask again for `CONNECT_S` if it does not answer.
 
-    Raises
-    ------
-    DeviceConnectionError, DeviceRefusedError
-        As `set_up_servo`; the bus is closed.
+    Raises what `set_up_servo` raises; the bus is closed then.
     """
     deadline_s = time.monotonic() + CONNECT_S
     while True:
@@ -148,11 +136,7 @@ def _write_zero(bus: DynamixelBus, zero_counts: int | None = None) -> None:
 
     The servo keeps its position over turns for as long as it has power, and its torque is off
     after it has lost it. So a torque that is on proves that the zero still holds.
-
-    Parameters
-    ----------
-    zero_counts : int, optional
-        In the present count; the present position when left out.
+    ``zero_counts`` is in the present count; the present position when left out.
     """
     if zero_counts is None:
         zero_counts = bus.read(registers.PRESENT_POSITION)
@@ -257,16 +241,9 @@ class TendonServo:
     def write_goal(
         self, displacement_m: float, velocity: int | None = None, *, lets_out: bool = False
     ) -> None:
-        """Wind to a displacement.
+        """Wind to a displacement [m] at a velocity in the servo's units.
 
-        Parameters
-        ----------
-        displacement_m : float
-            [m]
-        velocity : int, optional
-            In the servo's units.
-        lets_out : bool
-            A tendon that is further out already is held there.
+        With ``lets_out`` a tendon that is further out already is held there.
         """
         if velocity is not None:
             self.bus.write(registers.PROFILE_VELOCITY, velocity)
@@ -279,15 +256,10 @@ class TendonServo:
         self._write_counts(self.bus.read(registers.PRESENT_POSITION), lets_out=True)
 
     def has_missed_goal(self, goal_counts: int) -> bool:
-        """Return whether the servo holds another goal than it has acknowledged.
+        """Return whether the servo, polled after the last write, holds another goal than that.
 
         The protocol does not number its packets. If the answer to one write comes late and the
         packet of the next write is lost, the late answer seems to acknowledge that one.
-
-        Parameters
-        ----------
-        goal_counts : int
-            The goal that the servo holds, polled after the last write [counts].
         """
         return self._goal_counts not in (None, goal_counts)
 
@@ -296,13 +268,7 @@ class TendonServo:
         self._goal_counts = None
 
     def repeat_goal(self, *, lets_out: bool) -> None:
-        """Write the last goal again; the servo may have moved on meanwhile.
-
-        Parameters
-        ----------
-        lets_out : bool
-            Whatever the goal was, do not wind in.
-        """
+        """Write the last goal again; with ``lets_out`` do not wind in, whatever it was."""
         if self._goal_counts is not None:
             displacement_m = self._to_displacement_m(self._goal_counts)
             self.write_goal(displacement_m, lets_out=lets_out or self._lets_out)

@@ -43,10 +43,9 @@ class ServoMonitor:
         Makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock.
     on_state : callable
         Called with each state, on the poll thread.
-    on_loss : callable
-        Called with a reason at each failure, on the thread that noticed it.
-    on_trouble : callable
-        Called with a reason when an outage or a fault is new, on the thread that noticed it.
+    on_loss, on_trouble : callable
+        Called with a reason at each failure, and when an outage or a fault is new; on the
+        thread that noticed it.
     restore : callable
         Makes a lost connection again, on the poll thread; raises when it cannot.
 
@@ -55,7 +54,7 @@ class ServoMonitor:
     state : TendonState or None
         The last state; None before the first poll.
     outage : str
-        Why no command can be watched: the servo does not answer, or its torque is off.
+        Reason for which no command can be watched: no answers, or the torque is off.
     fault : str
         Fault that the servo reports while its torque is on. It must not wind in.
     is_lost : bool
@@ -96,7 +95,7 @@ class ServoMonitor:
 
     @property
     def remedy(self) -> str:
-        """What ends the trouble, as the end of a sentence."""
+        """The end of the trouble, as the end of a sentence."""
         if self.is_shut_down or (self.fault and not self.outage):
             return 'remove the cause and configure the driver again'
         if self.is_lost:

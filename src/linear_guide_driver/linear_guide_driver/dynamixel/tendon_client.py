@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 import logging
 import time
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.servo import open_servo, ServoSetup, set_up_servo, TendonServo
@@ -74,19 +74,12 @@ _Result = TypeVar('_Result')
 _News = Generator[TendonState | None, None, _Result]
 
 
-class _Goal(NamedTuple):
-    """The goal of a pull: its number, where it began and where it ends [m]."""
-
-    number: int
-    start_m: float
-    end_m: float
-
-
 class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
     Every command passes `TendonSafety`, and the poll carries its orders out. `connect` lets a
-    tendon out that was left taut. `close` lets it out, too, and switches the torque off.
+    tendon out that was left taut. `close` lets it out, too, and switches the torque off. Commands
+    raise `MotionRefusedError`, and the errors of the bus.
 
     Parameters
     ----------
@@ -104,10 +97,6 @@ class TendonActuatorClient:
     ----------
     safety : TendonSafety
         Feed it the samples of the tension.
-    identification : str
-        Model and firmware; empty before the first `connect`.
-    temperature_limit_c : float
-        At which the servo shuts down [degree Celsius].
     recoveries : int
         How often the servo's watchdog had stopped it and its goals were unlocked again.
     """
@@ -130,10 +119,10 @@ class TendonActuatorClient:
         self._applied = Order.FOLLOW  # the last order that was carried out
         self._number = 0  # of the last goal that was written
         self._repeated = 0  # number of the last goal that the servo had missed
-        self._goal = _Goal(0, 0.0, 0.0)  # of the last pull
+        self._pull_number, self._goal_m = 0, 0.0  # of the goal of the last pull
         self.safety = TendonSafety(config, watchdogs)
-        self.identification = ''
-        self.temperature_limit_c = 0.0
+        self.identification = ''  # model and firmware
+        self.temperature_limit_c = 0.0  # at which the servo shuts down
         self.recoveries = 0
 
     @property
@@ -158,24 +147,15 @@ class TendonActuatorClient:
 
         Raises
         ------
-        DeviceConnectionError
-            When the servo does not answer for three seconds.
-        DeviceRefusedError
-            When it is not a supported servo, too old, or has a fault that a restart does not end.
+        DeviceConnectionError, DeviceRefusedError
+            As `open_servo`.
         """
         self.close()
         bus, setup = open_servo(self._config)
         self._take_over(setup)
         self._servo = TendonServo(bus, self._config)
-        self._monitor = ServoMonitor(
-            bus,
-            self._config,
-            self._on_poll,
-            self._on_state,
-            self._on_loss,
-            self._on_trouble,
-            self._restore,
-        )
+        listeners = (self._on_poll, self._on_state, self._on_loss, self._on_trouble)
+        self._monitor = ServoMonitor(bus, self._config, *listeners, restore=self._restore)
         self._monitor.start()
         self._monitor.wait_poll(POLL_WAIT_S)
 
@@ -222,9 +202,8 @@ class TendonActuatorClient:
         self._number += 1
         self._applied = Order.FOLLOW
         if setup.was_held and not setup.is_zero_kept:
-            self.safety.set_zero(
-                Zero.UNKNOWN, 'the servo held a tendon whose zero it does not know'
-            )
+            reason = 'the servo held a tendon whose zero it does not know'
+            self.safety.set_zero(Zero.UNKNOWN, reason)
         else:
             self.safety.set_zero(Zero.UNCONFIRMED)
         if setup.is_zero_kept:
@@ -320,21 +299,13 @@ class TendonActuatorClient:
 
         A tendon that is taut already is let out first. The fingertip must be free.
 
-        Parameters
-        ----------
-        taut_tension_n : float
-            Tension at which it counts as taut [N].
-        on_state, should_stop : callable
-            As in `pull_to`.
+        Parameters and errors are those of `pull_to`; ``taut_tension_n`` is the tension at which
+        it counts as taut [N].
 
         Returns
         -------
         float
             By how much the zero has moved [m].
-
-        Raises
-        ------
-        MotionRefusedError, MotionFailedError, MotionStoppedError
         """
         # A pull would not be allowed to stop above the limit; so it is here.
         contact = self.safety.strictest_contact
@@ -412,11 +383,8 @@ class TendonActuatorClient:
         if start is None:
             raise MotionRefusedError('The servo has not answered yet; try again.')
         reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
-        pull = Pull(
-            start.displacement_m + direction * reach_m,
-            self.safety.strictest_contact,
-            is_homing=True,
-        )
+        end_m = start.displacement_m + direction * reach_m
+        pull = Pull(end_m, self.safety.strictest_contact, is_homing=True)
         end = yield from self._wind(pull, self._config.homing_speed_m_s, until)
         if len(there) < HOMING_POLLS:
             raise MotionFailedError(
@@ -431,9 +399,9 @@ class TendonActuatorClient:
         until: Callable[[TendonState], bool] = lambda _: False,
     ) -> _News[TendonState]:
         """Wind until there, or until ``until`` says so, and then hold."""
-        _, start_m, goal_m = self._begin(pull, speed_m_s)
+        path_m = self._begin(pull, speed_m_s)
         _, monitor = self._require_connection()
-        deadline_s = time.monotonic() + abs(goal_m - start_m) / speed_m_s + SLACK_S
+        deadline_s = time.monotonic() + path_m / speed_m_s + SLACK_S
         one_unit_m_s = registers.velocity_to_m_s(1, self._config.pulley_radius_m)
         while True:
             state = self._wait_state(monitor)
@@ -449,7 +417,7 @@ class TendonActuatorClient:
                     self._hold()
                     return state
                 if (
-                    abs(state.displacement_m - goal_m) <= POSITION_TOLERANCE_M
+                    abs(state.displacement_m - self._goal_m) <= POSITION_TOLERANCE_M
                     and abs(state.velocity_m_s) <= 1.5 * one_unit_m_s
                 ):
                     return state
@@ -462,13 +430,7 @@ class TendonActuatorClient:
                 )
 
     def _wait_state(self, monitor: ServoMonitor) -> TendonState | None:
-        """Return the next state; None when none came in time.
-
-        Raises
-        ------
-        MotionFailedError, MotionStoppedError
-            When safety has ended the pull otherwise than by its stop tension.
-        """
+        """Return the next state; None when none came in time. Raise if safety ended the pull."""
         state = monitor.wait_poll(POLL_WAIT_S)
         ending = self.safety.ending
         if ending is None:
@@ -491,22 +453,17 @@ class TendonActuatorClient:
         """Return a sentence that says how far the pull came."""
         state = self.state
         at = 'an unknown position' if state is None else f'{state.displacement_m:.4f} m'
-        return f'The pull ended at {at} on the way to {self._goal.end_m:.4f} m.'
+        return f'The pull ended at {at} on the way to {self._goal_m:.4f} m.'
 
     # -- goals ---------------------------------------------------------------------------
 
     @property
     def _is_replaced(self) -> bool:
         """True when a later goal than that of the last pull was written."""
-        return self._goal.number != self._number
+        return self._pull_number != self._number
 
-    def _begin(self, pull: Pull, speed_m_s: float) -> _Goal:
-        """Write the goal of a pull if safety admits it [m/s].
-
-        Raises
-        ------
-        MotionRefusedError, MotionStoppedError, DeviceConnectionError, DeviceRefusedError
-        """
+    def _begin(self, pull: Pull, speed_m_s: float) -> float:
+        """Write the goal of a pull if safety admits it [m/s]; return the way to it [m]."""
         servo, monitor = self._require_connection()
         with servo.bus.lock:
             # Asked under the lock that `hold_here` takes, too: a stop comes either before
@@ -531,8 +488,8 @@ class TendonActuatorClient:
                 )
             else:
                 self._carry_out(servo, start_m)
-            self._goal = _Goal(self._number, start_m, goal_m)
-            return self._goal
+            self._pull_number, self._goal_m = self._number, goal_m
+            return abs(goal_m - start_m)
 
     def _hold(self) -> None:
         """Hold the tendon where it is, unless a later command has come."""
@@ -565,12 +522,7 @@ class TendonActuatorClient:
     # -- orders --------------------------------------------------------------------------
 
     def hold_here(self) -> None:
-        """Hold the tendon where it is; above the limit it is let out instead.
-
-        Raises
-        ------
-        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
-        """
+        """Hold the tendon where it is; above the limit it is let out instead."""
         self._command(self.safety.stop, Order.HOLD)
 
     def request_release(
@@ -579,17 +531,8 @@ class TendonActuatorClient:
         """Begin to let the tendon out as fast as the servo can; ends a running pull.
 
         While the servo cannot be reached this raises, and is carried out when it answers.
-
-        Parameters
-        ----------
-        end_pull : callable
-            Makes ``should_stop`` of a pull return True. Called under the bus's lock, so
-            that no pull can hold the tendon before it is let out.
-        reason : str
-
-        Raises
-        ------
-        DeviceConnectionError, DeviceRefusedError, MotionRefusedError
+        ``end_pull`` makes ``should_stop`` of a pull return True. It is called under the bus's
+        lock, so that no pull can hold the tendon before it is let out.
         """
 
         def release() -> None:
@@ -686,11 +629,8 @@ class TendonActuatorClient:
         """Unlock the goals that the servo's watchdog has locked; the tendon is held there."""
         self.recoveries += 1
         if self.safety.is_pulling:
-            silence_s = self._config.watchdog_s
-            self.safety.lose(
-                f"The servo's watchdog has stopped it after {silence_s} s of silence.",
-                time.monotonic_ns(),
-            )
+            silence = f'{self._config.watchdog_s} s of silence'
+            self._on_loss(f"the servo's watchdog has stopped it after {silence}")
             self._number += 1
         servo.unlock()
         self._applied = Order.FOLLOW  # so that the present order is written again

@@ -46,7 +46,8 @@ class GrblConnection:
     """Lines whose answers are counted; faults noticed as they arrive. One caller at a time.
 
     A fault (alarm, restart, silence, lost line) ends the running command and every
-    later one until `reset`.
+    later one until `reset`. Calls raise `DeviceConnectionError` for it, and when no Grbl answers
+    in time; `DeviceRefusedError` when Grbl refuses a line.
 
     Parameters
     ----------
@@ -97,13 +98,7 @@ class GrblConnection:
         return self._decoder.garbage_lines
 
     def open(self) -> None:
-        """Find the controller, bring it to rest and reset it.
-
-        Raises
-        ------
-        DeviceConnectionError
-            When no Grbl answers.
-        """
+        """Find the controller, bring it to rest and reset it."""
         self._link.start()
         self._link.write(grbl.STATUS_QUERY)
         self._wait(lambda: bool(self._reports or self._banners), GREETING_S)
@@ -144,10 +139,6 @@ class GrblConnection:
             For all of them [s].
         answers_status : bool
             False for a command during which Grbl leaves queries unanswered.
-
-        Raises
-        ------
-        DeviceRefusedError, DeviceConnectionError
         """
         with self._changed:
             self._unanswered.clear()
@@ -187,12 +178,7 @@ class GrblConnection:
                 self._is_quiet = was_quiet
 
     def wait_report(self, timeout_s: float) -> grbl.StatusReport:
-        """Ask for a status and return the next report [s].
-
-        Raises
-        ------
-        DeviceConnectionError
-        """
+        """Ask for a status and return the next report [s]."""
         count = self._reports
         self._link.write(grbl.STATUS_QUERY)
         self._wait(lambda: self._reports > count or bool(self._fault), timeout_s)
@@ -203,12 +189,7 @@ class GrblConnection:
         return self._report
 
     def reset_override(self) -> None:
-        """Let moves run as fast as they say, whatever a pendant has set before.
-
-        Raises
-        ------
-        DeviceConnectionError
-        """
+        """Let moves run as fast as they say, whatever a pendant has set before."""
         self._link.write(grbl.FEED_OVERRIDE_RESET)
 
     def hold(self) -> None:
@@ -226,23 +207,12 @@ class GrblConnection:
         return self._idle_reports >= IDLE_REPORTS
 
     def start_cycle(self) -> None:
-        """Let a stalled controller go on with what is queued. It would end a hold, too.
-
-        Raises
-        ------
-        DeviceConnectionError
-        """
+        """Let a stalled controller go on with what is queued. It would end a hold, too."""
         self._idle_reports = 0
         self._link.write(grbl.CYCLE_START)
 
     def reset(self) -> None:
-        """Restart the controller; forget its faults.
-
-        Raises
-        ------
-        DeviceConnectionError
-            When no banner follows.
-        """
+        """Restart the controller; forget its faults."""
         with self._changed:
             self._expects_banner = True
             count = self._banners

@@ -15,11 +15,12 @@ unknown until the guide has been homed again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from contextlib import closing
 from functools import partial
 import logging
 import time
+from typing import TypeVar
 
 from linear_guide_driver.errors import (
     DeviceRefusedError,
@@ -51,6 +52,9 @@ HOMING_FAILED = 'the last homing did not succeed'
 NOT_HOMED = 'the guide has not been homed since the driver connected'
 
 _logger = logging.getLogger(__name__)
+
+_New = TypeVar('_New')
+_News = Generator[_New | None, None, GuideState]
 
 
 class LinearGuideClient:
@@ -128,10 +132,8 @@ class LinearGuideClient:
 
         Raises
         ------
-        DeviceConnectionError
-            When no Grbl answers.
-        DeviceRefusedError
-            When its settings would silently change a glide.
+        DeviceConnectionError, DeviceRefusedError
+            When no Grbl answers, or its settings would silently change a glide.
         """
         self.close()
         self._connection, self._settings = self._open()
@@ -174,8 +176,8 @@ class LinearGuideClient:
             self._begin_homing,
             self._stop_homing,
             self._fail_homing,
-            self._abandon_homing,
-            self._finish_homing,
+            self._stop_homing,
+            self._finish,
         )
         return self._motions.run(motion, on_elapsed, should_stop)
 
@@ -213,50 +215,43 @@ class LinearGuideClient:
             partial(self._stop_move, position_m),
             partial(self._fail_move, position_m),
             partial(self._give_up, 'a move was left unwatched'),
-            self._finish_move,
+            self._finish,
             self._brake,
         )
         return self._motions.run(motion, on_state, should_stop)
 
     def request_stop(self) -> bool:
-        """Begin to stop at once and return; the running motion ends when at rest.
-
-        Returns
-        -------
-        bool
-            Whether a motion was running.
-        """
+        """Begin to stop at once; return whether a motion was running. It ends when at rest."""
         return self._motions.request_stop()
 
     # -- homing --------------------------------------------------------------------------
 
-    def _begin_homing(self) -> Generator[float | None, None, GuideState]:
+    def _begin_homing(self) -> _News[float]:
         connection, settings = self._require_connection()
         if connection.is_lost:
             connection.close()
             self._connection, self._settings = connection, settings = self._open()
-        return self._find_switch(connection, settings)
 
-    def _find_switch(
-        self, connection: GrblConnection, settings: GuideSettings
-    ) -> Generator[float | None, None, GuideState]:
-        self._position.trouble = HOMING
-        started_s = time.monotonic()
-        connection.reset()
-        timeout_s = settings.compute_homing_timeout_s() + SLACK_S
-        with closing(connection.stream([grbl.HOME], timeout_s, answers_status=False)) as wakes:
-            for _ in wakes:
-                yield time.monotonic() - started_s
-        self._position.trouble = ''  # before the last look, so that no later fault is forgotten
-        report = connection.wait_report(REPLY_TIMEOUT_S)
-        position_m = self._position.to_m(report)
-        if position_m is None or not -1e-6 <= position_m <= self._config.travel_m + 1e-6:
-            self._position.trouble = HOMING_FAILED
-            raise MotionFailedError(
-                f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
-                f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
-            )
-        return self._to_rest_state(report)
+        def home() -> _News[float]:
+            self._position.trouble = HOMING
+            started_s = time.monotonic()
+            connection.reset()
+            timeout_s = settings.compute_homing_timeout_s() + SLACK_S
+            with closing(connection.stream([grbl.HOME], timeout_s, answers_status=False)) as wakes:
+                for _ in wakes:
+                    yield time.monotonic() - started_s
+            self._position.trouble = ''  # before the last look: no later fault is forgotten
+            report = connection.wait_report(REPLY_TIMEOUT_S)
+            position_m = self._position.to_m(report)
+            if position_m is None or not -1e-6 <= position_m <= self._config.travel_m + 1e-6:
+                self._position.trouble = HOMING_FAILED
+                raise MotionFailedError(
+                    f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
+                    f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
+                )
+            return self._to_rest_state(report)
+
+        return home()
 
     def _stop_homing(self) -> str:
         self._position.trouble = HOMING_FAILED
@@ -267,18 +262,9 @@ class LinearGuideClient:
         self._position.lose(HOMING_FAILED)
         return f'Homing failed: {reason}.'
 
-    def _abandon_homing(self) -> None:
-        self._require_connection()[0].reset()
-
-    def _finish_homing(self) -> None:
-        if self._position.trouble == HOMING:
-            self._position.trouble = HOMING_FAILED
-
     # -- moves ---------------------------------------------------------------------------
 
-    def _begin_move(
-        self, position_m: float, speed_m_s: float
-    ) -> Generator[GuideState | None, None, GuideState]:
+    def _begin_move(self, position_m: float, speed_m_s: float) -> _News[GuideState]:
         connection, settings = self._require_connection()
         if not 0.0 <= position_m <= self._config.travel_m:
             raise MotionRefusedError(
@@ -301,35 +287,29 @@ class LinearGuideClient:
         piece_s = grbl.compute_piece_s(self._config.run_on_s, connection.planner_blocks)
         start_mm, end_mm = ((x - self._config.travel_m) * 1e3 for x in (start_m, position_m))
         pieces = grbl.encode_pieces(start_mm, end_mm, speed_m_s * 1e3, piece_s)
-        return self._move(connection, pieces, expected_s, track, position_m)
 
-    def _move(
-        self,
-        connection: GrblConnection,
-        pieces: Iterator[bytes],
-        expected_s: float,
-        track: MotionTrack,
-        position_m: float,
-    ) -> Generator[GuideState | None, None, GuideState]:
-        started_s = time.monotonic()
-        connection.reset_override()
-        with closing(connection.stream([grbl.MODES], REPLY_TIMEOUT_S)) as wakes:
-            yield from wakes
-        with closing(connection.stream(pieces, expected_s + SLACK_S)) as wakes:
-            for _ in wakes:
-                yield self._watch(connection, track)
-        late_s = time.monotonic() - started_s - expected_s
-        report = connection.wait_report(REPLY_TIMEOUT_S)
-        yield None  # so that a stop is heeded before the place is judged
-        rest_m = self._position.to_m(report)
-        is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
-        if report.state != 'Idle' or not is_there:
-            raise DeviceRefusedError(f'it ended as {report.state} at {rest_m} m')
-        self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
-        if late_s > LATE_S:
-            self.late_moves += 1
-            _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
-        return self._to_rest_state(report)
+        def move() -> _News[GuideState]:
+            started_s = time.monotonic()
+            connection.reset_override()
+            with closing(connection.stream([grbl.MODES], REPLY_TIMEOUT_S)) as wakes:
+                yield from wakes
+            with closing(connection.stream(pieces, expected_s + SLACK_S)) as wakes:
+                for _ in wakes:
+                    yield self._watch(connection, track)
+            late_s = time.monotonic() - started_s - expected_s
+            report = connection.wait_report(REPLY_TIMEOUT_S)
+            yield None  # so that a stop is heeded before the place is judged
+            rest_m = self._position.to_m(report)
+            is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
+            if report.state != 'Idle' or not is_there:
+                raise DeviceRefusedError(f'it ended as {report.state} at {rest_m} m')
+            self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
+            if late_s > LATE_S:
+                self.late_moves += 1
+                _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
+            return self._to_rest_state(report)
+
+        return move()
 
     def _watch(self, connection: GrblConnection, track: MotionTrack) -> GuideState | None:
         last = self._position.last
@@ -372,8 +352,10 @@ class LinearGuideClient:
         if self._connection is not None:
             self._connection.hold()
 
-    def _finish_move(self) -> None:
+    def _finish(self) -> None:
         self._position.direction = 0
+        if self._position.trouble == HOMING:
+            self._position.trouble = HOMING_FAILED
 
     # -- inside --------------------------------------------------------------------------
 
@@ -415,23 +397,8 @@ class LinearGuideClient:
 class _KnownPosition:
     """Turns reports into states; a fault makes the position unknown until the next homing.
 
-    Parameters
-    ----------
-    travel_m : float
-        Of the guide [m].
-    clock_ns : callable
-        Clock that stamps states [ns].
-    on_state : callable
-        Called with each `GuideState`, on the reader thread.
-    on_trouble : callable
-        Called with a reason, on the reader thread, when a fault has lost the position.
-
-    Attributes
-    ----------
-    trouble : str
-        Why the guide must be homed before it can move; empty when it need not.
-    direction : int
-        Of the running move: 1 or -1; 0 when there is none.
+    ``trouble`` is why the guide must be homed before it can move; empty when it need not.
+    ``direction`` is that of the running move: 1 or -1; 0 when there is none.
     """
 
     def __init__(

@@ -26,15 +26,11 @@ LEAST_REPORTS = 3
 
 
 class MotionSummary(NamedTuple):
-    """How a motion went.
+    """Speed and lag of a motion.
 
-    Attributes
-    ----------
-    mean_speed_m_s : float
-        Slope of a line through the reports at full speed [m/s].
-    lag_s : float
-        Longest time by which it fell behind a motion of the commanded speed: the sum of its
-        pauses and of what it was too slow [s].
+    ``mean_speed_m_s`` is the slope of a line through the reports at full speed [m/s]. ``lag_s``
+    is the longest time by which it fell behind a motion of the commanded speed: the sum of its
+    pauses and of what it was too slow [s].
     """
 
     mean_speed_m_s: float
@@ -62,7 +58,7 @@ class MotionTrack:
 
     @property
     def is_motion(self) -> bool:
-        """Whether there is a path to move along."""
+        """True when there is a path to move along."""
         return self._path_m > 2 * MOVED_M
 
     def add(self, stamp_ns: int, position_m: float) -> None:

@@ -135,26 +135,16 @@ class Alarm:
 
 @dataclass(frozen=True)
 class StatusReport:
-    """One answer to ``?``.
+    """One answer to ``?``: machine and work position, one value an axis.
 
-    Attributes
-    ----------
-    state : str
-        One of `STATES`.
-    substate : int or None
-        The number after the state: Hold:0 is at rest, Hold:1 still braking.
-    mpos_mm, wpos_mm : tuple of float or None
-        Machine and work position, one value an axis [mm]. A report holds one of
-        the two; the decoder adds the other once it knows the work offset.
-    feed_mm_min : float or None
-        Speed now [mm/min].
+    A report holds one of the two; the decoder adds the other once it knows the work offset.
     """
 
-    state: str
-    substate: int | None = None
+    state: str  # one of `STATES`
+    substate: int | None = None  # number after the state: Hold:0 is at rest, Hold:1 still braking
     mpos_mm: tuple[float, ...] | None = None
     wpos_mm: tuple[float, ...] | None = None
-    feed_mm_min: float | None = None
+    feed_mm_min: float | None = None  # speed now
 
 
 @dataclass(frozen=True)
@@ -187,15 +177,9 @@ Event = Ok | Error | Alarm | StatusReport | Setting | Banner | Message
 
 
 def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
-    """Return a straight move of the X axis.
+    """Return a straight move of the X axis to a machine position [mm] at a speed [mm/min].
 
-    Parameters
-    ----------
-    mpos_mm : float
-        Target in machine coordinates [mm]; G53 makes it independent of work offsets,
-        which the controller remembers over power cycles.
-    feed_mm_min : float
-        Speed [mm/min].
+    G53 makes it independent of work offsets, which the controller remembers over power cycles.
     """
     return f'G53 G1 X{mpos_mm:.3f} F{feed_mm_min:.3f}\n'.encode()
 
@@ -248,12 +232,7 @@ _FIELD = re.compile(r'([A-Za-z]+):([!-~]*)')
 class GrblDecoder:
     """Turns bytes, in any chunking, into events.
 
-    A line that is not Grbl's is counted and dropped, never guessed at.
-
-    Attributes
-    ----------
-    garbage_lines : int
-        Lines dropped so far.
+    A line that is not Grbl's is dropped, never guessed at, and counted in ``garbage_lines``.
     """
 
     def __init__(self) -> None:

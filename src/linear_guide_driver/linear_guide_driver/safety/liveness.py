@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import math
-import threading
 
 _HALF_WINDOW_NS = 5_000_000_000
 """The minimum of the samples' lag is that of the last 5 to 10 s."""
@@ -21,18 +20,12 @@ _HALF_WINDOW_NS = 5_000_000_000
 class TopicWatchdog:
     """Liveliness of one topic on the monotonic clock; no IO, thread-safe.
 
-    Parameters
-    ----------
-    topic : str
-        Name of the topic, for sentences.
-    timeout_s : float
-        The topic counts as silent when nothing was heard for this long [s].
+    The topic counts as silent when nothing was heard for ``timeout_s`` [s].
     """
 
     def __init__(self, topic: str, timeout_s: float) -> None:
         self._topic = topic
         self._timeout_ns = round(timeout_s * 1e9)
-        self._lock = threading.Lock()
         self._heard_at_ns: int | None = None
 
     @property
@@ -42,20 +35,19 @@ class TopicWatchdog:
 
     def beat(self, now_ns: int) -> None:
         """Note a message at monotonic time ``now_ns`` [ns]."""
-        with self._lock:
-            self._heard_at_ns = now_ns
+        self._heard_at_ns = now_ns
 
     def format_silence(self, now_ns: int) -> str:
         """Return a sentence with the remedy while the topic is silent, else nothing [ns]."""
-        with self._lock:
-            if self._heard_at_ns is None:
-                return f'Nothing has been heard on {self._topic} yet; start its node.'
-            if now_ns - self._heard_at_ns <= self._timeout_ns:
-                return ''
-            return (
-                f'Nothing was heard on {self._topic} for {self._timeout_ns / 1e9:g} s; '
-                'look after its node.'
-            )
+        heard_at_ns = self._heard_at_ns
+        if heard_at_ns is None:
+            return f'Nothing has been heard on {self._topic} yet; start its node.'
+        if now_ns - heard_at_ns <= self._timeout_ns:
+            return ''
+        return (
+            f'Nothing was heard on {self._topic} for {self._timeout_ns / 1e9:g} s; '
+            'look after its node.'
+        )
 
 
 def find_silence(watchdogs: tuple[TopicWatchdog, ...], now_ns: int) -> str:
@@ -69,10 +61,7 @@ def find_silence(watchdogs: tuple[TopicWatchdog, ...], now_ns: int) -> str:
 class TensionLevel:
     """Latest block of valid samples. No IO, no clock, no lock.
 
-    Parameters
-    ----------
-    timeout_s : float
-        Samples older than this do not count [s].
+    Samples older than ``timeout_s`` do not count [s].
 
     Attributes
     ----------
@@ -151,14 +140,8 @@ class SampleLag:
     def add(self, stamp_ns: int, arrived_at_ns: int, *, is_step: bool = False) -> int:
         """Take a sample; return how much its lag is above the recent minimum [ns].
 
-        Parameters
-        ----------
-        stamp_ns : int
-            By the clock of the sensor [ns].
-        arrived_at_ns : int
-            Monotonic time of arrival [ns].
-        is_step : bool
-            The sensor says that its clock was set.
+        ``stamp_ns`` is by the clock of the sensor, ``arrived_at_ns`` by the monotonic one [ns].
+        ``is_step``: the sensor says that its clock was set.
         """
         lag_ns = arrived_at_ns - stamp_ns
         elapsed_ns = arrived_at_ns - self._since_ns

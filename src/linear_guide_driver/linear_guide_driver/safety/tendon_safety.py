@@ -81,16 +81,8 @@ class Ending(Enum):
 class Pull(NamedTuple):
     """One pull that is asked for.
 
-    Attributes
-    ----------
-    displacement_m : float
-        Where it ends at the latest [m].
-    contact : str
-        Key of the limits.
-    stop_tension_n : float
-        Tension that ends it [N]; 0: none.
-    is_homing : bool
-        It looks for the zero.
+    It ends at ``displacement_m`` [m] at the latest, or at ``stop_tension_n`` [N] if that is not 0.
+    ``contact`` is the key of the limits. ``is_homing``: it looks for the zero.
     """
 
     displacement_m: float

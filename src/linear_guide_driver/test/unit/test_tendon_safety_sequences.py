@@ -190,7 +190,8 @@ class Tendon(RuleBasedStateMachine):
     def begin(self, pull):
         self.pull = pull
         try:
-            _, _, self.goal_m = self.client._begin(pull, SPEED_M_S)
+            self.client._begin(pull, SPEED_M_S)
+            self.goal_m = self.client._goal_m
         except MotionRefusedError:
             self.pull = None
             lets_out = not pull.is_homing and pull.displacement_m <= max(0.0, self.at_m)
