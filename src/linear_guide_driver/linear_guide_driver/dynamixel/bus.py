@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 import threading
 import time
 from typing import Any
@@ -151,18 +151,13 @@ class DynamixelBus:
             return transaction()
 
     def _call(self, transaction: Callable[[], Any]) -> Any:
-        with self._exclusive():
-            if not self._is_open:
-                raise DeviceConnectionError(f'the line to {self._name} is lost; plug it in')
-            # The SDK before 4.0.5 leaves late answers in the buffer, for the next one to take.
-            self._port.ser.reset_input_buffer()
-            return transaction()
-
-    @contextmanager
-    def _exclusive(self) -> Iterator[None]:
         with self.lock:
             try:
-                yield
+                if not self._is_open:
+                    raise DeviceConnectionError(f'the line to {self._name} is lost; plug it in')
+                # The SDK before 4.0.5 leaves late answers in the buffer, for the next to take.
+                self._port.ser.reset_input_buffer()
+                return transaction()
             except serial.SerialTimeoutException as error:
                 raise SilentServoError(
                     f'the port of {self._name} took no bytes for {WRITE_WAIT_S} s'

@@ -60,7 +60,7 @@ class ServoSetup(NamedTuple):
 def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
     """Open the bus and set the servo up; ask again for `CONNECT_S` if it does not answer.
 
-    Raises what `set_up_servo` raises; the bus is closed then.
+    Raises `DeviceConnectionError`, and what `set_up_servo` raises; the bus is closed then.
     """
     deadline_s = time.monotonic() + CONNECT_S
     while True:
@@ -83,13 +83,8 @@ def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
 def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
     """Check the servo, set its mode, limits and zero, hold it where it stands.
 
-    Raises
-    ------
-    DeviceConnectionError
-        When the servo does not answer.
-    DeviceRefusedError
-        When it is not a supported servo, is too old, reports a hardware error that a
-        restart does not end, or its limits are below those of the configuration.
+    Raises `DeviceRefusedError` when it is not a supported servo, is too old, reports a hardware
+    error that a restart does not end, or its limits are below those of the configuration.
     """
     identification = _check_servo(bus, config.device_id)
     velocity_limit = bus.read(registers.VELOCITY_LIMIT)
@@ -263,10 +258,6 @@ class TendonServo:
         """
         return self._goal_counts not in (None, goal_counts)
 
-    def forget_goal(self) -> None:
-        """Forget the last goal: somebody else has written another one."""
-        self._goal_counts = None
-
     def repeat_goal(self, *, lets_out: bool) -> None:
         """Write the last goal again; with ``lets_out`` do not wind in, whatever it was."""
         if self._goal_counts is not None:
@@ -278,6 +269,28 @@ class TendonServo:
         self.bus.write(registers.BUS_WATCHDOG, 0)
         self.write_hold()
         arm_watchdog(self.bus, self._config.watchdog_s)
+
+    def restore(self) -> ServoSetup | None:
+        """Open a lost line again; set the servo up if its torque went off, and return that.
+
+        A torque that has stayed on proves that the servo kept its zero.
+        """
+        self.bus.open()
+        is_kept = (
+            self.bus.read(registers.TORQUE_ENABLE) != 0
+            and self.bus.read(registers.OPERATING_MODE) == registers.MODE_CURRENT_BASED_POSITION
+        )
+        if is_kept or self.bus.read(registers.HARDWARE_ERROR):  # the poll tells the error
+            return None
+        self._goal_counts = None  # or it would seem to be missed, and be written again
+        return set_up_servo(self.bus, self._config)
+
+    def switch_off(self) -> None:
+        """Switch the torque off and close the bus."""
+        with suppress(LinearGuideDriverError):
+            self.bus.write(registers.TORQUE_ENABLE, 0)
+            self.bus.write(registers.BUS_WATCHDOG, 0)
+        self.bus.close()
 
     def write_zero(self, displacement_m: float) -> None:
         """Make a displacement the servo's zero [m]; the torque is off for some milliseconds."""

@@ -22,7 +22,7 @@ import time
 from typing import TypeVar
 
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.dynamixel.servo import open_servo, ServoSetup, set_up_servo, TendonServo
+from linear_guide_driver.dynamixel.servo import open_servo, ServoSetup, TendonServo
 from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.errors import (
     capitalise,
@@ -45,7 +45,7 @@ from linear_guide_driver.safety import (
 )
 
 POSITION_TOLERANCE_M = 0.0005
-"""How far from its goal a finished pull may rest: the loop yields a little under load."""
+"""Distance from its goal at which a pull may rest: the loop yields a little under load."""
 
 SLACK_S = 1.0
 """Added to the computed duration of a pull before it counts as stuck."""
@@ -109,9 +109,8 @@ class TendonActuatorClient:
         on_trouble: Callable[[str], None] = lambda _: None,
         watchdogs: Sequence[TopicWatchdog] = (),
     ) -> None:
-        self._config = config
+        self._config, self._clock_ns = config, clock_ns
         self._on_state, self._on_trouble = on_state, on_trouble
-        self._clock_ns = clock_ns
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
         self._motions = Motions('The tendon is busy with another pull; stop it first.', NOT_BEGUN)
@@ -145,10 +144,7 @@ class TendonActuatorClient:
     def connect(self) -> None:
         """Open the bus and set the servo up; a tendon that was left taut is let out.
 
-        Raises
-        ------
-        DeviceConnectionError, DeviceRefusedError
-            As `open_servo`.
+        Raises what `open_servo` raises.
         """
         self.close()
         bus, setup = open_servo(self._config)
@@ -166,15 +162,11 @@ class TendonActuatorClient:
             return
         if not monitor.outage:
             self._let_out(monitor)
-        bus = servo.bus
-        with bus.lock:
+        with servo.bus.lock:
             self._number += 1  # ends a running pull
         monitor.close()
         self._servo = None
-        with suppress(LinearGuideDriverError):
-            bus.write(registers.TORQUE_ENABLE, 0)
-            bus.write(registers.BUS_WATCHDOG, 0)
-        bus.close()
+        servo.switch_off()
 
     def _let_out(self, monitor: ServoMonitor) -> None:
         """Release and wait until the tendon is slack, for a while at the most."""
@@ -211,22 +203,10 @@ class TendonActuatorClient:
             self.safety.release(RESTARTED)
 
     def _restore(self) -> None:
-        """Open a lost line again; set the servo up if its torque went off. On the poll thread.
-
-        A torque that has stayed on proves that the servo kept its zero. The next poll unlocks its
-        goals and carries safety's order out.
-        """
+        """Make a lost connection again. The next poll unlocks goals and carries the order out."""
         servo, _ = self._require_connection()
-        bus = servo.bus
-        bus.open()
-        is_kept = (
-            bus.read(registers.TORQUE_ENABLE) != 0
-            and bus.read(registers.OPERATING_MODE) == registers.MODE_CURRENT_BASED_POSITION
-        )
-        if is_kept or bus.read(registers.HARDWARE_ERROR):  # the poll tells the error
-            return
-        servo.forget_goal()  # or it would seem to be missed, and be written again
-        self._take_over(set_up_servo(bus, self._config))
+        if setup := servo.restore():
+            self._take_over(setup)
 
     def _require_connection(self) -> tuple[TendonServo, ServoMonitor]:
         servo, monitor = self._servo, self._monitor
@@ -268,10 +248,8 @@ class TendonActuatorClient:
         ------
         MotionRefusedError
             Out of range, busy, not safe, or not connected; nothing has moved.
-        MotionFailedError
-            Ended by a fault or by safety.
-        MotionStoppedError
-            Ended by ``should_stop``, `hold_here`, `request_release` or `close`.
+        MotionFailedError, MotionStoppedError
+            Ended by a fault or by safety; by ``should_stop`` or a later command.
         """
         if displacement_m == 0.0:  # letting out is always accepted
             return self._run(partial(self._release, speed_m_s), on_state, should_stop)
@@ -297,15 +275,9 @@ class TendonActuatorClient:
     ) -> float:
         """Wind in slowly until the tendon is just taut; displacements count from there.
 
-        A tendon that is taut already is let out first. The fingertip must be free.
-
-        Parameters and errors are those of `pull_to`; ``taut_tension_n`` is the tension at which
-        it counts as taut [N].
-
-        Returns
-        -------
-        float
-            By how much the zero has moved [m].
+        A tendon that is taut already is let out first. The fingertip must be free. Returns by how
+        much the zero has moved [m]. It counts as taut at ``taut_tension_n`` [N]; the other
+        parameters and the errors are those of `pull_to`.
         """
         # A pull would not be allowed to stop above the limit; so it is here.
         contact = self.safety.strictest_contact
@@ -318,16 +290,15 @@ class TendonActuatorClient:
         on_state: Callable[[TendonState], None],
         should_stop: Callable[[], bool],
     ) -> _Result:
-        motion = Motion(
-            begin, self._stop_pull, self._fail_pull, self._abandon_pull, self.safety.finish
-        )
+        endings = (self._stop_pull, self._fail_pull, self._abandon_pull, self.safety.finish)
+        motion = Motion(begin, *endings)
         return self._motions.run(motion, on_state, should_stop)
 
     def _stop_pull(self) -> str:
         with self._commanding():
             if not self._is_replaced:  # a later command, as a release, stays in force
                 self.hold_here()
-        return f'{self._format_end()} {self.safety.reason}'.strip()
+        return self._format_end(self.safety.reason)
 
     def _fail_pull(self, reason: str) -> str:
         self._require_connection()[1].fail(reason)
@@ -352,16 +323,13 @@ class TendonActuatorClient:
         """Let the tendon go slack, wind in until it is taut, and count from there."""
         present_n = self._read_tension()
         if present_n is None:
-            raise MotionRefusedError(
-                'Homing needs the tendon sensor and no valid strain sample arrives; start the '
-                'sensor.'
-            )
+            reason = 'Homing needs the tendon sensor and no valid strain sample arrives'
+            raise MotionRefusedError(f'{reason}; start the sensor.')
         slack_n = HOMING_SLACK_SHARE * taut_tension_n
         if present_n > slack_n:
             yield from self._seek(-1, lambda n: n <= slack_n, 'slack; tare the sensor')
-        taut = yield from self._seek(
-            1, lambda n: n >= taut_tension_n, 'taut; look after the tendon'
-        )
+        there = 'taut; look after the tendon'
+        taut = yield from self._seek(1, lambda n: n >= taut_tension_n, there)
         self._shift_zero(taut.displacement_m)
         return taut.displacement_m
 
@@ -411,10 +379,12 @@ class TendonActuatorClient:
             if monitor.outage:
                 raise MotionFailedError(f'The pull failed: {monitor.outage}.')
             if self._is_replaced:
-                raise MotionStoppedError(f'{self._format_end()} {self.safety.reason}'.strip())
+                raise MotionStoppedError(self._format_end(self.safety.reason))
             if state is not None:
                 if until(state):
-                    self._hold()
+                    with self._commanding() as servo:
+                        if not self._is_replaced:
+                            self._write(servo, servo.write_hold)
                     return state
                 if (
                     abs(state.displacement_m - self._goal_m) <= POSITION_TOLERANCE_M
@@ -439,7 +409,7 @@ class TendonActuatorClient:
         if ending is Ending.REACHED and self.safety.state is not State.RELEASING:
             return self.state
         error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
-        raise error(f'{self._format_end()} {self.safety.reason}')
+        raise error(self._format_end(self.safety.reason))
 
     @property
     def _max_speed_m_s(self) -> float:
@@ -449,11 +419,11 @@ class TendonActuatorClient:
     def _read_tension(self) -> float | None:
         return self.safety.live_tension_n(time.monotonic_ns())
 
-    def _format_end(self) -> str:
-        """Return a sentence that says how far the pull came."""
+    def _format_end(self, reason: str = '') -> str:
+        """Return how far the pull came, and the reason why no further."""
         state = self.state
         at = 'an unknown position' if state is None else f'{state.displacement_m:.4f} m'
-        return f'The pull ended at {at} on the way to {self._goal_m:.4f} m.'
+        return f'The pull ended at {at} on the way to {self._goal_m:.4f} m. {reason}'.strip()
 
     # -- goals ---------------------------------------------------------------------------
 
@@ -490,12 +460,6 @@ class TendonActuatorClient:
                 self._carry_out(servo, start_m)
             self._pull_number, self._goal_m = self._number, goal_m
             return abs(goal_m - start_m)
-
-    def _hold(self) -> None:
-        """Hold the tendon where it is, unless a later command has come."""
-        with self._commanding() as servo:
-            if not self._is_replaced:
-                self._write(servo, servo.write_hold)
 
     def _shift_zero(self, shift_m: float) -> None:
         """Count displacements from ``shift_m`` further in, in the servo itself [m]."""

@@ -49,14 +49,8 @@ class GrblConnection:
     later one until `reset`. Calls raise `DeviceConnectionError` for it, and when no Grbl answers
     in time; `DeviceRefusedError` when Grbl refuses a line.
 
-    Parameters
-    ----------
-    poll_rate_hz : float
-        Rate of status queries after `start_polling` [Hz].
-    on_report : callable
-        Called with each `StatusReport`, on the reader thread.
-    on_fault : callable
-        Called with a reason, on the reader thread, when the position is lost.
+    On the reader thread ``on_report`` is called with each `StatusReport`, and ``on_fault`` with a
+    reason when the position is lost. ``poll_rate_hz`` applies after `start_polling`.
     """
 
     def __init__(

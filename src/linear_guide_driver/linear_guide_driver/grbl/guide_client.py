@@ -36,7 +36,7 @@ from linear_guide_driver.motion import Motion, Motions
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 
 POSITION_TOLERANCE_M = 0.0001
-"""How far from its target a finished move may rest: some motor steps."""
+"""Distance from its target at which a move may rest: some motor steps."""
 
 REPLY_TIMEOUT_S = 2.0
 """For the answer to a line that does not wait for motion."""
@@ -172,13 +172,8 @@ class LinearGuideClient:
         ------
         MotionRefusedError, MotionFailedError, MotionStoppedError, DeviceConnectionError
         """
-        motion = Motion(
-            self._begin_homing,
-            self._stop_homing,
-            self._fail_homing,
-            self._stop_homing,
-            self._finish,
-        )
+        stop = self._stop_homing  # also when nobody watches the homing any more
+        motion = Motion(self._begin_homing, stop, self._fail_homing, stop, self._finish)
         return self._motions.run(motion, on_elapsed, should_stop)
 
     def move_to(
@@ -205,10 +200,8 @@ class LinearGuideClient:
         ------
         MotionRefusedError
             Not homed, out of travel, too fast, or busy; nothing has moved.
-        MotionFailedError
-            Ended by a fault; the guide must be homed again.
-        MotionStoppedError
-            Ended by ``should_stop`` or `request_stop`; the position is still known.
+        MotionFailedError, MotionStoppedError
+            Ended by a fault: home again; by a stop: the position is still known.
         """
         motion = Motion(
             partial(self._begin_move, position_m, speed_m_s),

@@ -38,15 +38,7 @@ class MotionSummary(NamedTuple):
 
 
 class MotionTrack:
-    """Position reports of one motion; add in one thread, read in any.
-
-    Parameters
-    ----------
-    start_m, target_m : float
-        Where it stands and where it shall go [m].
-    speed_m_s : float
-        Commanded speed [m/s].
-    """
+    """Position reports of one motion at a commanded speed; add in one thread, read in any."""
 
     def __init__(self, start_m: float, target_m: float, speed_m_s: float) -> None:
         self._start_m = start_m

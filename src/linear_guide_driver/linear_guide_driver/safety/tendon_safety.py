@@ -102,12 +102,7 @@ class TendonSafety:
     Times are monotonic [ns]. The servo's poll calls `decide` some sixty times a second and
     after each sample that matters, and carries the order out.
 
-    Parameters
-    ----------
-    config : TendonActuatorConfig
-        Limits, time-outs, and whether pulls without samples are allowed.
-    watchdogs : sequence of TopicWatchdog
-        Topics that must be heard while the tendon is taut.
+    ``watchdogs`` are those of the topics that must be heard while the tendon is taut.
     """
 
     def __init__(
@@ -285,20 +280,10 @@ class TendonSafety:
         return limit_n
 
     def admit(self, pull: Pull, start_m: float, now_ns: int, fault: str = '') -> None:
-        """Let a pull begin; or refuse it and change nothing.
+        """Let a pull begin, or raise `MotionRefusedError` and change nothing.
 
-        Parameters
-        ----------
-        pull : Pull
-        start_m : float
-            Displacement now, read under the bus's lock [m]: it tells whether the pull winds in.
-        now_ns : int
-        fault : str
-            Fault of the servo, which must not wind in then, as a sentence.
-
-        Raises
-        ------
-        MotionRefusedError
+        ``start_m`` is the displacement now, read under the bus's lock [m]: it tells whether the
+        pull winds in. With ``fault``, a sentence, of the servo it must not.
         """
         with self._lock:
             limit_n = self._limit_n if pull.lets_out else self.check_pull(pull)
