@@ -232,6 +232,14 @@ def test_a_stop_before_the_goal_is_written_moves_nothing(tendon, servo):
     assert len(servo.writes) == count
 
 
+def test_a_stop_while_the_pull_waits_for_the_bus_moves_nothing(tendon, servo):
+    count = len(servo.writes)
+    answers = iter([False])  # at the begin; True when the bus's lock is held
+    with pytest.raises(MotionStoppedError, match='before it began'):
+        tendon.pull_to(0.01, should_stop=lambda: next(answers, True))
+    assert len(servo.writes) == count
+
+
 def test_a_pull_whose_watcher_fails_is_held(tendon, servo):
     def on_state(state):
         if state.displacement_m > 0.001:
