@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the tendon's driver does when servo, bus or the driver itself fail."""
+"""The tendon's driver when servo, bus or the driver itself fail."""
 
 import time
 

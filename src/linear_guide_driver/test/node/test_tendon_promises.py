@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What docs/motion.md promises of the tendon, through the real node and real bytes."""
+"""Promises of docs/motion.md about the tendon, through the real node and real bytes."""
 
 import threading
 
