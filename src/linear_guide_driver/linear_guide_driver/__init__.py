@@ -21,7 +21,7 @@ _HOMES = {
     'TendonActuatorClient': 'dynamixel.tendon_client',
     'TendonActuatorConfig': 'records',
     'TendonState': 'records',
-    'TendonSafety': 'safety.tendon_safety',
+    'TendonSafety': 'safety',
 }
 
 __all__ = sorted(_HOMES)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the motion drivers raise."""
+"""Errors of the motion drivers."""
 
 
 def capitalise(sentence: str) -> str:

@@ -5,13 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 import time
 from typing import Any
 
-from std_srvs.srv import Trigger
-
-from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.grbl.guide_client import HOMING, LinearGuideClient
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import GuideState, LinearGuideConfig
@@ -34,7 +31,6 @@ class LinearGuideNode(MotionNode):
 
     def __init__(self, node_name: str = 'linear_guide', **node_options: Any) -> None:
         super().__init__(node_name, LinearGuideConfig, **node_options)
-        self._loss = ''  # why the running motion has been ended
 
     def set_up(self, config: LinearGuideConfig) -> None:
         self._client = LinearGuideClient(
@@ -46,7 +42,7 @@ class LinearGuideNode(MotionNode):
         self._client.connect()
         super().set_up(config)
         if config.strain_timeout_s:
-            self._topics.add(
+            self.watch(
                 StrainBlock,
                 'tendon_sensor/strain',
                 config.strain_timeout_s,
@@ -69,20 +65,15 @@ class LinearGuideNode(MotionNode):
     # -- goals -------------------------------------------------------------------------------
 
     def _move(self, goal: Goal) -> MoveGuide.Result:
-        client, tell = self._client, self.limit_feedback(goal)
-
-        def on_state(state: GuideState) -> None:
-            if state.position_m is not None:
-                tell(position_m=state.position_m, speed_m_s=abs(state.velocity_m_s))
-
-        should_stop = self._watch_topics(goal)
+        client, request = self._client, goal.request
+        self._await_topics(goal)
         started_s = time.monotonic()
-        try:
-            state = client.move_to(
-                goal.request.position_m, goal.request.speed_m_s, on_state, should_stop
-            )
-        except LinearGuideDriverError as error:
-            raise self._abort(error) from error
+        state = self.carry_out(
+            goal,
+            partial(client.move_to, request.position_m, request.speed_m_s),
+            self._to_feedback,
+            self._find_rest,
+        )
         return MoveGuide.Result(
             message=f'The guide rests at {state.position_m:.4f} m.',
             position_m=state.position_m,
@@ -91,55 +82,51 @@ class LinearGuideNode(MotionNode):
         )
 
     def _home(self, goal: Goal) -> HomeGuide.Result:
-        tell, should_stop = self.limit_feedback(goal), self._watch_topics(goal)
-        try:
-            state = self._client.home(lambda elapsed_s: tell(elapsed_s=elapsed_s), should_stop)
-        except LinearGuideDriverError as error:
-            raise self._abort(error) from error
+        self._await_topics(goal)
+        state = self.carry_out(
+            goal,
+            self._client.home,
+            lambda elapsed_s: {'elapsed_s': elapsed_s},
+            self._find_rest,
+        )
         return HomeGuide.Result(
             message=f'The guide is homed and rests at {state.position_m:.4f} m.',
             position_m=state.position_m,
         )
 
-    def _watch_topics(self, goal: Goal) -> Callable[[], bool]:
-        """Return what a motion asks again and again: whether it is to stop.
+    def _await_topics(self, goal: Goal) -> None:
+        """Wait for topics that have not been heard yet; abort if they stay silent."""
+        watchdogs = self._watchdogs
+        self.wait_for_peers(goal, lambda: not all(w.was_heard for w in watchdogs))
+        if silence := self.find_silence():
+            raise GoalAborted(silence, **self._find_rest())
 
-        Waits for topics that have not been heard yet; the goal is aborted if they stay silent.
-        """
-        topics = self._topics
-        self.wait_for_peers(goal, lambda: topics.awaits_first)
-        self._loss = ''
-        if silence := topics.find_silence():
-            raise self._abort(silence)
+    def find_loss(self) -> str:
+        return self.find_silence()
 
-        def should_stop() -> bool:
-            if not goal.end_requested and (silence := topics.find_silence()):
-                self._loss = silence
-                self.get_logger().error(f'{silence} The guide brakes.')
-                goal.request_end()
-            return goal.end_requested
+    @staticmethod
+    def _to_feedback(state: GuideState) -> dict[str, float]:
+        if state.position_m is None:
+            return {}
+        return {'position_m': state.position_m, 'speed_m_s': abs(state.velocity_m_s)}
 
-        return should_stop
-
-    def _abort(self, reason: object) -> GoalAborted:
-        """Return the end of a goal: why, and where the guide rests while that is known."""
+    def _find_rest(self) -> dict[str, float]:
+        """Return where the guide rests while that is known."""
         state = self._client.state
         is_known = state is not None and state.position_m is not None
-        rest = {'position_m': state.position_m} if is_known else {}
-        return GoalAborted(f'{self._loss} {reason}'.strip(), **rest)
+        return {'position_m': state.position_m} if is_known else {}
 
     # -- the rest ----------------------------------------------------------------------------
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = not self._client.is_lost
-        if not response.success:
-            response.message = 'The connection to the guide is lost: it may still move.'
+    def _on_stop(self) -> tuple[bool, str]:
+        is_well = self.is_well()
+        message = 'The guide was not moving.'
+        if not is_well:
+            message = 'The connection to the guide is lost: it may still move.'
         elif self.is_busy:
-            response.message = 'The guide brakes; the running goal ends when it is at rest.'
-        else:
-            response.message = 'The guide was not moving.'
+            message = 'The guide brakes; the running goal ends when it is at rest.'
         self.stop()
-        return response
+        return is_well, message
 
     def _on_state(self, state: GuideState) -> None:
         if state.position_m is not None:
@@ -149,8 +136,8 @@ class LinearGuideNode(MotionNode):
         return not self._client.is_lost
 
     def find_obstacles(self) -> list[str]:
-        trouble = f'{self._describe_trouble()}.' if self._client.trouble else ''
-        return [sentence for sentence in (trouble, self._topics.find_silence()) if sentence]
+        trouble = f'{self._format_trouble()}.' if self._client.trouble else ''
+        return [sentence for sentence in (trouble, self.find_silence()) if sentence]
 
     def judge_health(self, state: GuideState) -> Health:
         client = self._client
@@ -165,9 +152,9 @@ class LinearGuideNode(MotionNode):
         if client.is_lost:
             return Health(ERROR, f'{client.trouble}; plug it in and home the guide', values)
         if client.trouble:
-            return Health(WARN, self._describe_trouble(), values)
+            return Health(WARN, self._format_trouble(), values)
         return Health(OK, 'The position is known.', values)
 
-    def _describe_trouble(self) -> str:
+    def _format_trouble(self) -> str:
         trouble = self._client.trouble
         return f'{trouble}; {"wait for its end" if trouble == HOMING else "home the guide"}'

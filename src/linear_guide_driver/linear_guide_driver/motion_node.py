@@ -1,14 +1,14 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the nodes of guide and tendon share: one motion at a time, joint states, signs of life."""
+"""Base of both nodes: goals, watched topics, joint states, signs of life."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
 import time
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
@@ -16,15 +16,19 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
-from linear_guide_driver.safety.topic_watchdog import WatchedTopics
+from linear_guide_driver.errors import LinearGuideDriverError
+from linear_guide_driver.safety import find_silence, TopicWatchdog
 from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health
 from tactile_ros.health.heartbeat import HeartbeatPublisher
 from tactile_ros.health.readiness import ReadinessPublisher
-from tactile_ros.node.goals import Goal
+from tactile_ros.node.goals import Goal, GoalAborted
 from tactile_ros.node.lifecycle import TactileNode
 
 FEEDBACK_PERIOD_S = 0.1
 WAIT_STEP_S = 0.02
+
+State = TypeVar('State')
+Result = TypeVar('Result')
 
 
 class MotionNode(TactileNode):
@@ -35,15 +39,16 @@ class MotionNode(TactileNode):
     """
 
     device = 'device'
-    """Its name in sentences."""
+    """Name of the device in sentences."""
 
     def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(node_name, config_class, **node_options)
         self._client: Any = None
-        self._topics = WatchedTopics(self)
+        self._watchdogs: tuple[TopicWatchdog, ...] = ()
         self._joint_states: Any = None
         self._diagnostics: Diagnostics | None = None
         self._readiness: ReadinessPublisher | None = None
+        self._loss = ''  # why the running goal has been ended
         self._parts = ExitStack()  # takes back what was made, last things first
 
     def is_well(self) -> bool:
@@ -58,17 +63,28 @@ class MotionNode(TactileNode):
         """Return the health of the connected device in this state."""
         raise NotImplementedError
 
+    def find_loss(self) -> str:
+        """Return why a running motion must end, for a client that does not know it itself."""
+        return ''
+
     def set_up(self, config: Any) -> None:
         self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
         self._parts.callback(self.destroy_lifecycle_publisher, self._joint_states)
-        self._topics = WatchedTopics(self)
-        self._parts.callback(self._topics.close)
+        self._watchdogs = ()
         for topic in config.heartbeat_topics:
-            self._topics.add(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
+            self.watch(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
 
-    def offer(self, **services: Callable[[Any, Any], Any]) -> None:
-        """Offer what answers each ``std_srvs/Trigger``, and tell how the device is."""
-        for name, answer in services.items():
+    def offer(self, **services: Callable[[], tuple[bool, str]]) -> None:
+        """Offer a ``std_srvs/Trigger`` for each function, and tell how the device is.
+
+        A function returns whether it has succeeded, and a sentence.
+        """
+        for name, call in services.items():
+
+            def answer(_: Any, response: Any, call: Any = call) -> Any:
+                response.success, response.message = call()
+                return response
+
             service = self.create_service(Trigger, f'~/{name}', answer)
             self._parts.callback(self.destroy_service, service)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
@@ -92,40 +108,92 @@ class MotionNode(TactileNode):
         self._diagnostics = self._readiness = self._joint_states = None
         self._parts.close()
 
-    # -- for the goals of a subclass -----------------------------------------------------------
+    # -- topics that must be heard -------------------------------------------------------------
+
+    def subscribe(
+        self, message_type: type, topic: str, hear: Callable[..., None], qos: Any
+    ) -> Any:
+        """Subscribe to a topic until the node is taken down."""
+        subscription = self.create_subscription(message_type, topic, hear, qos)
+        self._parts.callback(self.destroy_subscription, subscription)
+        return subscription
+
+    def watch(
+        self,
+        message_type: type,
+        topic: str,
+        timeout_s: float,
+        qos: Any,
+        is_sign: Callable[[Any], bool] = lambda _: True,
+    ) -> None:
+        """Watch a topic for silence [s]; ``is_sign`` says whether a message counts."""
+        watchdog = TopicWatchdog(topic, timeout_s)
+
+        def hear(message: Any) -> None:
+            if is_sign(message):
+                watchdog.beat(time.monotonic_ns())
+
+        self._watchdogs = (*self._watchdogs, watchdog)
+        self.subscribe(message_type, topic, hear, qos)
+
+    def find_silence(self) -> str:
+        """Return which topic is silent and what to do; empty when all are heard."""
+        return find_silence(self._watchdogs, time.monotonic_ns())
+
+    # -- goals of a subclass -------------------------------------------------------------------
 
     def wait_for_peers(self, goal: Goal, awaits: Callable[[], bool]) -> None:
-        """Wait until every needed topic was heard once: after a start, peers need a moment.
+        """Wait while ``awaits()`` says that a needed topic was never heard, as after a start.
 
-        Parameters
-        ----------
-        goal : Goal
-            The wait ends with it, and after ``peer_wait_s``.
-        awaits : callable
-            Whether a topic has not been heard yet.
+        The wait ends with the goal, and after ``peer_wait_s``.
         """
         deadline_s = time.monotonic() + self.config.peer_wait_s
         while awaits() and time.monotonic() < deadline_s:
             if goal.wait(WAIT_STEP_S):
                 return
 
-    @staticmethod
-    def limit_feedback(goal: Goal) -> Callable[..., None]:
-        """Return what publishes the fields of a feedback, at most ten times a second."""
-        due_s = time.monotonic()
+    def carry_out(
+        self,
+        goal: Goal,
+        move: Callable[[Callable[[State], None], Callable[[], bool]], Result],
+        to_feedback: Callable[[State], dict[str, float]],
+        find_rest: Callable[[], dict[str, Any]] = dict,
+    ) -> Result:
+        """Move the device for a goal; return what the client returns.
 
-        def tell(**fields: float) -> None:
+        Parameters
+        ----------
+        goal : Goal
+        move : callable
+            Takes what is called with each new state, and what tells whether to stop.
+        to_feedback, find_rest : callable
+            Make the fields of a feedback, and those of the result of a goal that is aborted.
+        """
+        due_s = time.monotonic()
+        self._loss = ''
+
+        def on_state(state: State) -> None:
             nonlocal due_s
             now_s = time.monotonic()
-            if now_s >= due_s:
+            if now_s >= due_s and (fields := to_feedback(state)):
                 due_s = now_s + FEEDBACK_PERIOD_S
                 goal.feedback(**fields)
 
-        return tell
+        def should_stop() -> bool:
+            if not goal.end_requested and (loss := self.find_loss()):
+                self._loss = loss
+                self.get_logger().error(f'{loss} The {self.device} brakes.')
+                goal.request_end()
+            return goal.end_requested
+
+        try:
+            return move(on_state, should_stop)
+        except LinearGuideDriverError as error:
+            raise GoalAborted(f'{self._loss} {error}'.strip(), **find_rest()) from error
 
     @property
     def is_busy(self) -> bool:
-        """Whether a goal runs."""
+        """True while a goal runs."""
         return any(runner.is_busy for runner in self.goal_runners)
 
     def accepting(self) -> str:

@@ -13,13 +13,7 @@ from tactile_ros.configs import check_parameters, parameter
 
 @dataclass(frozen=True)
 class LinearGuideConfig:
-    """How to reach the guide's Grbl controller and what it may do.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Connection and limits of the guide's Grbl controller; `ValueError` when out of range."""
 
     port: str = parameter('/dev/ttyUSB0', 'serial port of the Grbl controller')
     baud: int = parameter(
@@ -75,14 +69,7 @@ class LinearGuideConfig:
 
 @dataclass(frozen=True)
 class TendonActuatorConfig:
-    """How to reach the tendon's Dynamixel servo and what it may do.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or the servo's watchdog would trip
-        between two polls.
-    """
+    """Connection and limits of the tendon's Dynamixel servo; `ValueError` when out of range."""
 
     port: str = parameter('/dev/ttyUSB1', 'serial port of the Dynamixel bus')
     baud: int = parameter(
@@ -178,16 +165,10 @@ class TendonActuatorConfig:
 class GuideState(NamedTuple):
     """The guide as of its last status report.
 
-    Attributes
-    ----------
-    position_m : float or None
-        In the guide's frame, 0 at the negative end of travel [m]; None when not homed.
-    velocity_m_s : float
-        Reported speed with the sign of the running move [m/s].
-    state : str
-        The controller's word for it: Idle, Run, Hold, Alarm, ...
-    received_at_ns : int
-        When the report arrived, on the client's clock [ns].
+    ``position_m`` counts from the negative end of travel, and is None when not homed.
+    ``velocity_m_s`` is the reported speed with the sign of the running move, ``state`` the
+    controller's word: Idle, Run, Hold, Alarm, ... The report arrived at ``received_at_ns`` on the
+    client's clock.
     """
 
     position_m: float | None
@@ -199,20 +180,9 @@ class GuideState(NamedTuple):
 class TendonState(NamedTuple):
     """The tendon actuator as of its last poll.
 
-    Attributes
-    ----------
-    displacement_m : float
-        Tendon wound in from the slack reference [m].
-    velocity_m_s : float
-        Positive when winding in [m/s].
-    current_a : float
-        Motor current, positive when pulling; an estimate with friction in it [A].
-    voltage_v : float
-        Supply voltage [V].
-    temperature_c : float
-        Temperature of the servo [degree Celsius].
-    received_at_ns : int
-        When the values arrived, on the client's clock [ns].
+    ``displacement_m`` is wound in from the slack reference, ``velocity_m_s`` positive when winding
+    in. ``current_a`` is the motor current, positive when pulling: an estimate of the pull with
+    friction in it. The values arrived at ``received_at_ns`` on the client's clock.
     """
 
     displacement_m: float

@@ -15,7 +15,7 @@ import serial
 from linear_guide_driver.errors import DeviceConnectionError
 
 LINE_ERRORS = (OSError, termios.error, TypeError)
-"""What pyserial raises when a line goes away: SerialException is an OSError, flushing a
+"""Errors of pyserial when a line goes away: SerialException is an OSError, flushing a
 lost tty gives termios.error, and closing during a read gives TypeError."""
 
 TICK_S = 0.02
@@ -23,6 +23,8 @@ TICK_S = 0.02
 
 class SerialLink:
     """An open serial line.
+
+    Opening and `write` raise `DeviceConnectionError`.
 
     Parameters
     ----------
@@ -33,11 +35,6 @@ class SerialLink:
     on_lost : callable
         Called once with a sentence when the line is lost, on the thread that notices it: the
         reader's, or that of the writer before `write` raises.
-
-    Raises
-    ------
-    DeviceConnectionError
-        When the port cannot be opened.
     """
 
     def __init__(
@@ -71,13 +68,7 @@ class SerialLink:
         self._thread.start()
 
     def write(self, data: bytes) -> None:
-        """Send bytes.
-
-        Raises
-        ------
-        DeviceConnectionError
-            When the line is lost.
-        """
+        """Send bytes."""
         try:
             with self._write_lock:
                 self._serial.write(data)

@@ -5,22 +5,20 @@
 
 from __future__ import annotations
 
+from functools import partial
 import math
 import time
 from typing import Any
-
-from std_srvs.srv import Trigger
 
 from linear_guide_driver.dynamixel.tendon_client import TendonActuatorClient
 from linear_guide_driver.errors import capitalise, LinearGuideDriverError
 from linear_guide_driver.motion_node import MotionNode
 from linear_guide_driver.records import TendonActuatorConfig, TendonState
-from linear_guide_driver.safety.sample_lag import SampleLag
-from linear_guide_driver.safety.states import Ending, Zero
+from linear_guide_driver.safety import Ending, SampleLag, Zero
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.health.diagnostics import ERROR, Health, OK, WARN
-from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
+from tactile_ros.node.goals import Goal, GoalRunner
 from tactile_ros.qos import STREAM
 from tactile_ros.rclpy_internals import take_waiting
 from tactile_ros.strain import NOT_LIVE, StrainStatus
@@ -45,14 +43,11 @@ class TendonActuatorNode(MotionNode):
     def set_up(self, config: TendonActuatorConfig) -> None:
         super().set_up(config)
         self._client = TendonActuatorClient(
-            config, self._on_state, self.now_ns, self.tell_trouble, self._topics.watchdogs
+            config, self._on_state, self.now_ns, self.tell_trouble, self._watchdogs
         )
         self._client.connect()
         self._lag = SampleLag()
-        self._strain = self.create_subscription(
-            StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM
-        )
-        self._parts.callback(self.destroy_subscription, self._strain)
+        self._strain = self.subscribe(StrainBlock, 'tendon_sensor/strain', self._on_strain, STREAM)
         GoalRunner(
             self,
             PullTendon,
@@ -70,13 +65,10 @@ class TendonActuatorNode(MotionNode):
     # -- goals -------------------------------------------------------------------------------
 
     def _pull(self, goal: Goal) -> PullTendon.Result:
-        client, request, tell = self._client, goal.request, self.limit_feedback(goal)
+        client, request = self._client, goal.request
         started_s = time.monotonic()
 
-        def on_state(state: TendonState) -> None:
-            tell(displacement_m=state.displacement_m, current_a=state.current_a)
-
-        def rest() -> dict[str, float]:
+        def find_rest() -> dict[str, float]:
             reached_m = 0.0 if client.state is None else client.state.displacement_m
             return {
                 'displacement_m': reached_m,
@@ -84,43 +76,40 @@ class TendonActuatorNode(MotionNode):
                 'tension_n': (client.safety.tension_n or 0.0) if request.stop_tension_n else 0.0,
             }
 
-        def should_stop() -> bool:
-            return goal.end_requested
-
         if request.displacement_m:
             self.wait_for_peers(goal, lambda: client.safety.awaits_first)
-        stopped_by_tension = False
-        try:
-            state = client.pull_to(
+        state = self.carry_out(
+            goal,
+            partial(
+                client.pull_to,
                 request.displacement_m,
                 request.speed_m_s,
-                on_state,
-                should_stop,
                 contact=request.contact,
                 stop_tension_n=request.stop_tension_n,
-            )
-            message = f'The tendon rests at {state.displacement_m:.4f} m.'
-            stopped_by_tension = client.safety.ending is Ending.REACHED
-        except LinearGuideDriverError as error:
-            raise GoalAborted(str(error), **rest()) from error
+            ),
+            lambda state: {'displacement_m': state.displacement_m, 'current_a': state.current_a},
+            find_rest,
+        )
+        message = f'The tendon rests at {state.displacement_m:.4f} m.'
+        stopped_by_tension = client.safety.ending is Ending.REACHED
         if stopped_by_tension:
             message = (
                 f'The tension reached {request.stop_tension_n:.2f} N. The tendon is held there.'
             )
-        return PullTendon.Result(message=message, stopped_by_tension=stopped_by_tension, **rest())
+        return PullTendon.Result(
+            message=message, stopped_by_tension=stopped_by_tension, **find_rest()
+        )
 
     def _home(self, goal: Goal) -> HomeTendon.Result:
-        client, tell = self._client, self.limit_feedback(goal)
+        client = self._client
 
-        def on_state(state: TendonState) -> None:
-            tell(displacement_m=state.displacement_m, tension_n=client.safety.tension_n or 0.0)
+        def to_feedback(state: TendonState) -> dict[str, float]:
+            tension_n = client.safety.tension_n or 0.0
+            return {'displacement_m': state.displacement_m, 'tension_n': tension_n}
 
         self.wait_for_peers(goal, lambda: client.safety.awaits_first)
         taut_n = goal.request.taut_tension_n or self.config.taut_tension_n
-        try:
-            shift_m = client.home(taut_n, on_state, lambda: goal.end_requested)
-        except LinearGuideDriverError as error:
-            raise GoalAborted(str(error)) from error
+        shift_m = self.carry_out(goal, partial(client.home, taut_n), to_feedback)
         return HomeTendon.Result(
             message=f'The tendon is just taut at its new zero, {shift_m:.4f} m from the old one.',
             shift_m=shift_m,
@@ -175,19 +164,14 @@ class TendonActuatorNode(MotionNode):
             return str(error)
         return ''
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        problem = self._end_motion()
-        response.success = not problem
-        response.message = problem or 'The tendon is held where it is.'
-        if not problem and self._client.safety.is_alarm:
-            response.message = self._client.safety.reason
-        return response
+    def _on_stop(self) -> tuple[bool, str]:
+        problem, safety = self._end_motion(), self._client.safety
+        held = safety.reason if safety.is_alarm else 'The tendon is held where it is.'
+        return not problem, problem or held
 
-    def _on_release(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_release(self) -> tuple[bool, str]:
         problem = self._end_motion(release=True)
-        response.success = not problem
-        response.message = problem or 'The tendon is let out to slack.'
-        return response
+        return not problem, problem or 'The tendon is let out to slack.'
 
     def _on_state(self, state: TendonState) -> None:
         self.publish_joint(state.displacement_m, state.velocity_m_s, state.received_at_ns)
@@ -227,6 +211,6 @@ class TendonActuatorNode(MotionNode):
             return Health(WARN, 'The servo pulls with all the current that it may.', values)
         if safety.tension_n is None:
             return Health(WARN, 'No strain sample yet: the tension is not guarded.', values)
-        if silence := safety.describe_silence(time.monotonic_ns()):
+        if silence := safety.format_silence(time.monotonic_ns()):
             return Health(WARN, f'{capitalise(silence)}: the tension is not guarded.', values)
         return Health(OK, 'The actuator is ready.', values)

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 import threading
 import time
 from typing import Any
@@ -39,22 +39,13 @@ class SilentServoError(DeviceConnectionError):
 class DynamixelBus:
     """Reads and writes registers of one servo; thread-safe. Closes its port when the line is lost.
 
+    Its calls raise `SilentServoError` without a valid answer, `DeviceRefusedError` when the servo
+    refuses, and `DeviceConnectionError` when the port cannot be opened or is lost.
+
     Attributes
     ----------
     lock : threading.RLock
         Held during each call; hold it to keep several calls together.
-
-    Parameters
-    ----------
-    port : str
-    baud : int
-        [bit/s]
-    device_id : int
-
-    Raises
-    ------
-    DeviceConnectionError
-        When the port cannot be opened.
     """
 
     def __init__(self, port: str, baud: int, device_id: int) -> None:
@@ -66,12 +57,7 @@ class DynamixelBus:
         self.open()
 
     def open(self) -> None:
-        """Open the port; harmless when it is open.
-
-        Raises
-        ------
-        DeviceConnectionError
-        """
+        """Open the port; harmless when it is open."""
         with self.lock:
             if self._is_open:
                 return
@@ -97,10 +83,6 @@ class DynamixelBus:
         """Return the servo's model number.
 
         Asks twice: a driver that was killed may have left a question, and its answer comes first.
-
-        Raises
-        ------
-        SilentServoError, DeviceConnectionError
         """
         with self.lock:
             self._insist(self._ping_once)
@@ -108,12 +90,7 @@ class DynamixelBus:
             return int(self._insist(self._ping_once))
 
     def read_block(self, block: Register) -> bytes:
-        """Return the bytes of a register or of a run of registers, asking once.
-
-        Raises
-        ------
-        SilentServoError, DeviceRefusedError, DeviceConnectionError
-        """
+        """Return the bytes of a register or of a run of registers, asking once."""
         data, result, error = self._call(
             lambda: self._packets.readTxRx(self._port, self._id, block.address, block.size)
         )
@@ -128,21 +105,11 @@ class DynamixelBus:
         return registers.decode_register(register, data, register.address)
 
     def write(self, register: Register, value: int) -> None:
-        """Write a register's value, signed where the register is; try more than once.
-
-        Raises
-        ------
-        SilentServoError, DeviceRefusedError, DeviceConnectionError
-        """
+        """Write a register's value, signed where the register is; try more than once."""
         self._insist(lambda: self._write_once(register, value))
 
     def reboot(self) -> None:
-        """Restart the servo, which then is silent for a while.
-
-        Raises
-        ------
-        SilentServoError, DeviceRefusedError, DeviceConnectionError
-        """
+        """Restart the servo, which then is silent for a while."""
         result, error = self._call(lambda: self._packets.reboot(self._port, self._id))
         self._check('restarting', result, error)
 
@@ -184,18 +151,13 @@ class DynamixelBus:
             return transaction()
 
     def _call(self, transaction: Callable[[], Any]) -> Any:
-        with self._exclusive():
-            if not self._is_open:
-                raise DeviceConnectionError(f'the line to {self._name} is lost; plug it in')
-            # The SDK before 4.0.5 leaves late answers in the buffer, for the next one to take.
-            self._port.ser.reset_input_buffer()
-            return transaction()
-
-    @contextmanager
-    def _exclusive(self) -> Iterator[None]:
         with self.lock:
             try:
-                yield
+                if not self._is_open:
+                    raise DeviceConnectionError(f'the line to {self._name} is lost; plug it in')
+                # The SDK before 4.0.5 leaves late answers in the buffer, for the next to take.
+                self._port.ser.reset_input_buffer()
+                return transaction()
             except serial.SerialTimeoutException as error:
                 raise SilentServoError(
                     f'the port of {self._name} took no bytes for {WRITE_WAIT_S} s'
@@ -220,5 +182,5 @@ class DynamixelBus:
             raise SilentServoError(f'{action} of {self._name} failed: the packet was damaged')
         if error & ~registers.STATUS_ALERT:
             raise DeviceRefusedError(
-                f'{action} of {self._name} was refused: {registers.describe_status_error(error)}'
+                f'{action} of {self._name} was refused: {registers.format_status_error(error)}'
             )

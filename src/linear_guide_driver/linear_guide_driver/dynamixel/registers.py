@@ -79,13 +79,13 @@ HARDWARE_ERRORS = {
 }
 
 
-def describe_status_error(error: int) -> str:
+def format_status_error(error: int) -> str:
     """Return what the error byte of a status packet means, the alert bit left out."""
     code = error & ~STATUS_ALERT
     return STATUS_ERRORS.get(code, f'unknown error {code}')
 
 
-def describe_hardware_error(word: int) -> str:
+def format_hardware_error(word: int) -> str:
     """Return the reasons in a hardware error word, joined by "and"."""
     names = [name for bit, name in HARDWARE_ERRORS.items() if word & bit]
     unknown = word & ~sum(HARDWARE_ERRORS)
@@ -97,10 +97,7 @@ def describe_hardware_error(word: int) -> str:
 def decode_register(register: Register, block: bytes, block_address: int) -> int:
     """Return one register's value from a block read at ``block_address``.
 
-    Raises
-    ------
-    ValueError
-        When the block does not hold the whole register.
+    Raises `ValueError` when the block does not hold the whole register.
     """
     start = register.address - block_address
     if start < 0 or start + register.size > len(block):
@@ -150,7 +147,7 @@ def a_to_current(current_a: float) -> int:
 
 
 class ServoState(NamedTuple):
-    """What one read of `STATE_BLOCK` says, in the servo's units."""
+    """One read of `STATE_BLOCK`, in the servo's units."""
 
     is_torque_on: bool
     hardware_error: int
@@ -170,13 +167,7 @@ STATE_BLOCK = Register(
 
 
 def decode_state(block: bytes) -> ServoState:
-    """Decode the bytes of `STATE_BLOCK`.
-
-    Raises
-    ------
-    ValueError
-        When the block is too short.
-    """
+    """Decode the bytes of `STATE_BLOCK`; raises `ValueError` when it is too short."""
 
     def value(register: Register) -> int:
         return decode_register(register, block, STATE_BLOCK.address)

@@ -34,11 +34,6 @@ CLOSING_S = 6.0
 _logger = logging.getLogger(__name__)
 
 
-def describe_watchdog(config: TendonActuatorConfig) -> str:
-    """Say that the servo's bus watchdog has acted."""
-    return f"The servo's watchdog has stopped it after {config.watchdog_s} s of silence"
-
-
 class ServoMonitor:
     """The poll thread of one servo.
 
@@ -48,10 +43,9 @@ class ServoMonitor:
         Makes a `TendonState` of a `ServoState` and acts on it, under the bus's lock.
     on_state : callable
         Called with each state, on the poll thread.
-    on_loss : callable
-        Called with a reason at each failure, on the thread that noticed it.
-    on_trouble : callable
-        Called with a reason when an outage or a fault is new, on the thread that noticed it.
+    on_loss, on_trouble : callable
+        Called with a reason at each failure, and when an outage or a fault is new; on the
+        thread that noticed it.
     restore : callable
         Makes a lost connection again, on the poll thread; raises when it cannot.
 
@@ -60,7 +54,7 @@ class ServoMonitor:
     state : TendonState or None
         The last state; None before the first poll.
     outage : str
-        Why no command can be watched: the servo does not answer, or its torque is off.
+        Reason for which no command can be watched: no answers, or the torque is off.
     fault : str
         Fault that the servo reports while its torque is on. It must not wind in.
     is_lost : bool
@@ -101,7 +95,7 @@ class ServoMonitor:
 
     @property
     def remedy(self) -> str:
-        """What ends the trouble, as the end of a sentence."""
+        """The end of the trouble, as the end of a sentence."""
         if self.is_shut_down or (self.fault and not self.outage):
             return 'remove the cause and configure the driver again'
         if self.is_lost:
@@ -202,7 +196,7 @@ class ServoMonitor:
                 self._changed.wait_for(lambda: not self.outage or self._closing.is_set(), pause_s)
 
     def _take(self, servo: registers.ServoState) -> TendonState:
-        words = registers.describe_hardware_error(servo.hardware_error)
+        words = registers.format_hardware_error(servo.hardware_error)
         self.is_shut_down = bool(words) and not servo.is_torque_on
         if self.is_shut_down:
             self.fail(f'the servo has shut down: {words}')

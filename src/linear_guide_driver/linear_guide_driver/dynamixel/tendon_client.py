@@ -1,46 +1,220 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tendon actuator: a Dynamixel XM430 in current-based position mode, and its motions."""
+"""The tendon actuator: a Dynamixel XM430 in current-based position mode.
+
+`TendonActuatorClient` has three parts, from the bottom up. *Orders*: `TendonSafety` decides what
+the servo has to do. The poll, a new sample and each command ask it, and write its order under the
+bus's lock. *Goals*: each goal that is written has a number, so that a later one ends an earlier.
+*Motions*: a pull or a homing is plugged into `Motions`; it begins with a goal that safety admits,
+and waits until the servo is there.
+
+The servo's bus watchdog stops it when nothing is heard for a while; the monitor's reads feed it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
+import logging
 import time
+from typing import TypeVar
 
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.dynamixel.servo_goals import ServoGoals
-from linear_guide_driver.dynamixel.tendon_homing import find_taut
+from linear_guide_driver.dynamixel.servo import open_servo, ServoSetup, TendonServo
+from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.errors import (
-    DeviceConnectionError,
+    capitalise,
     DeviceRefusedError,
     LinearGuideDriverError,
     MotionFailedError,
     MotionRefusedError,
+    MotionStoppedError,
 )
-from linear_guide_driver.records import TendonState
-from linear_guide_driver.safety.pull import check_pull, check_reach, Pull
-from linear_guide_driver.safety.states import Ending, Zero
+from linear_guide_driver.motion import Motion, Motions
+from linear_guide_driver.records import TendonActuatorConfig, TendonState
+from linear_guide_driver.safety import (
+    Ending,
+    Order,
+    Pull,
+    State,
+    TendonSafety,
+    TopicWatchdog,
+    Zero,
+)
 
 POSITION_TOLERANCE_M = 0.0005
-"""How far from its goal a finished pull may rest: the loop yields a little under load."""
-
-HOMING_REACH_M = 0.005
-"""At least so much slack is looked through, also by an actuator for small displacements."""
+"""Distance from its goal at which a pull may rest: the loop yields a little under load."""
 
 SLACK_S = 1.0
 """Added to the computed duration of a pull before it counts as stuck."""
 
+POLL_WAIT_S = 1.0
 
-class TendonActuatorClient(ServoGoals):
+LET_OUT_S = 2.0
+"""Longest wait of `TendonActuatorClient.close` for a tendon to become slack."""
+
+HOMING_REACH_M = 0.005
+"""At least so much slack is looked through, also by an actuator for small displacements."""
+
+HOMING_POLLS = 3
+"""In a row that must agree on taut or slack: one sample may be noise."""
+
+HOMING_SLACK_SHARE = 0.5
+"""Share of the taut tension below which the tendon counts as slack."""
+
+NOT_BEGUN = 'The pull was stopped before it began.'
+RELEASED = 'The tendon was released.'
+RESTARTED = 'The driver has started with a taut tendon: it is let out.'
+
+_logger = logging.getLogger(__name__)
+
+_Result = TypeVar('_Result')
+_News = Generator[TendonState | None, None, _Result]
+
+
+class TendonActuatorClient:
     """Blocking, thread-safe client of the tendon's servo; one pull at a time.
 
     Every command passes `TendonSafety`, and the poll carries its orders out. `connect` lets a
-    tendon out that was left taut. `close` lets it out, too, and switches the torque off.
+    tendon out that was left taut. `close` lets it out, too, and switches the torque off. Commands
+    raise `MotionRefusedError`, and the errors of the bus.
 
-    Parameters and attributes are those of `ServoGoals`.
+    Parameters
+    ----------
+    config : TendonActuatorConfig
+    on_state : callable, optional
+        Called with each `TendonState`, on the poll thread.
+    clock_ns : callable, optional
+        Clock that stamps states [ns].
+    on_trouble : callable, optional
+        Called with a sentence as soon as a fault or a safety order is new, from any thread.
+    watchdogs : sequence of TopicWatchdog, optional
+        Topics that must be heard while the tendon is taut.
+
+    Attributes
+    ----------
+    safety : TendonSafety
+        Feed it the samples of the tension.
+    recoveries : int
+        How often the servo's watchdog had stopped it and its goals were unlocked again.
     """
+
+    def __init__(
+        self,
+        config: TendonActuatorConfig,
+        on_state: Callable[[TendonState], None] = lambda _: None,
+        clock_ns: Callable[[], int] = time.time_ns,
+        on_trouble: Callable[[str], None] = lambda _: None,
+        watchdogs: Sequence[TopicWatchdog] = (),
+    ) -> None:
+        self._config, self._clock_ns = config, clock_ns
+        self._on_state, self._on_trouble = on_state, on_trouble
+        self._servo: TendonServo | None = None
+        self._monitor: ServoMonitor | None = None
+        self._motions = Motions('The tendon is busy with another pull; stop it first.', NOT_BEGUN)
+        self._velocity_limit = 1  # of the servo [velocity units]
+        self._applied = Order.FOLLOW  # the last order that was carried out
+        self._number = 0  # of the last goal that was written
+        self._repeated = 0  # number of the last goal that the servo had missed
+        self._pull_number, self._goal_m = 0, 0.0  # of the goal of the last pull
+        self.safety = TendonSafety(config, watchdogs)
+        self.identification = ''  # model and firmware
+        self.temperature_limit_c = 0.0  # at which the servo shuts down
+        self.recoveries = 0
+
+    @property
+    def state(self) -> TendonState | None:
+        """The last state; None before the first poll."""
+        return None if self._monitor is None else self._monitor.state
+
+    @property
+    def trouble(self) -> str:
+        """The fault that keeps the servo from winding in; empty when there is none."""
+        return '' if self._monitor is None else self._monitor.trouble
+
+    @property
+    def remedy(self) -> str:
+        """The end of the trouble, as the end of a sentence."""
+        return '' if self._monitor is None else self._monitor.remedy
+
+    # -- life ----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Open the bus and set the servo up; a tendon that was left taut is let out.
+
+        Raises what `open_servo` raises.
+        """
+        self.close()
+        bus, setup = open_servo(self._config)
+        self._take_over(setup)
+        self._servo = TendonServo(bus, self._config)
+        listeners = (self._on_poll, self._on_state, self._on_loss, self._on_trouble)
+        self._monitor = ServoMonitor(bus, self._config, *listeners, restore=self._restore)
+        self._monitor.start()
+        self._monitor.wait_poll(POLL_WAIT_S)
+
+    def close(self) -> None:
+        """Let the tendon out, then switch the torque off; harmless when called twice."""
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None:
+            return
+        if not monitor.outage:
+            self._let_out(monitor)
+        with servo.bus.lock:
+            self._number += 1  # ends a running pull
+        monitor.close()
+        self._servo = None
+        servo.switch_off()
+
+    def _let_out(self, monitor: ServoMonitor) -> None:
+        """Release and wait until the tendon is slack, for a while at the most."""
+        deadline_s = time.monotonic() + LET_OUT_S
+        if self.safety.zero is Zero.UNKNOWN and self._read_tension() is None:
+            return  # nothing would tell where to end
+        try:
+            self.request_release(reason='The driver is closed: the tendon is let out.')
+            while time.monotonic() < deadline_s:
+                state = monitor.wait_poll(POLL_WAIT_S)
+                if monitor.outage:
+                    break
+                if state and self.safety.is_slack(state.displacement_m, time.monotonic_ns()):
+                    return
+        except LinearGuideDriverError as error:
+            _logger.error('the tendon may still be taut: %s', error)
+        else:
+            _logger.error('the tendon was not slack after %s s; it may still be taut', LET_OUT_S)
+
+    def _take_over(self, setup: ServoSetup) -> None:
+        """Begin with a servo that has just been set up: no goal and no order are in force."""
+        self.identification = setup.identification
+        self.temperature_limit_c = float(setup.temperature_limit_c)
+        self._velocity_limit = setup.velocity_limit
+        self._number += 1
+        self._applied = Order.FOLLOW
+        if setup.was_held and not setup.is_zero_kept:
+            reason = 'the servo held a tendon whose zero it does not know'
+            self.safety.set_zero(Zero.UNKNOWN, reason)
+        else:
+            self.safety.set_zero(Zero.UNCONFIRMED)
+        if setup.is_zero_kept:
+            _logger.warning(RESTARTED)
+            self.safety.release(RESTARTED)
+
+    def _restore(self) -> None:
+        """Make a lost connection again. The next poll unlocks goals and carries the order out."""
+        servo, _ = self._require_connection()
+        if setup := servo.restore():
+            self._take_over(setup)
+
+    def _require_connection(self) -> tuple[TendonServo, ServoMonitor]:
+        servo, monitor = self._servo, self._monitor
+        if servo is None or monitor is None:
+            raise MotionRefusedError('The tendon actuator is not connected; connect it first.')
+        return servo, monitor
+
+    # -- motions -------------------------------------------------------------------------
 
     def pull_to(
         self,
@@ -74,19 +248,24 @@ class TendonActuatorClient(ServoGoals):
         ------
         MotionRefusedError
             Out of range, busy, not safe, or not connected; nothing has moved.
-        MotionFailedError
-            Ended by a fault or by safety.
-        MotionStoppedError
-            Ended by ``should_stop``, `hold_here`, `request_release` or `close`.
+        MotionFailedError, MotionStoppedError
+            Ended by a fault or by safety; by ``should_stop`` or a later command.
         """
         if displacement_m == 0.0:  # letting out is always accepted
-            with self._one_pull():
-                return self._release(speed_m_s, on_state, should_stop)
-        check_reach(displacement_m, self._config.max_displacement_m)
-        speed_m_s = self._check_speed(speed_m_s)
-        with self._one_pull():
-            pull = Pull(displacement_m, contact, stop_tension_n)
-            return self._wind(pull, speed_m_s, on_state, should_stop)
+            return self._run(partial(self._release, speed_m_s), on_state, should_stop)
+        if not 0.0 <= displacement_m <= self._config.max_displacement_m:
+            raise MotionRefusedError(
+                f'Displacement {displacement_m} m must be between 0 and max_displacement_m, '
+                f'{self._config.max_displacement_m} m.'
+            )
+        speed_m_s = speed_m_s or self._config.speed_m_s
+        if not 0.0 < speed_m_s <= self._max_speed_m_s * (1 + 1e-9):
+            raise MotionRefusedError(
+                f"Speed {speed_m_s} m/s must be above 0 and at most the servo's limit of "
+                f'{self._max_speed_m_s:.4f} m/s.'
+            )
+        pull = Pull(displacement_m, contact, stop_tension_n)
+        return self._run(partial(self._wind, pull, speed_m_s), on_state, should_stop)
 
     def home(
         self,
@@ -96,123 +275,326 @@ class TendonActuatorClient(ServoGoals):
     ) -> float:
         """Wind in slowly until the tendon is just taut; displacements count from there.
 
-        A tendon that is taut already is let out first. The fingertip must be free.
-
-        Parameters
-        ----------
-        taut_tension_n : float
-            Tension at which it counts as taut [N].
-        on_state, should_stop : callable
-            As in `pull_to`.
-
-        Returns
-        -------
-        float
-            By how much the zero has moved [m].
-
-        Raises
-        ------
-        MotionRefusedError, MotionFailedError, MotionStoppedError
+        A tendon that is taut already is let out first. The fingertip must be free. Returns by how
+        much the zero has moved [m]. It counts as taut at ``taut_tension_n`` [N]; the other
+        parameters and the errors are those of `pull_to`.
         """
-        reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
-        contact = self.safety.strictest_contact
         # A pull would not be allowed to stop above the limit; so it is here.
-        check_pull(Pull(0.0, contact, stop_tension_n=taut_tension_n), self.safety.limits_n)
+        contact = self.safety.strictest_contact
+        self.safety.check_pull(Pull(0.0, contact, stop_tension_n=taut_tension_n))
+        return self._run(partial(self._find_zero, taut_tension_n), on_state, should_stop)
 
-        def wind(direction: int, until: Callable[[TendonState], bool]) -> TendonState:
-            start = self.state
-            if start is None:
-                raise MotionRefusedError('The servo has not answered yet; try again.')
-            pull = Pull(start.displacement_m + direction * reach_m, contact, is_homing=True)
-            return self._wind(pull, self._config.homing_speed_m_s, on_state, should_stop, until)
-
-        with self._one_pull():
-            taut = find_taut(wind, self._read_tension, taut_tension_n)
-            self._shift_zero(taut.displacement_m)
-            return taut.displacement_m
-
-    # -- inside --------------------------------------------------------------------------
-
-    @contextmanager
-    def _one_pull(self) -> Iterator[None]:
-        if not self._slot.acquire(blocking=False):
-            raise MotionRefusedError('The tendon is busy with another pull; stop it first.')
-        try:
-            yield
-        except (DeviceConnectionError, DeviceRefusedError) as error:
-            self._require_connection()[1].fail(str(error))
-            raise MotionFailedError(f'The pull failed: {error}.') from error
-        except LinearGuideDriverError:
-            raise
-        except BaseException:  # a fault of the caller's functions: nobody watches the pull now
-            with suppress(LinearGuideDriverError):
-                self.hold_here()
-            raise
-        finally:
-            self.safety.finish()
-            self._slot.release()
-
-    def _read_tension(self) -> float | None:
-        return self.safety.live_tension_n(time.monotonic_ns())
-
-    def _check_speed(self, speed_m_s: float) -> float:
-        speed_m_s = speed_m_s or self._config.speed_m_s
-        if not 0.0 < speed_m_s <= self._max_speed_m_s * (1 + 1e-9):
-            raise MotionRefusedError(
-                f"Speed {speed_m_s} m/s must be above 0 and at most the servo's limit of "
-                f'{self._max_speed_m_s:.4f} m/s.'
-            )
-        return speed_m_s
-
-    def _release(
+    def _run(
         self,
-        speed_m_s: float,
+        begin: Callable[[], _News[_Result]],
         on_state: Callable[[TendonState], None],
         should_stop: Callable[[], bool],
-    ) -> TendonState:
+    ) -> _Result:
+        endings = (self._stop_pull, self._fail_pull, self._abandon_pull, self.safety.finish)
+        motion = Motion(begin, *endings)
+        return self._motions.run(motion, on_state, should_stop)
+
+    def _stop_pull(self) -> str:
+        with self._commanding():
+            if not self._is_replaced:  # a later command, as a release, stays in force
+                self.hold_here()
+        return self._format_end(self.safety.reason)
+
+    def _fail_pull(self, reason: str) -> str:
+        self._require_connection()[1].fail(reason)
+        return f'The pull failed: {reason}.'
+
+    def _abandon_pull(self) -> None:
+        with suppress(LinearGuideDriverError):
+            self.hold_here()
+
+    def _release(self, speed_m_s: float) -> _News[TendonState]:
         """Let out to the zero; without a known zero, until the sensor reads a slack tendon."""
         safety = self.safety
         wanted_m_s = speed_m_s if speed_m_s > 0.0 else self._config.speed_m_s
-        speed_m_s = min(wanted_m_s, self._max_speed_m_s)
-        pull = Pull(safety.slack_m)
 
         def until(state: TendonState) -> bool:
             is_known = safety.zero is not Zero.UNKNOWN
             return not is_known and safety.is_slack(state.displacement_m, time.monotonic_ns())
 
-        return self._wind(pull, speed_m_s, on_state, should_stop, until)
+        return self._wind(Pull(safety.slack_m), min(wanted_m_s, self._max_speed_m_s), until)
+
+    def _find_zero(self, taut_tension_n: float) -> _News[float]:
+        """Let the tendon go slack, wind in until it is taut, and count from there."""
+        present_n = self._read_tension()
+        if present_n is None:
+            reason = 'Homing needs the tendon sensor and no valid strain sample arrives'
+            raise MotionRefusedError(f'{reason}; start the sensor.')
+        slack_n = HOMING_SLACK_SHARE * taut_tension_n
+        if present_n > slack_n:
+            yield from self._seek(-1, lambda n: n <= slack_n, 'slack; tare the sensor')
+        there = 'taut; look after the tendon'
+        taut = yield from self._seek(1, lambda n: n >= taut_tension_n, there)
+        self._shift_zero(taut.displacement_m)
+        return taut.displacement_m
+
+    def _seek(
+        self, direction: int, is_there: Callable[[float], bool], goal: str
+    ) -> _News[TendonState]:
+        """Wind in (1) or out (-1) until the tension is there; return the first such state."""
+        there: list[TendonState] = []
+
+        def until(state: TendonState) -> bool:
+            tension_n = self._read_tension()
+            if tension_n is not None and is_there(tension_n):
+                there.append(state)
+            else:
+                there.clear()
+            return len(there) >= HOMING_POLLS
+
+        start = self.state
+        if start is None:
+            raise MotionRefusedError('The servo has not answered yet; try again.')
+        reach_m = max(self._config.max_displacement_m, HOMING_REACH_M)
+        end_m = start.displacement_m + direction * reach_m
+        pull = Pull(end_m, self.safety.strictest_contact, is_homing=True)
+        end = yield from self._wind(pull, self._config.homing_speed_m_s, until)
+        if len(there) < HOMING_POLLS:
+            raise MotionFailedError(
+                f'Homing failed at {end.displacement_m:.4f} m: the tendon did not become {goal}.'
+            )
+        return there[0]
 
     def _wind(
         self,
         pull: Pull,
         speed_m_s: float,
-        on_state: Callable[[TendonState], None],
-        should_stop: Callable[[], bool],
         until: Callable[[TendonState], bool] = lambda _: False,
-    ) -> TendonState:
+    ) -> _News[TendonState]:
         """Wind until there, or until ``until`` says so, and then hold."""
-        goal, start_m, goal_m = self._begin(pull, speed_m_s, should_stop)
-        target = f'{goal_m:.4f} m'
-        deadline_s = time.monotonic() + abs(goal_m - start_m) / speed_m_s + SLACK_S
+        path_m = self._begin(pull, speed_m_s)
+        _, monitor = self._require_connection()
+        deadline_s = time.monotonic() + path_m / speed_m_s + SLACK_S
         one_unit_m_s = registers.velocity_to_m_s(1, self._config.pulley_radius_m)
         while True:
-            state = self._watch(goal, target, should_stop)
+            state = self._wait_state(monitor)
+            yield state
+            if state is not None and self.safety.ending is Ending.REACHED:
+                return state
+            if monitor.outage:
+                raise MotionFailedError(f'The pull failed: {monitor.outage}.')
+            if self._is_replaced:
+                raise MotionStoppedError(self._format_end(self.safety.reason))
             if state is not None:
-                on_state(state)
-                if self.safety.ending is Ending.REACHED:
-                    return state
                 if until(state):
-                    self._hold(goal)
+                    with self._commanding() as servo:
+                        if not self._is_replaced:
+                            self._write(servo, servo.write_hold)
                     return state
                 if (
-                    abs(state.displacement_m - goal_m) <= POSITION_TOLERANCE_M
+                    abs(state.displacement_m - self._goal_m) <= POSITION_TOLERANCE_M
                     and abs(state.velocity_m_s) <= 1.5 * one_unit_m_s
                 ):
                     return state
             if time.monotonic() > deadline_s:
-                end = self._describe_end(target)
+                end = self._format_end()
                 self.request_release(reason=end)
                 raise MotionFailedError(
                     f'{end} It got no further with {self._config.current_limit_a} A; '
                     'the tendon is let out.'
                 )
+
+    def _wait_state(self, monitor: ServoMonitor) -> TendonState | None:
+        """Return the next state; None when none came in time. Raise if safety ended the pull."""
+        state = monitor.wait_poll(POLL_WAIT_S)
+        ending = self.safety.ending
+        if ending is None:
+            return state
+        self.supervise()  # before the pull is forgotten
+        if ending is Ending.REACHED and self.safety.state is not State.RELEASING:
+            return self.state
+        error = MotionStoppedError if ending is Ending.STOPPED else MotionFailedError
+        raise error(self._format_end(self.safety.reason))
+
+    @property
+    def _max_speed_m_s(self) -> float:
+        """The servo's velocity limit as tendon speed [m/s]."""
+        return registers.velocity_to_m_s(self._velocity_limit, self._config.pulley_radius_m)
+
+    def _read_tension(self) -> float | None:
+        return self.safety.live_tension_n(time.monotonic_ns())
+
+    def _format_end(self, reason: str = '') -> str:
+        """Return how far the pull came, and the reason why no further."""
+        state = self.state
+        at = 'an unknown position' if state is None else f'{state.displacement_m:.4f} m'
+        return f'The pull ended at {at} on the way to {self._goal_m:.4f} m. {reason}'.strip()
+
+    # -- goals ---------------------------------------------------------------------------
+
+    @property
+    def _is_replaced(self) -> bool:
+        """True when a later goal than that of the last pull was written."""
+        return self._pull_number != self._number
+
+    def _begin(self, pull: Pull, speed_m_s: float) -> float:
+        """Write the goal of a pull if safety admits it [m/s]; return the way to it [m]."""
+        servo, monitor = self._require_connection()
+        with servo.bus.lock:
+            # Asked under the lock that `hold_here` takes, too: a stop comes either before
+            # the goal is written, and is seen here, or after it, and overrides it.
+            if self._motions.is_stopping:
+                raise MotionStoppedError(NOT_BEGUN)
+            if pull.lets_out and monitor.outage:
+                self.safety.release(RELEASED)  # carried out when the servo answers
+            self._check_reachable(monitor)
+            start_m = servo.read_displacement_m()
+            now_ns = time.monotonic_ns()
+            fault = f'{capitalise(monitor.fault)}; {monitor.remedy}.' if monitor.fault else ''
+            self.safety.admit(pull, start_m, now_ns, fault)
+            goal_m = pull.displacement_m
+            if pull.lets_out:
+                goal_m = min(self.safety.slack_m, start_m)
+            if self.safety.decide(start_m, now_ns) is Order.FOLLOW:
+                velocity = registers.m_s_to_velocity(speed_m_s, self._config.pulley_radius_m)
+                self._applied = Order.FOLLOW  # also if only the servo's answer is lost
+                self._write(
+                    servo, lambda: servo.write_goal(goal_m, velocity, lets_out=pull.lets_out)
+                )
+            else:
+                self._carry_out(servo, start_m)
+            self._pull_number, self._goal_m = self._number, goal_m
+            return abs(goal_m - start_m)
+
+    def _shift_zero(self, shift_m: float) -> None:
+        """Count displacements from ``shift_m`` further in, in the servo itself [m]."""
+        with self._commanding() as servo:  # so that no poll sees the torque off
+            self._number += 1
+            servo.write_zero(shift_m)
+            self.safety.set_zero(Zero.KNOWN)
+        # So that no state counts from the old zero.
+        self._require_connection()[1].wait_poll(POLL_WAIT_S)
+
+    def _write(self, servo: TendonServo, write: Callable[[], None]) -> None:
+        """Write the goal of a new command, also when the watchdog has just acted."""
+        self._number += 1
+        try:
+            write()
+        except DeviceRefusedError:
+            if not servo.is_locked():
+                raise
+            self.recoveries += 1
+            servo.unlock()
+            write()
+        self._require_connection()[1].clear()  # a command was heard, so the silence is over
+
+    # -- orders --------------------------------------------------------------------------
+
+    def hold_here(self) -> None:
+        """Hold the tendon where it is; above the limit it is let out instead."""
+        self._command(self.safety.stop, Order.HOLD)
+
+    def request_release(
+        self, end_pull: Callable[[], None] = lambda: None, reason: str = RELEASED
+    ) -> None:
+        """Begin to let the tendon out as fast as the servo can; ends a running pull.
+
+        While the servo cannot be reached this raises, and is carried out when it answers.
+        ``end_pull`` makes ``should_stop`` of a pull return True. It is called under the bus's
+        lock, so that no pull can hold the tendon before it is let out.
+        """
+
+        def release() -> None:
+            end_pull()
+            self.safety.release(reason)
+
+        self._command(release, Order.RELEASE)
+
+    def supervise(self) -> None:
+        """Carry out what safety orders now; the next poll tries again what fails.
+
+        A silent servo is left alone: a question that it hears would feed its bus watchdog,
+        which is what stops it.
+        """
+        monitor = self._monitor
+        if monitor is None or monitor.outage:
+            return
+        with suppress(LinearGuideDriverError), self._commanding() as servo:
+            self._carry_out(servo)
+
+    def _command(self, ask: Callable[[], None], order: Order) -> None:
+        """Ask safety for an order and write it; where it orders something else, that."""
+        servo, monitor = self._require_connection()
+        with servo.bus.lock:
+            ask()
+            self._check_reachable(monitor)
+            self._applied = Order.FOLLOW  # a goal that is kept up may be in force
+            if self._carry_out(servo) is Order.FOLLOW:
+                self._apply(servo, order)
+
+    @contextmanager
+    def _commanding(self) -> Iterator[TendonServo]:
+        """Hold the bus's lock for a command to a servo that can be reached."""
+        servo, monitor = self._require_connection()
+        with servo.bus.lock:
+            self._check_reachable(monitor)
+            yield servo
+
+    @staticmethod
+    def _check_reachable(monitor: ServoMonitor) -> None:
+        """Refuse a command while the torque is off or the connection is made again."""
+        if monitor.is_lost or monitor.is_shut_down:
+            raise MotionRefusedError(
+                f'The tendon actuator cannot move: {monitor.outage}; {monitor.remedy}.'
+            )
+
+    def _carry_out(self, servo: TendonServo, displacement_m: float | None = None) -> Order:
+        """Ask safety for its order and write it, if it is not in force already; return it."""
+        if displacement_m is None:
+            displacement_m = servo.read_displacement_m()
+        order = self.safety.decide(displacement_m, time.monotonic_ns())
+        if order is not self._applied:
+            self._apply(servo, order)
+            if order is not Order.FOLLOW and self.safety.is_alarm:
+                self._require_connection()[1].tell_trouble(self.safety.reason)
+        return order
+
+    def _apply(self, servo: TendonServo, order: Order) -> None:
+        if order is Order.HOLD:
+            self._write(servo, servo.write_hold)
+        elif order is Order.RELEASE:
+            slack_m, velocity = self.safety.slack_m, self._velocity_limit
+            self._write(servo, lambda: servo.write_goal(slack_m, velocity, lets_out=True))
+        elif self._applied is Order.RELEASE and self.safety.zero is Zero.UNKNOWN:
+            self._write(servo, servo.write_hold)  # slack by the sensor, before the goal
+        self._applied = order
+
+    def _on_loss(self, reason: str) -> None:
+        self.safety.lose(f'{capitalise(reason)}.', time.monotonic_ns())
+
+    def _on_poll(self, polled: registers.ServoState) -> TendonState:
+        """Carry safety's order out with each new state, under the bus's lock."""
+        servo, _ = self._require_connection()
+        state = servo.to_state(polled, self._clock_ns())
+        if not polled.is_torque_on:
+            self.safety.set_zero(Zero.UNKNOWN, "the servo's torque went off")
+            return state
+        # Off: a command that sets it anew was cut off half way.
+        is_tripped = polled.watchdog in (registers.WATCHDOG_TRIPPED, registers.WATCHDOG_OFF)
+        if is_tripped:
+            self._recover(servo)
+        has_missed = not is_tripped and servo.has_missed_goal(polled.goal_counts)
+        number = self._number
+        self._carry_out(servo, state.displacement_m)
+        # Only if safety has ordered nothing else: the goal that was missed may wind in.
+        if has_missed and number == self._number:
+            if number != self._repeated:
+                _logger.warning('the servo has missed a goal; it is written again')
+            self._repeated = number
+            servo.repeat_goal(lets_out=not self.safety.is_pulling)
+        return state
+
+    def _recover(self, servo: TendonServo) -> None:
+        """Unlock the goals that the servo's watchdog has locked; the tendon is held there."""
+        self.recoveries += 1
+        if self.safety.is_pulling:
+            silence = f'{self._config.watchdog_s} s of silence'
+            self._on_loss(f"the servo's watchdog has stopped it after {silence}")
+            self._number += 1
+        servo.unlock()
+        self._applied = Order.FOLLOW  # so that the present order is written again

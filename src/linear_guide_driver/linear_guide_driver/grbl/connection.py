@@ -6,17 +6,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 import threading
 import time
 
-from linear_guide_driver.errors import (
-    DeviceConnectionError,
-    DeviceRefusedError,
-    MotionFailedError,
-    MotionStoppedError,
-)
+from linear_guide_driver.errors import DeviceConnectionError, DeviceRefusedError
 from linear_guide_driver.grbl import protocol as grbl
 from linear_guide_driver.serial_link import SerialLink, TICK_S
 
@@ -40,9 +35,6 @@ STOP_S = 3.0
 
 BRAKING_POLL_S = 0.05
 
-RECEIVE_BYTES = 127
-"""Bytes of lines that may be unanswered: Grbl's receive buffer holds 128 and drops the rest."""
-
 PLANNER_BLOCKS = 15
 """Of Grbl 1.1, in case a controller does not tell."""
 
@@ -54,16 +46,11 @@ class GrblConnection:
     """Lines whose answers are counted; faults noticed as they arrive. One caller at a time.
 
     A fault (alarm, restart, silence, lost line) ends the running command and every
-    later one until `reset`.
+    later one until `reset`. Calls raise `DeviceConnectionError` for it, and when no Grbl answers
+    in time; `DeviceRefusedError` when Grbl refuses a line.
 
-    Parameters
-    ----------
-    poll_rate_hz : float
-        Rate of status queries after `start_polling` [Hz].
-    on_report : callable
-        Called with each `StatusReport`, on the reader thread.
-    on_fault : callable
-        Called with a reason, on the reader thread, when the position is lost.
+    On the reader thread ``on_report`` is called with each `StatusReport`, and ``on_fault`` with a
+    reason when the position is lost. ``poll_rate_hz`` applies after `start_polling`.
     """
 
     def __init__(
@@ -105,13 +92,7 @@ class GrblConnection:
         return self._decoder.garbage_lines
 
     def open(self) -> None:
-        """Find the controller, bring it to rest and reset it.
-
-        Raises
-        ------
-        DeviceConnectionError
-            When no Grbl answers.
-        """
+        """Find the controller, bring it to rest and reset it."""
         self._link.start()
         self._link.write(grbl.STATUS_QUERY)
         self._wait(lambda: bool(self._reports or self._banners), GREETING_S)
@@ -121,7 +102,7 @@ class GrblConnection:
             self.hold_and_reset()  # left moving by somebody else
         else:
             self.reset()
-        self.stream([grbl.READ_BUILD_INFO], RESTART_S)
+        self._send(grbl.READ_BUILD_INFO)
 
     def start_polling(self) -> None:
         """Query the status at the poll rate from now on."""
@@ -134,38 +115,25 @@ class GrblConnection:
     def read_settings(self) -> dict[int, str]:
         """Return the answer to ``$$`` by number."""
         self._settings.clear()
-        self.stream([grbl.READ_SETTINGS], RESTART_S)
+        self._send(grbl.READ_SETTINGS)
         return dict(self._settings)
 
     def stream(
-        self,
-        lines: Iterable[bytes],
-        timeout_s: float,
-        should_stop: Callable[[], bool] = lambda: False,
-        on_wake: Callable[[], None] = lambda: None,
-        *,
-        answers_status: bool = True,
-    ) -> None:
-        """Send lines as fast as the controller takes them; wait until the last has its ``ok``.
+        self, lines: Iterable[bytes], timeout_s: float, *, answers_status: bool = True
+    ) -> Generator[None, None, None]:
+        """Send lines as fast as the controller takes them, until the last has its ``ok``.
+
+        Yields before each line, after each answer, and some fifty times a second while it
+        waits. Close it, and nothing more is sent.
 
         Parameters
         ----------
         lines : iterable of bytes
         timeout_s : float
             For all of them [s].
-        should_stop : callable
-            Ends the wait when it returns True; keeps unsent what has not been sent yet.
-        on_wake : callable
-            Called after each answer, and some fifty times a second while waiting.
         answers_status : bool
             False for a command during which Grbl leaves queries unanswered.
-
-        Raises
-        ------
-        MotionStoppedError, DeviceRefusedError, MotionFailedError, DeviceConnectionError
         """
-        if should_stop():
-            raise MotionStoppedError
         with self._changed:
             self._unanswered.clear()
             self._idle_reports = 0
@@ -174,31 +142,29 @@ class GrblConnection:
             self._is_quiet = was_quiet or not answers_status
         deadline_s = time.monotonic() + timeout_s
 
-        def wait(is_done: Callable[[], bool]) -> None:
-            while True:
+        def wait(most_bytes: int) -> Iterator[None]:
+            is_over = False
+            while not is_over:
                 is_over = self._wait(
-                    lambda: is_done() or bool(self._refusal or self._fault), TICK_S
+                    lambda: bool(self._refusal or self._fault)
+                    or sum(map(len, self._unanswered)) <= most_bytes,
+                    TICK_S,
                 )
-                if should_stop():
-                    raise MotionStoppedError
+                yield
                 if self._fault:
-                    raise MotionFailedError(self._fault)
+                    raise DeviceConnectionError(self._fault)
                 if self._refusal:
                     raise DeviceRefusedError(self._refusal)
-                on_wake()
-                if is_over:
-                    return
-                if time.monotonic() > deadline_s:
-                    raise MotionFailedError(self._describe_lateness(timeout_s))
+                if not is_over and time.monotonic() > deadline_s:
+                    raise DeviceConnectionError(self._format_lateness(timeout_s))
 
         try:
             for line in lines:
-                room = RECEIVE_BYTES - len(line)
-                wait(lambda room=room: self._unanswered_bytes <= room)  # type: ignore[misc]
+                yield from wait(grbl.RECEIVE_BYTES - len(line))
                 with self._changed:
                     self._unanswered.append(line)
                 self._link.write(line)
-            wait(lambda: not self._unanswered)
+            yield from wait(0)
         finally:
             with self._changed:
                 self._unanswered.clear()
@@ -206,28 +172,18 @@ class GrblConnection:
                 self._is_quiet = was_quiet
 
     def wait_report(self, timeout_s: float) -> grbl.StatusReport:
-        """Ask for a status and return the next report [s].
-
-        Raises
-        ------
-        MotionFailedError, DeviceConnectionError
-        """
+        """Ask for a status and return the next report [s]."""
         count = self._reports
         self._link.write(grbl.STATUS_QUERY)
         self._wait(lambda: self._reports > count or bool(self._fault), timeout_s)
         if self._fault:
-            raise MotionFailedError(self._fault)
+            raise DeviceConnectionError(self._fault)
         if self._report is None or self._reports == count:
-            raise MotionFailedError(f'no status report within {timeout_s} s')
+            raise DeviceConnectionError(f'no status report within {timeout_s} s')
         return self._report
 
     def reset_override(self) -> None:
-        """Let moves run as fast as they say, whatever a pendant has set before.
-
-        Raises
-        ------
-        DeviceConnectionError
-        """
+        """Let moves run as fast as they say, whatever a pendant has set before."""
         self._link.write(grbl.FEED_OVERRIDE_RESET)
 
     def hold(self) -> None:
@@ -237,7 +193,7 @@ class GrblConnection:
 
     @property
     def has_stalled(self) -> bool:
-        """Whether the controller is idle, again and again, while a line of a move is unanswered.
+        """True when the controller is idle, again and again, while a line is unanswered.
 
         Grbl's dwell requests a cycle start once, then waits for the end of all motion. If the
         stepper runs dry just then, Grbl goes idle with moves queued and waits for ever.
@@ -245,23 +201,12 @@ class GrblConnection:
         return self._idle_reports >= IDLE_REPORTS
 
     def start_cycle(self) -> None:
-        """Let a stalled controller go on with what is queued. It would end a hold, too.
-
-        Raises
-        ------
-        DeviceConnectionError
-        """
+        """Let a stalled controller go on with what is queued. It would end a hold, too."""
         self._idle_reports = 0
         self._link.write(grbl.CYCLE_START)
 
     def reset(self) -> None:
-        """Restart the controller; forget its faults.
-
-        Raises
-        ------
-        DeviceConnectionError
-            When no banner follows.
-        """
+        """Restart the controller; forget its faults."""
         with self._changed:
             self._expects_banner = True
             count = self._banners
@@ -317,11 +262,11 @@ class GrblConnection:
         with self._changed:
             return self._changed.wait_for(is_done, timeout_s)
 
-    @property
-    def _unanswered_bytes(self) -> int:
-        return sum(len(line) for line in self._unanswered)
+    def _send(self, line: bytes) -> None:
+        for _ in self.stream([line], RESTART_S):
+            pass
 
-    def _describe_lateness(self, timeout_s: float) -> str:
+    def _format_lateness(self, timeout_s: float) -> str:
         line = self._unanswered[0].decode().strip() if self._unanswered else 'the last line'
         state = 'nothing' if self._report is None else self._report.state
         return f'"{line}" was not answered within {timeout_s:.1f} s; the last status was {state}'

@@ -3,6 +3,9 @@
 
 """The linear guide: moves a Grbl 1.1 controller's X axis and knows when it is at rest.
 
+`LinearGuideClient` plugs homing and moves into `Motions`; `_KnownPosition` says where the guide
+is, or why nobody knows.
+
 Grbl keeps no watch over the line and forgets its position when it is reset while
 moving. Hence the rules here: a move is sent in short pieces; it ends with the ``ok`` of
 a dwell, never with a status; a dwell that stalls with moves queued is started again; a stop is
@@ -12,33 +15,28 @@ unknown until the guide has been homed again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import closing
+from functools import partial
 import logging
 import time
-from typing import NoReturn
+from typing import TypeVar
 
 from linear_guide_driver.errors import (
+    DeviceRefusedError,
     LinearGuideDriverError,
     MotionFailedError,
     MotionRefusedError,
-    MotionStoppedError,
 )
 from linear_guide_driver.grbl import protocol as grbl
 from linear_guide_driver.grbl.connection import GrblConnection
-from linear_guide_driver.grbl.guide_path import (
-    check_reach,
-    compute_piece_s,
-    encode_pieces,
-    mpos_to_m,
-)
-from linear_guide_driver.grbl.known_position import KnownPosition
-from linear_guide_driver.grbl.motion_gate import MotionGate
 from linear_guide_driver.grbl.motion_track import MotionSummary, MotionTrack
 from linear_guide_driver.grbl.settings import GuideSettings
+from linear_guide_driver.motion import Motion, Motions
 from linear_guide_driver.records import GuideState, LinearGuideConfig
 
 POSITION_TOLERANCE_M = 0.0001
-"""How far from its target a finished move may rest: some motor steps."""
+"""Distance from its target at which a move may rest: some motor steps."""
 
 REPLY_TIMEOUT_S = 2.0
 """For the answer to a line that does not wait for motion."""
@@ -54,6 +52,9 @@ HOMING_FAILED = 'the last homing did not succeed'
 NOT_HOMED = 'the guide has not been homed since the driver connected'
 
 _logger = logging.getLogger(__name__)
+
+_New = TypeVar('_New')
+_News = Generator[_New | None, None, GuideState]
 
 
 class LinearGuideClient:
@@ -85,11 +86,14 @@ class LinearGuideClient:
         on_trouble: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._config = config
-        self._position = KnownPosition(config.travel_m, clock_ns, on_state, on_trouble)
+        self._position = _KnownPosition(config.travel_m, clock_ns, on_state, on_trouble)
         self._position.lose(NOT_HOMED)
         self._connection: GrblConnection | None = None
         self._settings: GuideSettings | None = None
-        self._gate = MotionGate()
+        self._motions = Motions(
+            busy='The guide is busy with another motion; stop it first.',
+            not_begun='Stopped before the guide moved.',
+        )
         self.last_move: MotionSummary | None = None
         self.late_moves = 0
 
@@ -103,12 +107,12 @@ class LinearGuideClient:
 
     @property
     def trouble(self) -> str:
-        """Why the guide must be homed before it can move; empty when it need not."""
+        """The reason for which the guide must be homed before it can move; may be empty."""
         return self._position.trouble
 
     @property
     def is_lost(self) -> bool:
-        """Whether the line is lost; homing tries to open it again."""
+        """True when the line is lost; homing tries to open it again."""
         return self._connection is not None and self._connection.is_lost
 
     @property
@@ -128,10 +132,8 @@ class LinearGuideClient:
 
         Raises
         ------
-        DeviceConnectionError
-            When no Grbl answers.
-        DeviceRefusedError
-            When its settings would silently change a glide.
+        DeviceConnectionError, DeviceRefusedError
+            When no Grbl answers, or its settings would silently change a glide.
         """
         self.close()
         self._connection, self._settings = self._open()
@@ -143,7 +145,7 @@ class LinearGuideClient:
             return
         self.request_stop()
         # The motion itself brings the guide to rest; take the line away only afterwards.
-        with self._gate.no_motion(SLACK_S + 3.0):
+        with self._motions.no_motion(SLACK_S + 3.0):
             self._connection = None
             connection.close()
 
@@ -170,48 +172,9 @@ class LinearGuideClient:
         ------
         MotionRefusedError, MotionFailedError, MotionStoppedError, DeviceConnectionError
         """
-        with self._gate.one_motion():
-            connection, settings = self._require_connection()
-            if connection.is_lost:
-                connection.close()
-                self._connection, self._settings = connection, settings = self._open()
-            self._gate.begin('homing', should_stop)
-            self._position.trouble = HOMING
-            started_s = time.monotonic()
-            try:
-                connection.reset()
-                connection.stream(
-                    [grbl.HOME],
-                    settings.compute_homing_timeout_s() + SLACK_S,
-                    lambda: should_stop() or self._gate.is_stopping,
-                    lambda: on_elapsed(time.monotonic() - started_s),
-                    answers_status=False,
-                )
-                # Before the last look, so that no later fault is forgotten.
-                self._position.trouble = ''
-                report = connection.wait_report(REPLY_TIMEOUT_S)
-            except MotionStoppedError:
-                connection.reset()
-                raise MotionStoppedError(
-                    'Homing was stopped; home before the next move.'
-                ) from None
-            except LinearGuideDriverError as error:
-                self._position.lose(HOMING_FAILED)
-                raise MotionFailedError(f'Homing failed: {error}.') from error
-            except BaseException:  # a fault of the caller's functions: nobody watches now
-                connection.reset()
-                raise
-            finally:
-                if self._position.trouble == HOMING:
-                    self._position.trouble = HOMING_FAILED
-            position = mpos_to_m(report, self._config.travel_m)
-            if position is None or not -1e-6 <= position <= self._config.travel_m + 1e-6:
-                self._position.trouble = HOMING_FAILED
-                raise MotionFailedError(
-                    f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
-                    f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
-                )
-            return self._to_rest_state(report)
+        stop = self._stop_homing  # also when nobody watches the homing any more
+        motion = Motion(self._begin_homing, stop, self._fail_homing, stop, self._finish)
+        return self._motions.run(motion, on_elapsed, should_stop)
 
     def move_to(
         self,
@@ -237,79 +200,155 @@ class LinearGuideClient:
         ------
         MotionRefusedError
             Not homed, out of travel, too fast, or busy; nothing has moved.
-        MotionFailedError
-            Ended by a fault; the guide must be homed again.
-        MotionStoppedError
-            Ended by ``should_stop`` or `request_stop`; the position is still known.
+        MotionFailedError, MotionStoppedError
+            Ended by a fault: home again; by a stop: the position is still known.
         """
-        with self._gate.one_motion():
-            connection, settings = self._require_connection()
-            start_m = self._check_move(position_m, speed_m_s)
-            self._gate.begin('move', should_stop)
-            self._position.direction = 1 if position_m >= start_m else -1
-            track = MotionTrack(start_m, position_m, speed_m_s)
-            expected_s = settings.compute_move_duration_s(position_m - start_m, speed_m_s)
-            started_s = time.monotonic()
-
-            def is_stopped() -> bool:
-                return should_stop() or self._gate.is_stopping
-
-            try:
-                connection.reset_override()
-                connection.stream([grbl.MODES], REPLY_TIMEOUT_S, is_stopped)
-                connection.stream(
-                    encode_pieces(
-                        self._to_mpos_mm(start_m),
-                        self._to_mpos_mm(position_m),
-                        speed_m_s * 1e3,
-                        compute_piece_s(self._config.run_on_s, connection.planner_blocks),
-                    ),
-                    expected_s + SLACK_S,
-                    is_stopped,
-                    lambda: self._watch(connection, on_state, track),
-                )
-                late_s = time.monotonic() - started_s - expected_s
-                report = connection.wait_report(REPLY_TIMEOUT_S)
-                rest_m = mpos_to_m(report, self._config.travel_m)
-                if self._gate.end():
-                    raise MotionStoppedError
-                is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
-                if report.state != 'Idle' or not is_there:
-                    raise MotionFailedError(f'it ended as {report.state} at {rest_m} m')
-                self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
-                if late_s > LATE_S:
-                    self.late_moves += 1
-                    _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
-            except MotionStoppedError:
-                self._gate.end()  # a further stop would hold the guide after the reset
-                self._come_to_rest(connection, position_m)
-            except LinearGuideDriverError as error:
-                self._give_up(connection, str(error))
-                raise MotionFailedError(
-                    f'The move to {position_m:.4f} m failed: {error}; home the guide.'
-                ) from error
-            except BaseException:  # a fault of the caller's functions: nobody watches now
-                self._give_up(connection, 'a move was left unwatched')
-                raise
-            finally:
-                self._position.direction = 0
-            return self._to_rest_state(report)
+        motion = Motion(
+            partial(self._begin_move, position_m, speed_m_s),
+            partial(self._stop_move, position_m),
+            partial(self._fail_move, position_m),
+            partial(self._give_up, 'a move was left unwatched'),
+            self._finish,
+            self._brake,
+        )
+        return self._motions.run(motion, on_state, should_stop)
 
     def request_stop(self) -> bool:
-        """Begin to stop at once and return; the running motion ends when at rest.
+        """Begin to stop at once; return whether a motion was running. It ends when at rest."""
+        return self._motions.request_stop()
 
-        Returns
-        -------
-        bool
-            Whether a motion was running.
-        """
-        connection = self._connection
+    # -- homing --------------------------------------------------------------------------
 
-        def act(motion: str) -> None:
-            if connection is not None and motion == 'move':  # homing heeds a reset only,
-                connection.hold()  # which it does by itself
+    def _begin_homing(self) -> _News[float]:
+        connection, settings = self._require_connection()
+        if connection.is_lost:
+            connection.close()
+            self._connection, self._settings = connection, settings = self._open()
 
-        return self._gate.request_stop(act)
+        def home() -> _News[float]:
+            self._position.trouble = HOMING
+            started_s = time.monotonic()
+            connection.reset()
+            timeout_s = settings.compute_homing_timeout_s() + SLACK_S
+            with closing(connection.stream([grbl.HOME], timeout_s, answers_status=False)) as wakes:
+                for _ in wakes:
+                    yield time.monotonic() - started_s
+            self._position.trouble = ''  # before the last look: no later fault is forgotten
+            report = connection.wait_report(REPLY_TIMEOUT_S)
+            position_m = self._position.to_m(report)
+            if position_m is None or not -1e-6 <= position_m <= self._config.travel_m + 1e-6:
+                self._position.trouble = HOMING_FAILED
+                raise MotionFailedError(
+                    f'Homing ended at machine position {report.mpos_mm}, outside of the travel of '
+                    f'{self._config.travel_m} m; check the settings $23, $27 and $130.'
+                )
+            return self._to_rest_state(report)
+
+        return home()
+
+    def _stop_homing(self) -> str:
+        self._position.trouble = HOMING_FAILED
+        self._require_connection()[0].reset()  # a homing cycle heeds nothing else
+        return 'Homing was stopped; home before the next move.'
+
+    def _fail_homing(self, reason: str) -> str:
+        self._position.lose(HOMING_FAILED)
+        return f'Homing failed: {reason}.'
+
+    # -- moves ---------------------------------------------------------------------------
+
+    def _begin_move(self, position_m: float, speed_m_s: float) -> _News[GuideState]:
+        connection, settings = self._require_connection()
+        if not 0.0 <= position_m <= self._config.travel_m:
+            raise MotionRefusedError(
+                f'Position {position_m} m is outside of the travel 0 to {self._config.travel_m} m.'
+            )
+        if not 0.0 < speed_m_s <= self._config.max_speed_m_s:
+            raise MotionRefusedError(
+                f'Speed {speed_m_s} m/s must be above 0 and at most '
+                f'{self._config.max_speed_m_s} m/s.'
+            )
+        state = self.state
+        if self._position.trouble or state is None or state.position_m is None:
+            raise MotionRefusedError(
+                f'The position is unknown: {self.trouble or "no report yet"}; home the guide.'
+            )
+        start_m = state.position_m
+        self._position.direction = 1 if position_m >= start_m else -1
+        track = MotionTrack(start_m, position_m, speed_m_s)
+        expected_s = settings.compute_move_duration_s(position_m - start_m, speed_m_s)
+        piece_s = grbl.compute_piece_s(self._config.run_on_s, connection.planner_blocks)
+        start_mm, end_mm = ((x - self._config.travel_m) * 1e3 for x in (start_m, position_m))
+        pieces = grbl.encode_pieces(start_mm, end_mm, speed_m_s * 1e3, piece_s)
+
+        def move() -> _News[GuideState]:
+            started_s = time.monotonic()
+            connection.reset_override()
+            with closing(connection.stream([grbl.MODES], REPLY_TIMEOUT_S)) as wakes:
+                yield from wakes
+            with closing(connection.stream(pieces, expected_s + SLACK_S)) as wakes:
+                for _ in wakes:
+                    yield self._watch(connection, track)
+            late_s = time.monotonic() - started_s - expected_s
+            report = connection.wait_report(REPLY_TIMEOUT_S)
+            yield None  # so that a stop is heeded before the place is judged
+            rest_m = self._position.to_m(report)
+            is_there = rest_m is not None and abs(rest_m - position_m) <= POSITION_TOLERANCE_M
+            if report.state != 'Idle' or not is_there:
+                raise DeviceRefusedError(f'it ended as {report.state} at {rest_m} m')
+            self.last_move = track.summarise(late_s if late_s > LATE_S else 0.0)
+            if late_s > LATE_S:
+                self.late_moves += 1
+                _logger.warning('the move to %.4f m took %.2f s too long', position_m, late_s)
+            return self._to_rest_state(report)
+
+        return move()
+
+    def _watch(self, connection: GrblConnection, track: MotionTrack) -> GuideState | None:
+        last = self._position.last
+        if last is None or self._motions.is_stopping:  # a stop begins with a hold of our own
+            return None
+        state, arrived_at_ns = last
+        if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
+            raise DeviceRefusedError(f'the controller went to {state.state} by itself')
+        if state.position_m is not None:
+            track.add(arrived_at_ns, state.position_m)
+        if connection.has_stalled:
+            self._motions.unless_stopping(connection.start_cycle)
+        return state
+
+    def _stop_move(self, target_m: float) -> str:
+        connection, _ = self._require_connection()
+        try:
+            connection.hold_and_reset()
+            position_m = self._position.to_m(connection.wait_report(REPLY_TIMEOUT_S))
+        except LinearGuideDriverError as error:
+            self._give_up(str(error))
+            raise MotionFailedError(f'Stopping failed: {error}; home the guide.') from error
+        if self._position.trouble or position_m is None:
+            raise MotionFailedError(
+                f'Stopping lost the position: {self._position.trouble}; home the guide.'
+            )
+        return (
+            f'Stopped at {position_m:.4f} m on the way to {target_m:.4f} m; the position is kept.'
+        )
+
+    def _fail_move(self, target_m: float, reason: str) -> str:
+        self._give_up(reason)
+        return f'The move to {target_m:.4f} m failed: {reason}; home the guide.'
+
+    def _give_up(self, reason: str) -> None:
+        self._position.lose(reason)
+        self._brake()
+
+    def _brake(self) -> None:
+        if self._connection is not None:
+            self._connection.hold()
+
+    def _finish(self) -> None:
+        self._position.direction = 0
+        if self._position.trouble == HOMING:
+            self._position.trouble = HOMING_FAILED
 
     # -- inside --------------------------------------------------------------------------
 
@@ -338,48 +377,6 @@ class LinearGuideClient:
             return self._connection, self._settings
         raise MotionRefusedError('The guide is not connected; connect it first.')
 
-    def _check_move(self, position_m: float, speed_m_s: float) -> float:
-        check_reach(self._config, position_m, speed_m_s)
-        state = self.state
-        if self._position.trouble or state is None or state.position_m is None:
-            raise MotionRefusedError(
-                f'The position is unknown: {self.trouble or "no report yet"}; home the guide.'
-            )
-        return state.position_m
-
-    def _watch(
-        self,
-        connection: GrblConnection,
-        on_state: Callable[[GuideState], None],
-        track: MotionTrack,
-    ) -> None:
-        last = self._position.last
-        if last is None or self._gate.is_stopping:  # a stop begins with a hold of our own
-            return
-        state, arrived_at_ns = last
-        if state.state in ('Hold', 'Door', 'Check', 'Sleep'):
-            raise MotionFailedError(f'the controller went to {state.state} by itself')
-        if state.position_m is not None:
-            track.add(arrived_at_ns, state.position_m)
-        if connection.has_stalled:
-            self._gate.unless_stopping(connection.start_cycle)
-        on_state(state)
-
-    def _come_to_rest(self, connection: GrblConnection, target_m: float) -> NoReturn:
-        try:
-            connection.hold_and_reset()
-            position = mpos_to_m(connection.wait_report(REPLY_TIMEOUT_S), self._config.travel_m)
-        except LinearGuideDriverError as error:
-            self._give_up(connection, str(error))
-            raise MotionFailedError(f'Stopping failed: {error}; home the guide.') from error
-        if self._position.trouble or position is None:
-            raise MotionFailedError(
-                f'Stopping lost the position: {self._position.trouble}; home the guide.'
-            )
-        raise MotionStoppedError(
-            f'Stopped at {position:.4f} m on the way to {target_m:.4f} m; the position is kept.'
-        ) from None
-
     def _to_rest_state(self, report: grbl.StatusReport) -> GuideState:
         """Return the state after a motion; a fault may have come since its last report."""
         state = self._position.to_state(report)
@@ -389,9 +386,66 @@ class LinearGuideClient:
             )
         return state
 
-    def _give_up(self, connection: GrblConnection, reason: str) -> None:
-        self._position.lose(reason)
-        connection.hold()
 
-    def _to_mpos_mm(self, position_m: float) -> float:
-        return (position_m - self._config.travel_m) * 1e3
+class _KnownPosition:
+    """Turns reports into states; a fault makes the position unknown until the next homing.
+
+    ``trouble`` is why the guide must be homed before it can move; empty when it need not.
+    ``direction`` is that of the running move: 1 or -1; 0 when there is none.
+    """
+
+    def __init__(
+        self,
+        travel_m: float,
+        clock_ns: Callable[[], int],
+        on_state: Callable[[GuideState], None],
+        on_trouble: Callable[[str], None],
+    ) -> None:
+        self._travel_m, self._clock_ns = travel_m, clock_ns
+        self._on_state, self._on_trouble = on_state, on_trouble
+        # When it came, by the node's clock and by the monotonic one [ns].
+        self._last: tuple[grbl.StatusReport, int, int] | None = None
+        self.direction = 0
+        self.trouble = ''
+
+    @property
+    def last(self) -> tuple[GuideState, int] | None:
+        """The last state, and when it came by the monotonic clock [ns]; None before the first."""
+        last = self._last
+        return None if last is None else (self._to_state(*last[:2]), last[2])
+
+    def lose(self, reason: str) -> None:
+        """Note why the position is unknown. The first reason is the cause of the others."""
+        self.trouble = self.trouble or reason
+
+    def take_fault(self, reason: str) -> None:
+        """Take a fault of the controller or the line."""
+        if not self.trouble:
+            self.trouble = reason
+            self._on_trouble(reason)
+
+    def take_report(self, report: grbl.StatusReport) -> None:
+        """Take a report of the controller."""
+        if report.state == 'Alarm':
+            self.take_fault('the controller is locked in Alarm')
+        self._last = (report, self._clock_ns(), time.monotonic_ns())
+        try:
+            self._on_state(self._to_state(*self._last[:2]))
+        except Exception:  # the reader must outlive it: it sees alarms and answers
+            _logger.exception('the consumer of the guide states failed')
+
+    def to_m(self, report: grbl.StatusReport) -> float | None:
+        """Return the position in the guide's frame [m]; None when the report has none."""
+        return None if report.mpos_mm is None else report.mpos_mm[0] / 1e3 + self._travel_m
+
+    def to_state(self, report: grbl.StatusReport) -> GuideState:
+        """Return the state that a report tells now."""
+        return self._to_state(report, self._clock_ns())
+
+    def _to_state(self, report: grbl.StatusReport, received_at_ns: int) -> GuideState:
+        return GuideState(
+            position_m=None if self.trouble else self.to_m(report),
+            velocity_m_s=self.direction * (report.feed_mm_min or 0.0) / 60e3,
+            state=report.state,
+            received_at_ns=received_at_ns,
+        )

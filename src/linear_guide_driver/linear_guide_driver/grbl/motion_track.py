@@ -26,15 +26,11 @@ LEAST_REPORTS = 3
 
 
 class MotionSummary(NamedTuple):
-    """How a motion went.
+    """Speed and lag of a motion.
 
-    Attributes
-    ----------
-    mean_speed_m_s : float
-        Slope of a line through the reports at full speed [m/s].
-    lag_s : float
-        Longest time by which it fell behind a motion of the commanded speed: the sum of its
-        pauses and of what it was too slow [s].
+    ``mean_speed_m_s`` is the slope of a line through the reports at full speed [m/s]. ``lag_s``
+    is the longest time by which it fell behind a motion of the commanded speed: the sum of its
+    pauses and of what it was too slow [s].
     """
 
     mean_speed_m_s: float
@@ -42,15 +38,7 @@ class MotionSummary(NamedTuple):
 
 
 class MotionTrack:
-    """Position reports of one motion; add in one thread, read in any.
-
-    Parameters
-    ----------
-    start_m, target_m : float
-        Where it stands and where it shall go [m].
-    speed_m_s : float
-        Commanded speed [m/s].
-    """
+    """Position reports of one motion at a commanded speed; add in one thread, read in any."""
 
     def __init__(self, start_m: float, target_m: float, speed_m_s: float) -> None:
         self._start_m = start_m
@@ -62,7 +50,7 @@ class MotionTrack:
 
     @property
     def is_motion(self) -> bool:
-        """Whether there is a path to move along."""
+        """True when there is a path to move along."""
         return self._path_m > 2 * MOVED_M
 
     def add(self, stamp_ns: int, position_m: float) -> None:

@@ -1,18 +1,21 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grbl 1.1 over a serial line: commands to bytes, bytes to events.
+"""Grbl 1.1 over a serial line: commands to bytes, bytes to events, codes to words.
 
-No IO and no clock. Both directions of the replies are here, because the
-simulated controller writes what this module reads.
+No IO and no clock. A move is cut into short pieces, because Grbl keeps no watch over its line:
+with the driver dead or the cable cut it goes on to the end of what is planned. A piece lasts so
+long that a full planner and a full receive buffer hold ``run_on_s`` of motion, and the
+controller itself sets the pace: it answers a line when there is room for it. Pieces of one
+straight line are joined without braking, as long as the next ones come in time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+import math
 import re
-
-from linear_guide_driver.grbl.codes import describe_alarm, describe_error, STATES
 
 STATUS_QUERY = b'?'
 FEED_HOLD = b'!'
@@ -34,6 +37,73 @@ DWELL = b'G4 P0.010\n'
 MAX_LINE_BYTES = 512
 """Longer lines are no Grbl; the longest known is a build info line of some 150 bytes."""
 
+RECEIVE_BYTES = 127
+"""Bytes of lines that may be unanswered: Grbl's receive buffer holds 128 and drops the rest."""
+
+SHORTEST_PIECE_S = 0.005
+"""Shorter ones keep host and line busy; with more than some 45 planner blocks the controller
+therefore runs on for longer than asked."""
+
+STATES = frozenset(
+    {'Idle', 'Run', 'Hold', 'Jog', 'Alarm', 'Door', 'Check', 'Home', 'Sleep', 'Tool'}
+)
+"""Machine states of a status report; Tool is grblHAL's."""
+
+ERRORS = {
+    1: 'a word has no letter',
+    2: 'a number is missing or malformed',
+    3: 'unknown $ command',
+    4: 'the value is negative',
+    5: 'homing is switched off',
+    6: 'the step pulse is too short',
+    7: 'the EEPROM could not be read; defaults are in use',
+    8: 'the command needs an idle controller',
+    9: 'G-code is locked by an alarm or a jog',
+    10: 'soft limits need homing switched on',
+    11: 'the line is too long',
+    12: 'the step rate is too high',
+    13: 'the safety door is open',
+    14: 'the line is too long to be stored',
+    15: 'the jog leaves the travel',
+    16: 'malformed jog',
+    17: 'laser mode needs PWM output',
+    20: 'unknown or unsupported word',
+    21: 'two words of one modal group',
+    22: 'no feed rate was given',
+    23: 'a word needs an integer value',
+    24: 'two commands want the axis words',
+    25: 'a word is repeated',
+    26: 'axis words are missing',
+    27: 'the line number is out of range',
+    28: 'a required word is missing',
+    29: 'the coordinate system is not supported',
+    30: 'G53 needs G0 or G1',
+    31: 'axis words without a command that uses them',
+    32: 'an arc has no word in its plane',
+    33: 'the target is not valid',
+    34: "the arc's radius is not valid",
+    35: "an arc's offset is missing",
+    36: 'words are left over',
+    37: 'the tool length offset is on another axis',
+    38: 'the tool number is too large',
+}
+
+ALARMS = {
+    1: 'hard limit: a limit switch was hit',
+    2: 'soft limit: the target leaves the travel',
+    3: 'reset while moving: the position is lost',
+    4: 'the probe was in the wrong state at the start',
+    5: 'the probe made no contact',
+    6: 'homing was ended by a reset',
+    7: 'the safety door opened during homing',
+    8: 'homing did not clear the limit switch',
+    9: 'homing did not find the limit switch',
+    10: 'homing did not find the second limit switch of a dual axis',
+}
+
+
+_NO_CODE = 'not a code of Grbl 1.1'
+
 
 # -- events --------------------------------------------------------------------------
 
@@ -50,7 +120,7 @@ class Error:
     code: int
 
     def __str__(self) -> str:
-        return describe_error(self.code)
+        return f'error:{self.code} ({ERRORS.get(self.code, _NO_CODE)})'
 
 
 @dataclass(frozen=True)
@@ -60,31 +130,21 @@ class Alarm:
     code: int
 
     def __str__(self) -> str:
-        return describe_alarm(self.code)
+        return f'ALARM:{self.code} ({ALARMS.get(self.code, _NO_CODE)})'
 
 
 @dataclass(frozen=True)
 class StatusReport:
-    """One answer to ``?``.
+    """One answer to ``?``: machine and work position, one value an axis.
 
-    Attributes
-    ----------
-    state : str
-        One of `grbl_codes.STATES`.
-    substate : int or None
-        The number after the state: Hold:0 is at rest, Hold:1 still braking.
-    mpos_mm, wpos_mm : tuple of float or None
-        Machine and work position, one value an axis [mm]. A report holds one of
-        the two; the decoder adds the other once it knows the work offset.
-    feed_mm_min : float or None
-        Speed now [mm/min].
+    A report holds one of the two; the decoder adds the other once it knows the work offset.
     """
 
-    state: str
-    substate: int | None = None
+    state: str  # one of `STATES`
+    substate: int | None = None  # number after the state: Hold:0 is at rest, Hold:1 still braking
     mpos_mm: tuple[float, ...] | None = None
     wpos_mm: tuple[float, ...] | None = None
-    feed_mm_min: float | None = None
+    feed_mm_min: float | None = None  # speed now
 
 
 @dataclass(frozen=True)
@@ -117,17 +177,44 @@ Event = Ok | Error | Alarm | StatusReport | Setting | Banner | Message
 
 
 def encode_move(mpos_mm: float, feed_mm_min: float) -> bytes:
-    """Return a straight move of the X axis.
+    """Return a straight move of the X axis to a machine position [mm] at a speed [mm/min].
 
-    Parameters
-    ----------
-    mpos_mm : float
-        Target in machine coordinates [mm]; G53 makes it independent of work offsets,
-        which the controller remembers over power cycles.
-    feed_mm_min : float
-        Speed [mm/min].
+    G53 makes it independent of work offsets, which the controller remembers over power cycles.
     """
     return f'G53 G1 X{mpos_mm:.3f} F{feed_mm_min:.3f}\n'.encode()
+
+
+def compute_piece_s(run_on_s: float, planner_blocks: int) -> float:
+    """Return how long one piece of a move lasts [s].
+
+    ``run_on_s`` is the motion that the controller may hold in advance [s], ``planner_blocks``
+    how many moves its planner takes.
+    """
+    waiting_lines = RECEIVE_BYTES // len(encode_move(-100.0, 1000.0))
+    return max(SHORTEST_PIECE_S, run_on_s / (planner_blocks + waiting_lines))
+
+
+def cut_move(start_mm: float, end_mm: float, piece_mm: float) -> Iterator[float]:
+    """Yield where each piece ends [mm], the last one exactly at ``end_mm``.
+
+    ``piece_mm`` is the longest piece [mm].
+    """
+    pieces = max(1, math.ceil(abs(end_mm - start_mm) / piece_mm - 1e-9))
+    for number in range(1, pieces):
+        yield start_mm + (end_mm - start_mm) * number / pieces
+    yield end_mm
+
+
+def encode_pieces(
+    start_mm: float, end_mm: float, speed_mm_s: float, piece_s: float
+) -> Iterator[bytes]:
+    """Yield the lines of a move between machine positions [mm, mm/s], a dwell at its end.
+
+    ``piece_s`` is how long one piece lasts [s].
+    """
+    for mpos_mm in cut_move(start_mm, end_mm, piece_s * speed_mm_s):
+        yield encode_move(mpos_mm, speed_mm_s * 60)
+    yield DWELL
 
 
 # -- replies --------------------------------------------------------------------------
@@ -145,12 +232,7 @@ _FIELD = re.compile(r'([A-Za-z]+):([!-~]*)')
 class GrblDecoder:
     """Turns bytes, in any chunking, into events.
 
-    A line that is not Grbl's is counted and dropped, never guessed at.
-
-    Attributes
-    ----------
-    garbage_lines : int
-        Lines dropped so far.
+    A line that is not Grbl's is dropped, never guessed at, and counted in ``garbage_lines``.
     """
 
     def __init__(self) -> None:

@@ -17,45 +17,27 @@ FEWEST_STEPS_PER_MM = 20.0
 """A step of more than 0.05 mm is felt in a glide, and a move could not end on its target."""
 
 MOST_STEPS_HZ = 30e3
-"""What Grbl's interrupt manages on an 8-bit board; grblHAL runs on faster ones."""
+"""Most that Grbl's interrupt manages on an 8-bit board; grblHAL runs on faster ones."""
 
 
 @dataclass(frozen=True)
 class GuideSettings:
-    """Settings of the X axis, in Grbl's units.
+    """Settings of the X axis, in Grbl's units."""
 
-    Attributes
-    ----------
-    reports_inches, has_soft_limits, has_homing : bool
-        $13, $20, $22.
-    homing_feed_mm_min, homing_seek_mm_min, pull_off_mm : float
-        $24, $25, $27 [mm/min, mm/min, mm].
-    steps_per_mm : float
-        $100 [1/mm].
-    max_rate_mm_min, acceleration_mm_s2, travel_mm : float
-        $110, $120, $130 [mm/min, mm/s^2, mm].
-    """
-
-    reports_inches: bool
-    has_soft_limits: bool
-    has_homing: bool
-    homing_feed_mm_min: float
-    homing_seek_mm_min: float
-    pull_off_mm: float
-    steps_per_mm: float
-    max_rate_mm_min: float
-    acceleration_mm_s2: float
-    travel_mm: float
+    reports_inches: bool  # $13
+    has_soft_limits: bool  # $20
+    has_homing: bool  # $22
+    homing_feed_mm_min: float  # $24
+    homing_seek_mm_min: float  # $25
+    pull_off_mm: float  # $27
+    steps_per_mm: float  # $100
+    max_rate_mm_min: float  # $110
+    acceleration_mm_s2: float  # $120
+    travel_mm: float  # $130
 
     @classmethod
     def from_lines(cls, values: Mapping[int, str]) -> GuideSettings:
-        """Read the answer to ``$$``.
-
-        Raises
-        ------
-        DeviceRefusedError
-            When a setting is missing or no number.
-        """
+        """Read the answer to ``$$``; raises `DeviceRefusedError`, also for what is missing."""
 
         def number(index: int, is_positive: bool = True) -> float:
             try:
@@ -85,20 +67,10 @@ class GuideSettings:
     def check(
         self, config: LinearGuideConfig, build_options: str, *, is_hal: bool = False
     ) -> None:
-        """Refuse settings that would change a motion without an error.
+        """Raise `DeviceRefusedError` for a setting that would change a motion without an error.
 
-        Parameters
-        ----------
-        config : LinearGuideConfig
-        build_options : str
-            The letters of the controller's ``[OPT:`` message.
-        is_hal : bool
-            True for grblHAL.
-
-        Raises
-        ------
-        DeviceRefusedError
-            Names the setting and the value that it needs.
+        ``build_options`` are the letters of the controller's ``[OPT:`` message, ``is_hal`` is
+        True for grblHAL. The error names the setting and the value that it needs.
         """
         if self.reports_inches:
             raise DeviceRefusedError('the controller reports inches; set $13=0')

@@ -1,4 +1,28 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What may move, and what must not. The rules know no IO; `WatchedTopics` feeds them."""
+"""Rules of what may move and what must not. They know no IO; the nodes feed them."""
+
+from linear_guide_driver.safety.liveness import find_silence, SampleLag, TopicWatchdog
+from linear_guide_driver.safety.tendon_safety import (
+    Ending,
+    Order,
+    Pull,
+    SLACK_M,
+    State,
+    TendonSafety,
+    Zero,
+)
+
+__all__ = [
+    'SLACK_M',
+    'Ending',
+    'Order',
+    'Pull',
+    'SampleLag',
+    'State',
+    'TendonSafety',
+    'TopicWatchdog',
+    'Zero',
+    'find_silence',
+]

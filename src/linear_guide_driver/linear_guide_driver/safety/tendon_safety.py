@@ -26,14 +26,13 @@ Four rules hold in every state:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import Enum
 import threading
+from typing import NamedTuple
 
 from linear_guide_driver.errors import capitalise, MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
-from linear_guide_driver.safety.pull import check_pull, Pull
-from linear_guide_driver.safety.states import Ending, Order, State, Zero
-from linear_guide_driver.safety.tension_level import TensionLevel
-from linear_guide_driver.safety.topic_watchdog import find_silence, TopicWatchdog
+from linear_guide_driver.safety.liveness import find_silence, TensionLevel, TopicWatchdog
 
 SLACK_M = 0.0005
 """A tendon wound in less than this counts as slack: the position loop yields a little."""
@@ -46,23 +45,64 @@ SETTLED_NS = 500_000_000
 refutes the zero: samples come later than positions."""
 
 
+class State(Enum):
+    """See the table of `tendon_safety`."""
+
+    FREE = 'free'
+    HOLDING = 'holding'
+    RELEASING = 'releasing'
+
+
+class Order(Enum):
+    """Order to the servo."""
+
+    FOLLOW = 'follow the goal'
+    HOLD = 'hold'
+    RELEASE = 'let out to slack'
+
+
+class Zero(Enum):
+    """Knowledge of the displacement's zero."""
+
+    KNOWN = 'homed, or taken where the sensor read a slack tendon'
+    UNCONFIRMED = 'taken where the tendon came to rest; the sensor has not confirmed it'
+    UNKNOWN = 'unknown'
+
+
+class Ending(Enum):
+    """Reason for which safety has ended a pull."""
+
+    REACHED = 'the stop tension was reached'
+    OVER_LIMIT = 'the limit was exceeded'
+    LOST = 'something needed was lost'
+    STOPPED = 'it was stopped on request'
+
+
+class Pull(NamedTuple):
+    """One pull that is asked for.
+
+    It ends at ``displacement_m`` [m] at the latest, or at ``stop_tension_n`` [N] if that is not 0.
+    ``contact`` is the key of the limits. ``is_homing``: it looks for the zero.
+    """
+
+    displacement_m: float
+    contact: str = 'flexion'
+    stop_tension_n: float = 0.0
+    is_homing: bool = False
+
+    @property
+    def lets_out(self) -> bool:
+        """True for a pull to slack, which never goes further in than the tendon is."""
+        return self.displacement_m <= 0.0 and not self.is_homing
+
+
 class TendonSafety:
     """The state machine. No IO and no clock; thread-safe.
 
     Times are monotonic [ns]. The servo's poll calls `decide` some sixty times a second and
     after each sample that matters, and carries the order out.
 
-    Parameters
-    ----------
-    config : TendonActuatorConfig
-        Limits, time-outs, and whether pulls without samples are allowed.
-    watchdogs : sequence of TopicWatchdog
-        Topics that must be heard while the tendon is taut.
-
-    Attributes
-    ----------
-    limits_n : dict of str to float
-        Tension limit by contact [N].
+    ``watchdogs`` are those of the topics that must be heard while the tendon is taut.
     """
 
     def __init__(
@@ -70,14 +110,14 @@ class TendonSafety:
     ) -> None:
         self._config = config
         self._watchdogs = tuple(watchdogs)
-        self.limits_n = {
+        self._limits_n = {
             'flexion': config.flexion_limit_n,
             'abduction': config.abduction_limit_n,
         }
         self._slack_after_ns = round(config.slack_after_s * 1e9)
         self._lock = threading.RLock()
         # Before the first pull names a contact, the tendon has no business being tight.
-        self._limit_n = min(self.limits_n.values())
+        self._limit_n = min(self._limits_n.values())
         self._level = TensionLevel(config.guard_timeout_s)
         self._state = State.FREE
         self._release_at_ns: int | None = None
@@ -100,33 +140,33 @@ class TendonSafety:
 
     @property
     def reason(self) -> str:
-        """Why the state was entered, as a sentence; empty after a pull was admitted."""
+        """The sentence for which the state was entered; empty after a pull was admitted."""
         return self._reason
 
     @property
     def ending(self) -> Ending | None:
-        """Why safety has ended the present pull; None while it has not."""
+        """The end that safety has put to the present pull; None while it has not."""
         return self._ending
 
     @property
     def is_alarm(self) -> bool:
-        """Whether the state was entered for a reason that nobody has commanded."""
+        """True when the state was entered for a reason that nobody has commanded."""
         return self._state is not State.FREE and self._cause is not Ending.STOPPED
 
     @property
     def is_pulling(self) -> bool:
-        """Whether a pull is under way."""
+        """True while a pull is under way."""
         return self._pull is not None
 
     @property
     def awaits_first(self) -> bool:
-        """Whether a needed topic has not been heard at all yet."""
+        """True while a needed topic has not been heard at all yet."""
         no_sample = self._level.latest_n is None and not self._config.unguarded
         return no_sample or not all(watchdog.was_heard for watchdog in self._watchdogs)
 
     @property
     def zero(self) -> Zero:
-        """What is known of the zero."""
+        """Knowledge of the zero."""
         return self._zero
 
     @property
@@ -137,7 +177,7 @@ class TendonSafety:
     @property
     def strictest_contact(self) -> str:
         """The contact with the lowest limit."""
-        return min(self.limits_n, key=lambda contact: self.limits_n[contact])
+        return min(self._limits_n, key=self._limits_n.__getitem__)
 
     @property
     def slack_m(self) -> float:
@@ -157,9 +197,9 @@ class TendonSafety:
         """Return the latest tension [N]; None when valid samples do not arrive."""
         return self._level.latest_n if self._level.is_live(now_ns) else None
 
-    def describe_silence(self, now_ns: int) -> str:
+    def format_silence(self, now_ns: int) -> str:
         """Return how the samples fail to be live, within a sentence; empty when they are."""
-        return self._level.describe_silence(now_ns)
+        return self._level.format_silence(now_ns)
 
     def is_slack(self, displacement_m: float, now_ns: int) -> bool:
         """Return whether the tendon counts as slack at this displacement [m]."""
@@ -218,24 +258,35 @@ class TendonSafety:
 
     # -- what is asked ---------------------------------------------------------------------
 
-    def admit(self, pull: Pull, start_m: float, now_ns: int, fault: str = '') -> None:
-        """Let a pull begin; or refuse it and change nothing.
-
-        Parameters
-        ----------
-        pull : Pull
-        start_m : float
-            Displacement now, read under the bus's lock [m]: it tells whether the pull winds in.
-        now_ns : int
-        fault : str
-            Fault of the servo, which must not wind in then, as a sentence.
+    def check_pull(self, pull: Pull) -> float:
+        """Return the tension limit of a pull's contact [N].
 
         Raises
         ------
         MotionRefusedError
+            When the contact is unknown or a tension is out of range.
+        """
+        limit_n = self._limits_n.get(pull.contact)
+        if limit_n is None:
+            names = ', '.join(self._limits_n)
+            raise MotionRefusedError(
+                f'Contact "{pull.contact}" is unknown; it must be one of {names}.'
+            )
+        if not 0.0 <= pull.stop_tension_n <= limit_n:
+            raise MotionRefusedError(
+                f'Stop tension {pull.stop_tension_n} N must be between 0 and the {pull.contact} '
+                f'limit of {limit_n} N.'
+            )
+        return limit_n
+
+    def admit(self, pull: Pull, start_m: float, now_ns: int, fault: str = '') -> None:
+        """Let a pull begin, or raise `MotionRefusedError` and change nothing.
+
+        ``start_m`` is the displacement now, read under the bus's lock [m]: it tells whether the
+        pull winds in. With ``fault``, a sentence, of the servo it must not.
         """
         with self._lock:
-            limit_n = self._limit_n if pull.lets_out else check_pull(pull, self.limits_n)
+            limit_n = self._limit_n if pull.lets_out else self.check_pull(pull)
             self._confirm_zero(start_m, now_ns)
             winds_in = not pull.lets_out and (pull.is_homing or pull.displacement_m > start_m)
             if winds_in:
@@ -288,7 +339,7 @@ class TendonSafety:
             if self._level.is_above(self._limit_n, now_ns):
                 self._enter(
                     State.RELEASING,
-                    f'{self._level.describe_above(self._limit_n)}: the tendon is let out.',
+                    f'{self._level.format_above(self._limit_n)}: the tendon is let out.',
                     Ending.OVER_LIMIT,
                 )
             elif self._state is not State.FREE and is_slack and self._pull is None:
@@ -340,7 +391,7 @@ class TendonSafety:
         needs_samples = self._needs_samples(self._pull or Pull(0.0))
         if silence := find_silence(self._watchdogs, now_ns):
             return silence
-        silence = self._level.describe_silence(now_ns) if needs_samples else ''
+        silence = self._level.format_silence(now_ns) if needs_samples else ''
         return silence and f'{capitalise(silence)}; look after the tendon sensor.'
 
     def _confirm_zero(self, displacement_m: float, now_ns: int) -> None:
@@ -371,13 +422,13 @@ class TendonSafety:
     def _find_obstacle(self, needs_samples: bool, limit_n: float, now_ns: int) -> str:
         if silence := find_silence(self._watchdogs, now_ns):
             return silence
-        if needs_samples and (silence := self._level.describe_silence(now_ns)):
+        if needs_samples and (silence := self._level.format_silence(now_ns)):
             return (
                 f'Winding in needs the tendon sensor and {silence}; start the sensor, or set '
                 'the parameter unguarded to true for plain pulls.'
             )
         if self._level.is_above(limit_n, now_ns):
-            return f'{self._level.describe_above(limit_n)}; let the tendon out first.'
+            return f'{self._level.format_above(limit_n)}; let the tendon out first.'
         return ''
 
     def _needs_samples(self, pull: Pull) -> bool:

@@ -17,9 +17,10 @@ from linear_guide_driver import (
     MotionStoppedError,
     TendonActuatorClient,
 )
-from linear_guide_driver.dynamixel import registers, servo_goals, tendon_client, tendon_setup
+from linear_guide_driver.dynamixel import registers, tendon_client
+from linear_guide_driver.dynamixel import servo as tendon_servo
 from linear_guide_driver.dynamixel.bus import DynamixelBus, SilentServoError
-from linear_guide_driver.safety.states import State
+from linear_guide_driver.safety import State
 from tactile_testing.waiting import wait_until
 
 
@@ -231,6 +232,14 @@ def test_a_stop_before_the_goal_is_written_moves_nothing(tendon, servo):
     assert len(servo.writes) == count
 
 
+def test_a_stop_while_the_pull_waits_for_the_bus_moves_nothing(tendon, servo):
+    count = len(servo.writes)
+    answers = iter([False])  # at the begin; True when the bus's lock is held
+    with pytest.raises(MotionStoppedError, match='before it began'):
+        tendon.pull_to(0.01, should_stop=lambda: next(answers, True))
+    assert len(servo.writes) == count
+
+
 def test_a_pull_whose_watcher_fails_is_held(tendon, servo):
     def on_state(state):
         if state.displacement_m > 0.001:
@@ -251,7 +260,7 @@ def test_a_failing_consumer_of_states_does_not_end_the_poll(connect, servo):
 
 
 def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, monkeypatch):
-    monkeypatch.setattr(tendon_setup, 'CONNECT_S', 0.0)
+    monkeypatch.setattr(tendon_servo, 'CONNECT_S', 0.0)
     for change, text in (
         ({'port': '/dev/does-not-exist'}, 'cannot open'),
         ({'baud': 1_250_000}, 'does not know 1250000 baud'),
@@ -264,7 +273,7 @@ def test_missing_port_wrong_baud_and_absent_servo_are_told_apart(config, monkeyp
 def test_a_pull_that_is_told_to_stop_by_a_release_does_not_hold_the_tendon_first(
     tendon, servo, monkeypatch
 ):
-    monkeypatch.setattr(servo_goals, 'POLL_WAIT_S', 0.1)
+    monkeypatch.setattr(tendon_client, 'POLL_WAIT_S', 0.1)
     told, asked = threading.Event(), threading.Event()
 
     def should_stop():

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the tendon's driver does when servo, bus or the driver itself fail."""
+"""The tendon's driver when servo, bus or the driver itself fail."""
 
 import time
 
@@ -11,7 +11,7 @@ import pytest
 
 from linear_guide_driver import MotionFailedError, MotionRefusedError
 from linear_guide_driver.dynamixel import registers
-from linear_guide_driver.safety.states import Zero
+from linear_guide_driver.safety import Zero
 from tactile_testing.waiting import wait_until
 
 COUNT_M = 2 * 3.141592653589793 * 0.01 / 4096

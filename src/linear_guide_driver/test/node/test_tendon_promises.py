@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What docs/motion.md promises of the tendon, through the real node and real bytes."""
+"""Promises of docs/motion.md about the tendon, through the real node and real bytes."""
 
 import threading
 
@@ -8,7 +8,7 @@ import pytest
 from topic_peers import Peers
 
 from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
-from linear_guide_driver.safety.states import Zero
+from linear_guide_driver.safety import Zero
 from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
 from tactile_msgs.action import PullTendon
 from tactile_msgs.msg import Readiness, StrainBlock

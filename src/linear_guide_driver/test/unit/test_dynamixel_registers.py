@@ -66,9 +66,9 @@ def test_the_polled_block_by_hand():
 
 
 def test_error_words():
-    assert registers.describe_hardware_error(0x24) == 'overheating and overload'
-    assert registers.describe_hardware_error(0x41) == (
+    assert registers.format_hardware_error(0x24) == 'overheating and overload'
+    assert registers.format_hardware_error(0x41) == (
         'supply voltage out of range and unknown bits 0x40'
     )
-    assert registers.describe_status_error(0x80 | 7) == 'the register cannot be written now'
-    assert registers.describe_status_error(0x35) == 'unknown error 53'
+    assert registers.format_status_error(0x80 | 7) == 'the register cannot be written now'
+    assert registers.format_status_error(0x35) == 'unknown error 53'

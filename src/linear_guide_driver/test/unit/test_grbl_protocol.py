@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 import pytest
 
 from linear_guide_driver.grbl import protocol as grbl
-from linear_guide_driver.grbl.codes import describe_alarm, describe_error, STATES
 from linear_guide_driver.grbl.protocol import (
     Alarm,
     Banner,
@@ -19,6 +18,7 @@ from linear_guide_driver.grbl.protocol import (
     Message,
     Ok,
     Setting,
+    STATES,
     StatusReport,
 )
 
@@ -160,6 +160,6 @@ def test_commands():
 
 @pytest.mark.parametrize('code', [9, 22])
 def test_codes_have_a_meaning_and_unknown_ones_say_so(code):
-    assert 'not a code' not in describe_error(code)
-    assert describe_error(99) == 'error:99 (not a code of Grbl 1.1)'
-    assert describe_alarm(99) == 'ALARM:99 (not a code of Grbl 1.1)'
+    assert 'not a code' not in str(Error(code))
+    assert str(Error(99)) == 'error:99 (not a code of Grbl 1.1)'
+    assert str(Alarm(99)) == 'ALARM:99 (not a code of Grbl 1.1)'

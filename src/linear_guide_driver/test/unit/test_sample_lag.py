@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver.safety.sample_lag import SampleLag
+from linear_guide_driver.safety import SampleLag
 
 MS = 1_000_000
 S = 1000 * MS

@@ -6,10 +6,15 @@ import pytest
 
 from linear_guide_driver.errors import MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
-from linear_guide_driver.safety.pull import Pull
-from linear_guide_driver.safety.states import Ending, Order, State, Zero
-from linear_guide_driver.safety.tendon_safety import TendonSafety
-from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
+from linear_guide_driver.safety import (
+    Ending,
+    Order,
+    Pull,
+    State,
+    TendonSafety,
+    TopicWatchdog,
+    Zero,
+)
 
 MS = 1_000_000
 CONFIG = TendonActuatorConfig(guard_timeout_s=0.25, slack_after_s=2.0)

@@ -17,20 +17,10 @@ import pytest
 from virtual_servo import VirtualBus, VirtualTime
 
 from linear_guide_driver import TendonActuatorClient, TendonActuatorConfig
-from linear_guide_driver.dynamixel import (
-    goal_writer,
-    registers,
-    servo_goals,
-    servo_monitor,
-    tendon_client,
-    tendon_setup,
-)
+from linear_guide_driver.dynamixel import registers, servo, servo_monitor, tendon_client
 from linear_guide_driver.dynamixel.servo_monitor import ServoMonitor
 from linear_guide_driver.errors import LinearGuideDriverError, MotionRefusedError
-from linear_guide_driver.safety.pull import Pull
-from linear_guide_driver.safety.states import Order, Zero
-from linear_guide_driver.safety.tendon_safety import SLACK_M
-from linear_guide_driver.safety.topic_watchdog import TopicWatchdog
+from linear_guide_driver.safety import Order, Pull, SLACK_M, TopicWatchdog, Zero
 
 SEQUENCES = int(os.environ.get('TENDON_SEQUENCES', '30'))
 POLL_S = 0.016
@@ -65,15 +55,12 @@ class Tendon(RuleBasedStateMachine):
             watchdog_s=0.2,
         )
         self.patch = pytest.MonkeyPatch()
-        for module in (goal_writer, servo_goals, servo_monitor, tendon_client, tendon_setup):
-            if hasattr(module, 'time'):
-                self.patch.setattr(module, 'time', self.time)
-        self.patch.setattr(servo_goals, 'open_servo', self.open_servo)
+        for module in (servo, servo_monitor, tendon_client):
+            self.patch.setattr(module, 'time', self.time)
+            self.patch.setattr(module, '_logger', SilentLogger())
+        self.patch.setattr(tendon_client, 'open_servo', self.open_servo)
         self.patch.setattr(ServoMonitor, 'start', lambda _: None)
         self.patch.setattr(ServoMonitor, 'wait_poll', lambda *_: self.poll())
-        self.patch.setattr(servo_goals, '_logger', SilentLogger())
-        self.patch.setattr(servo_monitor, '_logger', SilentLogger())
-        self.patch.setattr(tendon_setup, '_logger', SilentLogger())
         self.peers = [TopicWatchdog(name, 0.2) for name in ('runner', 'guide')]
         self.pull = None  # that began, and may wind in
         self.wrong_goal = None
@@ -98,7 +85,7 @@ class Tendon(RuleBasedStateMachine):
 
     def open_servo(self, config):
         self.bus.open()
-        return self.bus, tendon_setup.set_up_servo(self.bus, config)
+        return self.bus, servo.set_up_servo(self.bus, config)
 
     def teardown(self):
         if hasattr(self, 'patch'):
@@ -203,7 +190,8 @@ class Tendon(RuleBasedStateMachine):
     def begin(self, pull):
         self.pull = pull
         try:
-            _, _, self.goal_m = self.client._begin(pull, SPEED_M_S, lambda: False)
+            self.client._begin(pull, SPEED_M_S)
+            self.goal_m = self.client._goal_m
         except MotionRefusedError:
             self.pull = None
             lets_out = not pull.is_homing and pull.displacement_m <= max(0.0, self.at_m)

@@ -12,7 +12,7 @@ from typing import Any
 
 from linear_guide_driver.dynamixel import registers
 from linear_guide_driver.dynamixel.bus import DynamixelBus
-from linear_guide_driver.dynamixel.tendon_setup import arm_watchdog, set_up_servo
+from linear_guide_driver.dynamixel.servo import arm_watchdog, set_up_servo
 from linear_guide_driver.errors import LinearGuideDriverError
 from linear_guide_driver.grbl.guide_client import LinearGuideClient
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
@@ -148,7 +148,7 @@ def _read_servo(bus: DynamixelBus, facts: dict[str, Any]) -> list[Problem]:
     voltage_v = bus.read(registers.PRESENT_VOLTAGE) * registers.VOLTAGE_UNIT_V
     temperature_c = bus.read(registers.PRESENT_TEMPERATURE)
     error = bus.read(registers.HARDWARE_ERROR)
-    words = registers.describe_hardware_error(error) if error else 'none'
+    words = registers.format_hardware_error(error) if error else 'none'
     facts |= {
         'voltage [V]': round(voltage_v, 1),
         'temperature [C]': temperature_c,

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.time import Time
 
-from linear_guide_driver.grbl import guide_client
+from linear_guide_driver.grbl import protocol
 from tactile_bringup.launch_config.graph import ModelChoice, NodeDescription, Ports, rig_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_bringup.nodes.operator_node import OperatorNode
@@ -281,7 +281,7 @@ def test_a_sensor_that_dies_in_the_hold_fails_the_trial(rig, context):
 
 
 def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(rig, context, monkeypatch):
-    encode_pieces = guide_client.encode_pieces
+    encode_pieces = protocol.encode_pieces
 
     def encode_and_pause(start_mm, end_mm, speed_mm_s, piece_s):
         for number, line in enumerate(encode_pieces(start_mm, end_mm, speed_mm_s, piece_s)):
@@ -289,7 +289,7 @@ def test_a_glide_that_pauses_because_its_host_does_fails_the_trial(rig, context,
                 time.sleep(0.6)  # the pause is what is tested: longer than run_on_s
             yield line
 
-    monkeypatch.setattr(guide_client, 'encode_pieces', encode_and_pause)
+    monkeypatch.setattr(protocol, 'encode_pieces', encode_and_pause)
     with running_rig(rig, context) as (operator, watcher, nodes):
         operator.home_guide()
         rig.mount('texture', 'R1', 'flexion')

@@ -241,15 +241,18 @@ def nodes_of_one_process(case, context, *, has_sensor):
         for name in ('tactile_features', 'slip_detector'):
             nodes[name].is_fed_by_calls = True
         nodes['tactile_features'].emit_event = nodes['slip_detector'].add_event
+    detected = []
+    take_event = nodes['tactile_features'].emit_event
+    nodes['tactile_features'].emit_event = lambda event: (detected.append(event), take_event(event))
     for node in nodes.values():
         assert node.bring_up()
     with NodeGroup(nodes.values(), context=context):
-        yield nodes
+        yield nodes, detected
 
 
 def run_in_one_process(case, context, expected, *, has_sensor):
     player = Player(context)
-    with nodes_of_one_process(case, context, has_sensor=has_sensor) as nodes:
+    with nodes_of_one_process(case, context, has_sensor=has_sensor) as (nodes, detected):
         features, slip = nodes['tactile_features'], nodes['slip_detector']
         player.wait(lambda: player.is_matched(0 if has_sensor else 2))
 
@@ -261,7 +264,12 @@ def run_in_one_process(case, context, expected, *, has_sensor):
         def has_taken(blocks, events):
             extractor = features.extractor
             taken = extractor.block_count, extractor.event_count
-            return taken == (blocks, events) and slip.stage._block_count == blocks
+            return (
+                taken == (blocks, events)
+                and slip.stage._block_count == blocks
+                # A topic keeps the last 16 alone.
+                and len(player.found['tactile_features/detected_events']) == len(detected)
+            )
 
         take = call if has_sensor else lambda message: player.strain.publish(message.data)
         found = player.send(case, take, has_taken, expected)

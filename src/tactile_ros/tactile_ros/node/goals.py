@@ -44,7 +44,7 @@ class GoalCanceled(GoalEnd):
 
 
 class Goal:
-    """What the worker of one goal sees of it.
+    """One goal, as its worker sees it.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class GoalRunner:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a goal runs, or has ended and its client does not know yet."""
+        """True while a goal runs, or has ended and its client does not know yet."""
         return self._goal is not None
 
     def end_goal(self) -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver.grbl.codes import ERRORS
+from linear_guide_driver.grbl.protocol import ERRORS
 from tactile_sim.descriptions.catalogue import default_catalogue
 from tactile_sim.devices.grbl.grbl_device import GrblDevice
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Brings a Dynamixel servo into the state in which it may pull a tendon."""
+"""The tendon's servo: set up so that it may pull, then moved in lengths of tendon."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from linear_guide_driver.errors import (
     DeviceRefusedError,
     LinearGuideDriverError,
 )
-from linear_guide_driver.records import TendonActuatorConfig
+from linear_guide_driver.records import TendonActuatorConfig, TendonState
 
 SETTLING_S = 3.0
 SETTLING_PERIOD_S = 0.1
@@ -32,36 +32,26 @@ CONNECT_PAUSE_S = 0.2
 REBOOT_S = 3.0
 """A restarted servo is silent for some 0.3 s."""
 
-_logger = logging.getLogger(__name__)
-
-
 SLACK_BELOW_M = 0.001
 """A tendon found this far below its zero cannot be one that was wound in from it."""
 
 ZERO_COUNTS = 2
 """A zero that is off by so little is not written again: the EEPROM wears out."""
 
+_logger = logging.getLogger(__name__)
+
 
 class ServoSetup(NamedTuple):
     """A servo that is ready and holds its position; its count is 0 where the tendon is slack.
 
-    Attributes
-    ----------
-    identification : str
-        Model and firmware.
-    velocity_limit : int
-        In the servo's units.
-    temperature_limit_c : int
-        [degree Celsius]
-    was_held : bool
-        The servo was holding a tendon: a driver has ended without letting it out.
-    is_zero_kept : bool
-        The zero is the one that the earlier driver has written, and the servo has not lost
-        power since. Otherwise it is where the tendon came to rest with the torque off.
+    ``was_held`` tells that the servo was holding a tendon: a driver has ended without letting it
+    out. ``is_zero_kept`` tells that the zero is the one that this driver has written, and the
+    servo has not lost power since. Otherwise it is where the tendon came to rest with the torque
+    off.
     """
 
-    identification: str
-    velocity_limit: int
+    identification: str  # model and firmware
+    velocity_limit: int  # in the servo's units
     temperature_limit_c: int
     was_held: bool
     is_zero_kept: bool
@@ -70,10 +60,7 @@ class ServoSetup(NamedTuple):
 def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
     """Open the bus and set the servo up; ask again for `CONNECT_S` if it does not answer.
 
-    Raises
-    ------
-    DeviceConnectionError, DeviceRefusedError
-        As `set_up_servo`; the bus is closed.
+    Raises `DeviceConnectionError`, and what `set_up_servo` raises; the bus is closed then.
     """
     deadline_s = time.monotonic() + CONNECT_S
     while True:
@@ -96,13 +83,8 @@ def open_servo(config: TendonActuatorConfig) -> tuple[DynamixelBus, ServoSetup]:
 def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
     """Check the servo, set its mode, limits and zero, hold it where it stands.
 
-    Raises
-    ------
-    DeviceConnectionError
-        When the servo does not answer.
-    DeviceRefusedError
-        When it is not a supported servo, is too old, reports a hardware error that a
-        restart does not end, or its limits are below those of the configuration.
+    Raises `DeviceRefusedError` when it is not a supported servo, is too old, reports a hardware
+    error that a restart does not end, or its limits are below those of the configuration.
     """
     identification = _check_servo(bus, config.device_id)
     velocity_limit = bus.read(registers.VELOCITY_LIMIT)
@@ -133,7 +115,7 @@ def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
         ):
             if bus.read(register) != value:  # EEPROM wears out
                 bus.write(register, value)
-        write_zero(bus)
+        _write_zero(bus)
     # A change of mode resets these, so they come after it.
     bus.write(registers.GOAL_CURRENT, current)
     bus.write(registers.PROFILE_ACCELERATION, 0)
@@ -144,16 +126,12 @@ def set_up_servo(bus: DynamixelBus, config: TendonActuatorConfig) -> ServoSetup:
     return ServoSetup(identification, velocity_limit, temperature_limit_c, was_held, is_zero_kept)
 
 
-def write_zero(bus: DynamixelBus, zero_counts: int | None = None) -> None:
+def _write_zero(bus: DynamixelBus, zero_counts: int | None = None) -> None:
     """Make a position the servo's zero, in its homing offset; the torque must be off.
 
     The servo keeps its position over turns for as long as it has power, and its torque is off
     after it has lost it. So a torque that is on proves that the zero still holds.
-
-    Parameters
-    ----------
-    zero_counts : int, optional
-        In the present count; the present position when left out.
+    ``zero_counts`` is in the present count; the present position when left out.
     """
     if zero_counts is None:
         zero_counts = bus.read(registers.PRESENT_POSITION)
@@ -192,7 +170,7 @@ def _check_servo(bus: DynamixelBus, device_id: int) -> str:
             f'{registers.FIRMWARE_WITH_WATCHDOG} or later'
         )
     if word := bus.read(registers.HARDWARE_ERROR):
-        _reboot(bus, device_id, registers.describe_hardware_error(word))
+        _reboot(bus, device_id, registers.format_hardware_error(word))
     if bus.read(registers.STATUS_RETURN_LEVEL) != registers.STATUS_ALWAYS:
         raise DeviceRefusedError(
             f'servo {device_id} does not answer every instruction; set its status return level '
@@ -216,7 +194,7 @@ def _reboot(bus: DynamixelBus, device_id: int, words: str) -> None:
                 raise
     if word:
         raise DeviceRefusedError(
-            f'servo {device_id} has shut down: {registers.describe_hardware_error(word)}, and a '
+            f'servo {device_id} has shut down: {registers.format_hardware_error(word)}, and a '
             'restart did not help; remove the cause, let it cool, and configure the driver again'
         )
 
@@ -232,3 +210,117 @@ def _wait_settled(bus: DynamixelBus) -> None:
             return
         last = now
     raise DeviceRefusedError('the tendon does not come to rest with the torque off')
+
+
+class TendonServo:
+    """Registers of one servo as displacements; its count is 0 where the tendon is slack.
+
+    Hold ``bus.lock`` around calls that belong together.
+    """
+
+    def __init__(self, bus: DynamixelBus, config: TendonActuatorConfig) -> None:
+        self.bus = bus
+        self._config = config
+        self._sign = -1 if config.reverse else 1
+        self._goal_counts: int | None = None  # the last one, if the servo has acknowledged it
+        self._lets_out = False  # whether the last goal must not wind in
+
+    def read_displacement_m(self) -> float:
+        """Return the present displacement [m]."""
+        return self._to_displacement_m(self.bus.read(registers.PRESENT_POSITION))
+
+    def is_locked(self) -> bool:
+        """Return whether the servo's watchdog has locked its goals."""
+        return self.bus.read(registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
+
+    def write_goal(
+        self, displacement_m: float, velocity: int | None = None, *, lets_out: bool = False
+    ) -> None:
+        """Wind to a displacement [m] at a velocity in the servo's units.
+
+        With ``lets_out`` a tendon that is further out already is held there.
+        """
+        if velocity is not None:
+            self.bus.write(registers.PROFILE_VELOCITY, velocity)
+        if lets_out:
+            displacement_m = min(displacement_m, self.read_displacement_m())
+        self._write_counts(self._to_counts(displacement_m), lets_out=lets_out)
+
+    def write_hold(self) -> None:
+        """Hold where the servo stands."""
+        self._write_counts(self.bus.read(registers.PRESENT_POSITION), lets_out=True)
+
+    def has_missed_goal(self, goal_counts: int) -> bool:
+        """Return whether the servo, polled after the last write, holds another goal than that.
+
+        The protocol does not number its packets. If the answer to one write comes late and the
+        packet of the next write is lost, the late answer seems to acknowledge that one.
+        """
+        return self._goal_counts not in (None, goal_counts)
+
+    def repeat_goal(self, *, lets_out: bool) -> None:
+        """Write the last goal again; with ``lets_out`` do not wind in, whatever it was."""
+        if self._goal_counts is not None:
+            displacement_m = self._to_displacement_m(self._goal_counts)
+            self.write_goal(displacement_m, lets_out=lets_out or self._lets_out)
+
+    def unlock(self) -> None:
+        """Unlock goals that the watchdog has locked, with the goal where the servo stands."""
+        self.bus.write(registers.BUS_WATCHDOG, 0)
+        self.write_hold()
+        arm_watchdog(self.bus, self._config.watchdog_s)
+
+    def restore(self) -> ServoSetup | None:
+        """Open a lost line again; set the servo up if its torque went off, and return that.
+
+        A torque that has stayed on proves that the servo kept its zero.
+        """
+        self.bus.open()
+        is_kept = (
+            self.bus.read(registers.TORQUE_ENABLE) != 0
+            and self.bus.read(registers.OPERATING_MODE) == registers.MODE_CURRENT_BASED_POSITION
+        )
+        if is_kept or self.bus.read(registers.HARDWARE_ERROR):  # the poll tells the error
+            return None
+        self._goal_counts = None  # or it would seem to be missed, and be written again
+        return set_up_servo(self.bus, self._config)
+
+    def switch_off(self) -> None:
+        """Switch the torque off and close the bus."""
+        with suppress(LinearGuideDriverError):
+            self.bus.write(registers.TORQUE_ENABLE, 0)
+            self.bus.write(registers.BUS_WATCHDOG, 0)
+        self.bus.close()
+
+    def write_zero(self, displacement_m: float) -> None:
+        """Make a displacement the servo's zero [m]; the torque is off for some milliseconds."""
+        self.bus.write(registers.BUS_WATCHDOG, 0)
+        self.bus.write(registers.TORQUE_ENABLE, 0)
+        _write_zero(self.bus, self._to_counts(displacement_m))
+        self.write_hold()
+        self.bus.write(registers.TORQUE_ENABLE, 1)
+        arm_watchdog(self.bus, self._config.watchdog_s)
+
+    def to_state(self, servo: registers.ServoState, received_at_ns: int) -> TendonState:
+        """Return a polled state in lengths of tendon."""
+        radius_m = self._config.pulley_radius_m
+        return TendonState(
+            displacement_m=self._to_displacement_m(servo.position_counts),
+            velocity_m_s=self._sign * registers.velocity_to_m_s(servo.velocity, radius_m),
+            current_a=self._sign * registers.current_to_a(servo.current),
+            voltage_v=servo.voltage * registers.VOLTAGE_UNIT_V,
+            temperature_c=float(servo.temperature_c),
+            received_at_ns=received_at_ns,
+        )
+
+    def _write_counts(self, goal_counts: int, *, lets_out: bool) -> None:
+        self._goal_counts = None  # not known if the servo does not answer
+        self._lets_out = lets_out
+        self.bus.write(registers.GOAL_POSITION, goal_counts)
+        self._goal_counts = goal_counts
+
+    def _to_counts(self, displacement_m: float) -> int:
+        return self._sign * registers.m_to_counts(displacement_m, self._config.pulley_radius_m)
+
+    def _to_displacement_m(self, position_counts: int) -> float:
+        return self._sign * registers.counts_to_m(position_counts, self._config.pulley_radius_m)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from linear_guide_driver.grbl.guide_path import compute_piece_s, cut_move, encode_pieces
+from linear_guide_driver.grbl.protocol import compute_piece_s, cut_move, encode_pieces
 
 
 def test_a_full_planner_and_receive_buffer_hold_what_was_asked_for():
