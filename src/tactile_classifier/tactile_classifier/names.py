@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What there are classifiers for, how their nodes are named, and titles for people."""
+"""Names of the classifier nodes in recordings of 0.1, and titles for people."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class FeatureSpec:
 
     @property
     def missing_parameters(self) -> tuple[str, ...]:
-        """What a feature node's specification states and this one does not."""
+        """Parameters that a feature node's specification states and this one does not."""
         found = find_feature_set(self.feature_set)
         names = (*found.cut, *found.options) if found else ()
         return tuple(name for name in names if name not in self.parameters)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the node says in messages that others know: diagnostics, vision_msgs."""
+"""Outputs of the node in messages of others: diagnostics, vision_msgs."""
 
 from functools import partial
 import importlib.util

@@ -74,7 +74,7 @@ def typestore():
 
 @pytest.fixture(params=['rclpy', 'rosbags'])
 def read(request, typestore):
-    """What a library makes of a message that has been sent."""
+    """Return a sent message as a library reads it."""
 
     def read(msg):
         data = serialize_message(msg)
