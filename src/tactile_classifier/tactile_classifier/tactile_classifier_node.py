@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from tactile_classifier.answering import Answering
 from tactile_classifier.conversions import classification_to_msg, model_infos_to_msg
 from tactile_classifier.model_file.model_set import ModelSet
-from tactile_classifier.records import ClassificationResult, ClassifierConfig, ModelInfos, Outcome
+from tactile_classifier.records import ClassifierConfig, ModelInfos
 from tactile_classifier.vision import vision_class, vision_from_msg
 from tactile_features.conversions import (
     feature_window_from_msg,
@@ -18,7 +19,6 @@ from tactile_features.conversions import (
     specifications_from_msg,
 )
 from tactile_features.records import FeatureWindow
-from tactile_features.records import Outcome as FeatureOutcome
 from tactile_msgs.msg import Classification, FeatureSpecifications, TactileFeatures
 from tactile_msgs.msg import ModelInfos as ModelInfosMsg
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
@@ -28,7 +28,7 @@ from tactile_ros.node.stage_node import StageNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, RESULTS
 
-FEATURE_TOPICS = ('tactile_features/features', 'tactile_features/partial_features')
+FEATURES_TOPIC, PARTIAL_TOPIC = 'tactile_features/features', 'tactile_features/partial_features'
 SPECIFICATIONS_TOPIC = 'tactile_features/specifications'
 
 LOG_PERIOD_S = 10.0
@@ -45,13 +45,8 @@ class ClassifierStage:
 
     Attributes
     ----------
-    models : ModelSet
-    window_count, answer_count, partial_count : int
-        Full windows that came while the node was active; answers on them; answers on partial ones.
-    ignored_count : int
-        Full windows that no model is for.
-    refused_count : int
-        Answers, partial ones too, that only say why a window with features fits no model.
+    answering : Answering
+        The core, with its counters.
 
     Raises
     ------
@@ -61,42 +56,36 @@ class ClassifierStage:
 
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:
         self._node = node
-        self.models = models = ModelSet.load(
-            config.models, config.contact, config.recalibration_trials
-        )
-        log = node.get_logger()
-        for model in models.models:
-            log.info(f'{model.model_id} knows {", ".join(model.labels)}')
-        for sentence in models.refused:
-            log.error(sentence)
-        self.window_count = self.answer_count = self.partial_count = 0
-        self.ignored_count = self.refused_count = 0
-        self._mismatch = ''
-        self._recalibrated_with: dict[str, int] = {}
-        self._decided_trials: dict[str, tuple[str, int]] = {}  # by model
-        self._answers, self._partial_answers = (
-            RecordPublisher(node, Classification, topic, classification_to_msg, RESULTS)
-            for topic in ('~/classification', '~/partial_classification')
-        )
-        self._vision: RecordPublisher | None = None
+        models = ModelSet.load(config.models, config.contact, config.recalibration_trials)
+        self.answering = Answering(models)
+        self._log_models(models)
+        self._publishers = [self._make_publisher('~/classification')]
         if config.vision_messages:
-            self._vision = RecordPublisher(
-                node,
-                vision_class(),
-                '~/vision_classification',
-                lambda result: vision_from_msg(classification_to_msg(result)),
-                RESULTS,
+            self._publishers.append(
+                RecordPublisher(
+                    node,
+                    vision_class(),
+                    '~/vision_classification',
+                    lambda result: vision_from_msg(classification_to_msg(result)),
+                    RESULTS,
+                )
             )
-        self._infos = node.create_publisher(ModelInfosMsg, '~/models', LATEST)  # a state
+        self._partial_publishers: list[RecordPublisher] = []
+        topics = [FEATURES_TOPIC]
+        if models.partial_samples:
+            self._partial_publishers.append(self._make_publisher('~/partial_classification'))
+            topics.append(PARTIAL_TOPIC)
+        # Not of the lifecycle: the models are a state, also of an inactive node.
+        self._infos = node.create_publisher(ModelInfosMsg, '~/models', LATEST)
         now_ns = node.get_clock().now().nanoseconds
         self._infos.publish(model_infos_to_msg(ModelInfos(models.infos, models.refused, now_ns)))
-        self._diagnostics = Diagnostics(node, self._list_models, self._assess)
+        self._diagnostics = Diagnostics(
+            node, lambda: ', '.join(info.model_id for info in models.infos), self._assess
+        )
         self._specifications = node.create_subscription(
             FeatureSpecifications,
             SPECIFICATIONS_TOPIC,
-            lambda msg: models.set_specifications(
-                wanted.spec for wanted in specifications_from_msg(msg).wanted
-            ),
+            lambda msg: self._warn(*self.answering.announce(specifications_from_msg(msg))),
             LATEST,
         )
         self._windows: list[PolledSubscription] = []
@@ -108,7 +97,7 @@ class ClassifierStage:
                     lambda msg, _: self.add_window(feature_window_from_msg(msg)),
                     RESULTS,
                 )
-                for topic in FEATURE_TOPICS
+                for topic in topics
             ]
 
     def start(self) -> None: ...
@@ -122,83 +111,49 @@ class ClassifierStage:
             self._node.unpoll(subscription)
         self._node.destroy_subscription(self._specifications)
         del self._specifications  # a circle would keep the models
-        for publisher in (self._answers, self._partial_answers, self._vision):
-            if publisher is not None:
-                publisher.close()
+        for publisher in (*self._publishers, *self._partial_publishers):
+            publisher.close()
         self._node.destroy_publisher(self._infos)
 
     def add_window(self, window: FeatureWindow) -> None:
         """Answer a window of features, while the node is active."""
         if not self._node.is_active:
             return
-        results = self.models.classify(window)
-        if not window.partial:
-            self.window_count += 1
-            self.answer_count += len(results)
-            self.ignored_count += not results
-        for result in results:
-            self._note_mismatch(result, window)
-            self._note_recalibration(result, window)
-            if window.partial:
-                self._partial_answers.publish(result)
-                self.partial_count += 1
-                self._note_decision(result)
-                continue
-            self._answers.publish(result)
-            if self._vision is not None:
-                self._vision.publish(result)
+        publishers = self._partial_publishers if window.partial else self._publishers
+        for result in self.answering.answer(window):
+            for publisher in publishers:
+                publisher.publish(result)
+        log = self._node.get_logger()
+        if self.answering.mismatch:
+            log.warning(self.answering.mismatch, throttle_duration_sec=LOG_PERIOD_S)
+        for sentence in self.answering.take_news():
+            log.info(sentence)
 
-    def _note_mismatch(self, result: ClassificationResult, window: FeatureWindow) -> None:
-        """Count a window that fits no model; tell it at once and then now and then."""
-        is_refused = result.outcome == Outcome.NO_FEATURES and window.outcome == FeatureOutcome.OK
-        self._mismatch = f'{result.model_id}: {result.reason}' if is_refused else ''
-        if is_refused:
-            self.refused_count += 1
-            self._node.get_logger().warning(self._mismatch, throttle_duration_sec=LOG_PERIOD_S)
+    def _make_publisher(self, topic: str) -> RecordPublisher:
+        return RecordPublisher(self._node, Classification, topic, classification_to_msg, RESULTS)
 
-    def _note_recalibration(self, result: ClassificationResult, window: FeatureWindow) -> None:
-        trials = result.recalibration_trials
-        if trials != self._recalibrated_with.get(result.model_id, 0):
-            self._recalibrated_with[result.model_id] = trials
-            what = (
-                f'recalibrated with {trials} known trials'
-                if trials
-                else 'as trained, until there are known trials'
-            )
-            self._node.get_logger().info(
-                f'session "{window.session_id}": {result.model_id} {what}'
-            )
+    def _log_models(self, models: ModelSet) -> None:
+        self._warn(*models.refused)
+        for model in models.models:
+            missing = ', '.join(model.spec.missing_parameters)
+            self._node.get_logger().info(f'{model.model_id} knows {", ".join(model.labels)}')
+            if missing:
+                self._warn(
+                    f'the file of {model.model_id} does not state {missing}: the parameters of '
+                    'the feature node are taken for those that it was trained with'
+                )
 
-    def _note_decision(self, result: ClassificationResult) -> None:
-        """Log the first decided answer of each trial."""
-        trial = (result.trial_id, result.window_start_ns)
-        if result.decided and trial != self._decided_trials.get(result.model_id):
-            self._decided_trials[result.model_id] = trial
-            seconds = (result.window_end_ns - result.window_start_ns) / 1e9
-            self._node.get_logger().info(
-                f'{result.label} after {seconds:.2f} s of the window, '
-                f'probability {max(result.scores):.3f} (trial {result.trial_id})'
-            )
-
-    def _list_models(self) -> str:
-        return ', '.join(model.model_id for model in self.models.models)
+    def _warn(self, *sentences: str) -> None:
+        for sentence in sentences:
+            self._node.get_logger().warning(sentence)
 
     def _assess(self) -> Health:
-        loaded = f'models loaded: {len(self.models.models)}'
-        problems = [*self.models.refused, *self.models.unfed]
-        problems += [self._mismatch] if self._mismatch else []
+        models, mismatch = self.answering.models, self.answering.mismatch
+        faults = [each for each in (mismatch, *models.unfed, *models.refused) if each]
         return Health(
-            WARN if problems else OK,
-            '; '.join(problems) or loaded,
-            {
-                'windows': self.window_count,
-                'answers': self.answer_count,
-                'windows for others': self.ignored_count,
-                'windows of another specification': self.refused_count,
-                'answers on partial windows': self.partial_count,
-                'recalibrated with trials': max(self._recalibrated_with.values(), default=0),
-                'active': self._node.is_active,
-            },
+            WARN if faults else OK,
+            '; '.join(faults) or f'{len(models.models)} models are loaded',
+            {**self.answering.values(), 'active': self._node.is_active},
         )
 
 
@@ -221,10 +176,16 @@ class TactileClassifierNode(StageNode):
         return ClassifierStage(self, config)
 
     @property
+    def answering(self) -> Answering | None:
+        """The core; None while the node is not configured."""
+        stage: ClassifierStage | None = self.stage
+        return stage.answering if stage is not None else None
+
+    @property
     def add_window(self) -> Callable[[FeatureWindow], None]:
         """The input for windows of the features of this process."""
         return self.input(
-            FEATURE_TOPICS[0],
+            FEATURES_TOPIC,
             lambda stage, window: stage.add_window(feature_window_from_record(window)),
         )
 

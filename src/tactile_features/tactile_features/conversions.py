@@ -211,7 +211,7 @@ def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
         statistic=slip.statistic,
         tension_n=slip.tension_n,
         trial_id=trial_id,
-        simulated=slip.simulated or config.simulated,
+        simulated=slip.simulated,
     )
 
 

@@ -15,7 +15,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE, TrialEvent
-from tactile_features.slip import SlipConfig, SlipDetector
+from tactile_features.slip import SlipConfig, SlipDetector, SMALLEST_RATE_HZ
 from tactile_msgs.msg import Slip, StrainBlock
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
@@ -96,9 +96,14 @@ class SlipStage:
     def _assess(self) -> Health:
         is_fed = self._block_count > self._assessed_blocks
         self._assessed_blocks = self._block_count
+        rate_hz, fault = self.detector.rate_hz, ''
+        if not is_fed:
+            fault = f'no samples on {STRAIN_TOPIC}'
+        elif rate_hz < SMALLEST_RATE_HZ:
+            fault = f'the samples come at {rate_hz:g} Hz; slip needs {SMALLEST_RATE_HZ:g} Hz'
         return Health(
-            OK if is_fed else WARN,
-            'samples come in' if is_fed else f'no samples on {STRAIN_TOPIC}',
+            WARN if fault else OK,
+            fault or 'samples come in',
             {
                 'blocks': self._block_count,
                 'slips': self._slip_count,

@@ -83,9 +83,9 @@ class FeaturesStage:
         self.extractor = TrialFeatureExtractor(shared, plan.wanted)
         self._refused = plan.refused
         for sentence in plan.refused:
-            node.get_logger().error(sentence)
+            node.get_logger().warning(sentence)
         if plan.overruled:
-            node.get_logger().warning(f'the models decide: {", ".join(plan.overruled)}')
+            node.get_logger().info(f'the models decide: {", ".join(plan.overruled)}')
         self._begun_ns, self._begun_s = time.time_ns(), time.monotonic()
         self._window_counts: Counter[Outcome] = Counter()
         self._assessed_blocks = 0
@@ -101,7 +101,9 @@ class FeaturesStage:
             FeatureSpecificationsMsg, '~/specifications', LATEST
         )
         announced = FeatureSpecifications(
-            self.extractor.wanted, dataclasses.asdict(shared), node.get_clock().now().nanoseconds
+            self.extractor.wanted,
+            dataclasses.asdict(self.extractor.config),
+            node.get_clock().now().nanoseconds,
         )
         self._specifications.publish(specifications_to_msg(announced))
         self._timeout = SampleTimeout(self.extractor)
@@ -189,7 +191,8 @@ class FeaturesStage:
                 'events': self.extractor.event_count,
                 'windows': sum(windows.values()),
                 'windows without features': sum(windows.values()) - windows[Outcome.OK],
-                'specifications': ', '.join(s.digest for s in self.extractor.specifications),
+                'specifications': len(self.extractor.specifications),
+                'refused model files': len(self._refused),
                 'active': self._node.is_active,
             },
         )

@@ -243,7 +243,10 @@ def nodes_of_one_process(case, context, *, has_sensor):
         nodes['tactile_features'].emit_event = nodes['slip_detector'].add_event
     detected = []
     take_event = nodes['tactile_features'].emit_event
-    nodes['tactile_features'].emit_event = lambda event: (detected.append(event), take_event(event))
+    nodes['tactile_features'].emit_event = lambda event: (
+        detected.append(event),
+        take_event(event),
+    )
     for node in nodes.values():
         assert node.bring_up()
     with NodeGroup(nodes.values(), context=context):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_features.conversions import strain_block_from_msg, strain_block_from_record
+from tactile_features.conversions import strain_block_from_msg, check_record
 from tactile_ros.errors import MessageError
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.conversions import to_strain_msg
@@ -54,12 +54,12 @@ def test_a_block_is_the_same_record_either_way(block):
     except AssertionError:  # rclpy refuses a stamp that does not fit
         assert block.stamp_ns >= 2**31 * 10**9
         return
-    assert convert(strain_block_from_record, block) == convert(strain_block_from_msg, message)
+    assert convert(check_record, block) == convert(strain_block_from_msg, message)
 
 
 def test_nobody_can_change_what_others_see_too():
     block = StrainBlock(0, 0, 1, np.ones(3))
-    record = strain_block_from_record(block)
+    record = check_record(block)
     with pytest.raises(ValueError, match='read-only'):
         record.tension_n[0] = 2.0
     block.tension_n[0] = 2.0  # the driver's own view stays as it was
