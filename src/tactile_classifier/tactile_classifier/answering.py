@@ -75,7 +75,7 @@ class Answering:
         return results
 
     def take_news(self) -> list[str]:
-        """Return sentences about answers since the last call: decided before the window was full, recalibrated."""
+        """Return sentences since the last call: answers decided on partial windows, recalibrations."""
         news, self._news = self._news, []
         return news
 
