@@ -75,7 +75,7 @@ class Answering:
         return results
 
     def take_news(self) -> list[str]:
-        """Return sentences since the last call: answers decided on partial windows, recalibrations."""
+        """Return sentences since the last call: decisions on partial windows, recalibrations."""
         news, self._news = self._news, []
         return news
 
