@@ -45,9 +45,9 @@ def run_slip(quick: bool) -> Report:
             for contact in CONTACTS
         }
         for threshold in THRESHOLDS[rate_hz]:
-            config = SlipConfig(rate_hz=rate_hz, threshold=threshold)
+            config = SlipConfig(threshold=threshold)
             for (label, contact), grips in scenes.items():
-                more = _judge_scenes(label, grips, config)
+                more = _judge_scenes(label, grips, config, rate_hz)
                 case = f'{rate_hz:g} Hz, {threshold:g}: {label}, {contact}'
                 rows.append(Row(case, more=more))
     for rate_hz, (hold_s, count) in HOLDS_S.items():
@@ -80,13 +80,15 @@ def _simulate_scenes(label: str, contact: str, rate_hz: float, quick: bool) -> l
     ]
 
 
-def _judge_scenes(label: str, sessions: list[Grips], config: SlipConfig) -> dict[str, Any]:
+def _judge_scenes(
+    label: str, sessions: list[Grips], config: SlipConfig, rate_hz: float
+) -> dict[str, Any]:
     slips, early, latencies_s, onsets_s = 0, 0, [], []
     for grips in sessions:
         detector = SlipDetector(config)
         phases = dict(grips.planned.phases)
         for trial, tension_n in enumerate(grips.tension_n):
-            block = make_block(tension_n, trial, config.rate_hz)
+            block = make_block(tension_n, trial, rate_hz)
             found = [
                 ((slip.stamp_ns - block.stamp_ns) / 1e9, (slip.onset_ns - block.stamp_ns) / 1e9)
                 for slip in detector.add(block)
@@ -129,9 +131,9 @@ def _hold(contact: str, hold_s: float, count: int, rate_hz: float) -> Grips:
 
 def _find_deviates(grips: Grips, threshold: float, rate_hz: float) -> list[float]:
     until = int(np.searchsorted(grips.times_s, dict(grips.planned.phases)['release']))
-    config = SlipConfig(rate_hz=rate_hz, threshold=threshold)
+    config = SlipConfig(threshold=threshold)
     return [
         threshold * slip.statistic
         for tension_n in grips.tension_n
-        for slip in SlipDetector(config).add(make_block(tension_n[:until], 0, config.rate_hz))
+        for slip in SlipDetector(config).add(make_block(tension_n[:until], 0, rate_hz))
     ]

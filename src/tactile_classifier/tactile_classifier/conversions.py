@@ -94,7 +94,6 @@ def classification_from_msg(message: Any) -> ClassificationResult:
     MessageError
         When the outcome is not known, or the scores are not one a label.
     """
-
     if len(message.scores) not in (0, len(message.labels)):
         raise MessageError(
             f'scores has {len(message.scores)} entries and labels {len(message.labels)}; '

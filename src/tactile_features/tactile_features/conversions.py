@@ -173,7 +173,9 @@ def _wanted_from_msg(msg: Any) -> WantedFeatures:
             f'parameter_values has {len(values)} entries and parameter_names {len(names)}; '
             'they must be as many'
         )
-    fields = {field.name: getattr(msg, field.name, None) for field in dataclasses.fields(FeatureSpec)}
+    fields = {
+        field.name: getattr(msg, field.name, None) for field in dataclasses.fields(FeatureSpec)
+    }
     fields['parameters'] = {
         name: _from_json(name, value) for name, value in zip(names, values, strict=True)
     }
@@ -209,7 +211,7 @@ def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
         statistic=slip.statistic,
         tension_n=slip.tension_n,
         trial_id=trial_id,
-        simulated=slip.simulated or config.simulated,
+        simulated=slip.simulated,
     )
 
 

@@ -20,8 +20,13 @@ from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, ModelFileError
 from tactile_features.feature_sets.registry import task_of
 from tactile_features.onnx_container import open_container
-from tactile_features.records import CONTACT_ABDUCTION, CONTACT_FLEXION, contacts_agree
-from tactile_features.spec import FeatureSpec, WantedFeatures
+from tactile_features.records import (
+    CONTACT_ABDUCTION,
+    CONTACT_FLEXION,
+    contacts_agree,
+    PROTOCOL_TEXTURE,
+)
+from tactile_features.spec import FeatureSpec, spec_for, WantedFeatures
 
 FORMAT_VERSION = 6
 """Of the manifest in a model file; others are refused."""
@@ -98,9 +103,7 @@ def plan_features(config: FeatureConfig, models: str | Path, contact: str = '') 
     return FeaturePlan(wanted, tuple(refused), _find_overruled(config, wanted))
 
 
-def read_contracts(
-    models: str | Path, contact: str = ''
-) -> tuple[list[ModelContract], list[str]]:
+def read_contracts(models: str | Path, contact: str = '') -> tuple[list[ModelContract], list[str]]:
     """Return the contracts of model files, and one sentence for each file that is not usable.
 
     Parameters
@@ -185,9 +188,12 @@ def parse_wanted(fields: Mapping[str, Any]) -> WantedFeatures:
 
 
 def _read_counts(stages: Sequence[Any]) -> tuple[int, ...]:
-    counts = [stage.get('sample_count') if isinstance(stage, dict) else None for stage in stages]
-    if not all(type(count) is int for count in counts):
-        raise ModelFileError('its manifest has no valid entry "stages"')
+    counts: list[int] = []
+    for stage in stages:
+        count = stage.get('sample_count') if isinstance(stage, dict) else None
+        if type(count) is not int:
+            raise ModelFileError('its manifest has no valid entry "stages"')
+        counts.append(count)
     return tuple(counts)
 
 
@@ -325,4 +331,10 @@ def _find_overruled(config: FeatureConfig, wanted: Sequence[WantedFeatures]) -> 
         if stated != getattr(default, name) and any(value != stated for value in values):
             texts = dict.fromkeys(str(value) for value in values)
             found.append(f'{name} {" and ".join(texts)} (not {stated})')
+    glides = [each for each in wanted if each.task == PROTOCOL_TEXTURE]
+    counts = {count for each in glides for count in each.partial_samples}
+    own = spec_for(PROTOCOL_TEXTURE, config)
+    is_own = any(spec_for(PROTOCOL_TEXTURE, each.bind(config)) == own for each in glides)
+    if glides and not is_own and set(config.partial_samples) - counts:
+        found.append(f'partial_samples {sorted(counts)} (not {list(config.partial_samples)})')
     return tuple(found)

@@ -21,6 +21,12 @@ FloatArray = NDArray[np.float64]
 LARGEST_RATE_HZ = 250.0
 """Faster samples are averaged down to at most this rate: a slip takes milliseconds."""
 
+SMALLEST_RATE_HZ = 20.0
+"""In slower samples no slip is looked for."""
+
+RATE_TOLERANCE = 0.01
+"""A rate that changes by a larger share is another one."""
+
 _MOVE_S = 0.1  # over which the finger's own motion shows
 _MEMORY_S = 20.0  # of the estimate of the noise
 _PRIOR = 60.0  # values that the white noise counts for in the estimate from the past
@@ -39,9 +45,6 @@ class SlipConfig:
         When a value is out of its range.
     """
 
-    rate_hz: float = parameter(
-        60.0, 'nominal sample rate of the tension', unit='Hz', range=(20.0, 20000.0)
-    )
     threshold: float = parameter(
         5.0,
         'how unlikely a fall must be, in standard deviations of the noise; '
@@ -66,11 +69,6 @@ class SlipConfig:
         'change of the tension, relative and per second, beyond which the finger itself moves',
         unit='1/s',
         range=(0.01, 100.0),
-    )
-    simulated: bool = parameter(
-        False,
-        'deprecated: marks each slip as simulated. The samples of a simulated sensor say so '
-        'themselves',
     )
     frame_id: str = parameter('tendon_sensor_link', 'frame of the sensor')
 
@@ -104,13 +102,17 @@ class Slip:
 class SlipDetector:
     """Finds the sudden falls of tension with which an object under the fingertip breaks loose.
 
-    What the last few samples lie below the straight line through those before them is
-    held against the noise, for falls of 1, 2, 4 ... samples: the generalised likelihood ratio of a
-    step in a line, with its noise estimated from the stream. The noise is the larger of
+    How far the last few samples lie below the straight line through those before them is
+    compared with the noise, for falls of 1, 2, 4 ... samples: the generalised likelihood ratio of
+    a step in a line, with its noise estimated from the stream. The noise is the larger of
     two estimates: from second differences, which no trend enters, and from the past of
     the statistic itself, which knows noise that is not white. Few values make a poor
     estimate; Wallace's approximation (Ann. Math. Stat. 30, 1959) turns Student's statistic into
     a normal one.
+
+    The rate is that of the blocks, by their ``period_ns``. When it changes, everything begins
+    anew. In blocks of less than `SMALLEST_RATE_HZ` nothing is found, nor before a rate is known:
+    a block of one sample may state none.
 
     A faster change than ``move_per_s``, a gap, a sample that is no measurement or too
     little tension begin the history anew. The answer depends on stamps and sequence numbers
@@ -122,14 +124,22 @@ class SlipDetector:
 
     Attributes
     ----------
+    rate_hz : float
+        Rate of the samples [Hz]; 0: not known yet.
     is_armed : bool
         Whether a slip could be told now.
     """
 
     def __init__(self, config: SlipConfig) -> None:
         self.config = config
-        self._factor = math.ceil(config.rate_hz / LARGEST_RATE_HZ)
-        rate_hz = config.rate_hz / self._factor
+        self.rate_hz = 0.0
+        self._filled = self._size = 0
+
+    def _begin(self, sample_rate_hz: float) -> None:
+        """Begin anew, with samples of another rate."""
+        config, self.rate_hz = self.config, sample_rate_hz
+        self._factor = math.ceil(sample_rate_hz / LARGEST_RATE_HZ)
+        rate_hz = sample_rate_hz / self._factor
         history = max(6, round(config.history_s * rate_hz))
         self._quarter = history // 4 + 1
         longest = max(1, round(config.fall_s * rate_hz))
@@ -139,7 +149,7 @@ class SlipDetector:
         self._move = max(1, round(_MOVE_S * rate_hz))
         self._move_share = config.move_per_s * self._move / rate_hz
         self._memory = _MEMORY_S * rate_hz
-        self._buffer = SampleBuffer(10**9, round(2 * config.rate_hz) + 1, 0)
+        self._buffer = SampleBuffer(10**9, round(2 * sample_rate_hz) + 1, 0)
         self._size = self._filters.shape[1]
         self._tension_n = np.empty(self._size)
         self._stamps_ns = np.empty(self._size, np.int64)
@@ -152,10 +162,16 @@ class SlipDetector:
     @property
     def is_armed(self) -> bool:
         """Whether a slip could be told now."""
-        return self._filled >= self._size
+        return 0 < self._size <= self._filled
 
     def add(self, block: StrainBlock) -> list[Slip]:
         """Take in samples; return the slips found, in order of time."""
+        if block.period_ns > 0:
+            rate_hz = _rate_of(block.period_ns)
+            if abs(rate_hz - self.rate_hz) > RATE_TOLERANCE * self.rate_hz:
+                self._begin(rate_hz)
+        if self.rate_hz < SMALLEST_RATE_HZ:
+            return []
         if self._buffer.add(block):
             self._forget_noise()
             self._forget()
@@ -267,6 +283,14 @@ class SlipDetector:
     def _forget_noise(self) -> None:
         self._white = self._white_count = self._past_count = 0.0
         self._past[:] = 0.0
+
+
+def _rate_of(period_ns: int) -> float:
+    """Return the rate of a period that is rounded to nanoseconds: in whole hertz where it fits."""
+    rate_hz = 1e9 / period_ns
+    whole_hz = round(rate_hz)
+    is_whole = whole_hz > 0 and round(1e9 / whole_hz) == period_ns
+    return float(whole_hz) if is_whole else rate_hz
 
 
 def _make_filters(history: int, lengths: list[int]) -> FloatArray:

@@ -14,7 +14,7 @@ from tactile_features.conversions import (
     strain_block_from_record,
 )
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
-from tactile_features.slip import SlipConfig, SlipDetector
+from tactile_features.slip import SlipConfig, SlipDetector, SMALLEST_RATE_HZ
 from tactile_msgs.msg import Slip, StrainBlock, TrialEvent
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordSubscription
@@ -24,7 +24,7 @@ from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 
 EVENT_TOPICS = ('trial_runner/events', 'tactile_features/detected_events')
-"""Where trials are told of; the latest event of either counts."""
+"""Topics of trial events; the latest event of either counts."""
 
 
 class SlipDetectorNode(DataNode):
@@ -99,9 +99,15 @@ class SlipDetectorNode(DataNode):
     def _assess(self) -> Health:
         is_fed = self._block_count > self._assessed_blocks
         self._assessed_blocks = self._block_count
+        rate_hz = self.detector.rate_hz if self.detector is not None else 0.0
+        fault = ''
+        if not is_fed:
+            fault = 'no samples on tendon_sensor/strain'
+        elif rate_hz < SMALLEST_RATE_HZ:
+            fault = f'the samples come at {rate_hz:g} Hz; slip needs {SMALLEST_RATE_HZ:g} Hz'
         return Health(
-            OK if is_fed else WARN,
-            'samples come in' if is_fed else 'no samples on tendon_sensor/strain',
+            WARN if fault else OK,
+            fault or 'samples come in',
             {'blocks': self._block_count, 'slips': self._slip_count, 'active': self.is_active},
         )
 

@@ -17,7 +17,12 @@ from typing import Any
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.feature_set import FeatureSet
-from tactile_features.feature_sets.registry import CHOOSER, find_feature_set, PHASE_OF_TASK, task_of
+from tactile_features.feature_sets.registry import (
+    CHOOSER,
+    find_feature_set,
+    PHASE_OF_TASK,
+    task_of,
+)
 from tactile_features.records import PHASE_GLIDE
 
 _DIGEST_DIGITS = 16

@@ -7,27 +7,38 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+import dataclasses
 import time
 from typing import Any
 
-from tactile_features.config import FeatureConfig
+from tactile_features.config import FeaturesNodeConfig
 from tactile_features.conversions import (
     event_from_msg,
     event_to_msg,
     feature_window_to_msg,
+    specifications_to_msg,
     strain_block_from_msg,
     strain_block_from_record,
 )
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.extraction.sample_timeout import SampleTimeout
+from tactile_features.model_contract import FeaturePlan, plan_features
 from tactile_features.records import FeatureWindow, Outcome, PHASE_ABORTED
-from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+from tactile_features.spec import FeatureSpecifications
+from tactile_msgs.msg import (
+    FeatureSpecifications as FeatureSpecificationsMsg,
+)
+from tactile_msgs.msg import (
+    StrainBlock,
+    TactileFeatures,
+    TrialEvent,
+)
 from tactile_ros.bus.data_node import DataNode
 from tactile_ros.bus.local_bus import RecordSubscription
 from tactile_ros.bus.worker import Periodic
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
 from tactile_ros.programs.node_group import run_node
-from tactile_ros.qos import EVENTS, RESULTS, STREAM
+from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
 
 WATCH_PERIOD_S = 0.25
@@ -40,7 +51,11 @@ class TactileFeaturesNode(DataNode):
     """Publishes ``~/features`` for the trials seen on the strain and event topics.
 
     Windows that still fill go to ``~/partial_features``, where nobody takes them for
-    finished ones; phases found in the signal go to ``~/detected_events``.
+    finished ones; phases found in the signal go to ``~/detected_events``. The specifications of
+    all of them are on ``~/specifications``, latched, from the configuration on.
+
+    With the parameter ``models`` the features are those that the model files need. A file that
+    cannot be used is named in the log and in the diagnostics; the others count.
 
     A window whose samples do not come is refused after ``samples_timeout_s``, also while
     nothing at all comes any more.
@@ -52,12 +67,16 @@ class TactileFeaturesNode(DataNode):
     ----------
     extractor : TrialFeatureExtractor or None
         The core, with its counters; None before the first configuration.
+    plan : FeaturePlan
+        The features that the model files need, and the files that are refused.
     """
 
     def __init__(self, node_name: str = 'tactile_features', **node_options: Any) -> None:
-        super().__init__(node_name, FeatureConfig, **node_options)
+        super().__init__(node_name, FeaturesNodeConfig, **node_options)
         self.extractor: TrialFeatureExtractor | None = None
+        self.plan = FeaturePlan()
         self._publisher: Any = None
+        self._specifications: Any = None
         self._partial_publisher: Any = None
         self._event_publisher: Any = None
         self._strain: RecordSubscription | None = None
@@ -68,8 +87,13 @@ class TactileFeaturesNode(DataNode):
         self._assessed_blocks = 0
         self._configured_ns, self._configured_s = 0, 0.0
 
-    def set_up(self, config: FeatureConfig) -> None:
-        extractor = self.extractor = TrialFeatureExtractor(config)
+    def set_up(self, config: FeaturesNodeConfig) -> None:
+        plan = self.plan = plan_features(config.shared(), config.models, config.contact)
+        for sentence in plan.refused:
+            self.get_logger().warning(sentence)
+        if plan.overruled:
+            self.get_logger().info(f'the models decide: {", ".join(plan.overruled)}')
+        extractor = self.extractor = TrialFeatureExtractor(config.shared(), plan.wanted)
         self._configured_ns, self._configured_s = time.time_ns(), time.monotonic()
         self._publisher = self.publish_records(
             TactileFeatures, '~/features', feature_window_to_msg, RESULTS
@@ -79,6 +103,19 @@ class TactileFeaturesNode(DataNode):
         )
         self._event_publisher = self.create_lifecycle_publisher(
             TrialEvent, '~/detected_events', EVENTS
+        )
+        # Not one of the lifecycle: what would be computed is a state, also of an inactive node.
+        self._specifications = self.create_publisher(
+            FeatureSpecificationsMsg, '~/specifications', LATEST
+        )
+        self._specifications.publish(
+            specifications_to_msg(
+                FeatureSpecifications(
+                    extractor.wanted,
+                    dataclasses.asdict(extractor.config),
+                    self.get_clock().now().nanoseconds,
+                )
+            )
         )
         self._strain = self.subscribe_records(
             StrainBlock,
@@ -124,6 +161,9 @@ class TactileFeaturesNode(DataNode):
                 publisher.close()
         if self._event_publisher is not None:
             self.destroy_lifecycle_publisher(self._event_publisher)
+        if self._specifications is not None:
+            self.destroy_publisher(self._specifications)
+            self._specifications = None
         self._publisher = self._partial_publisher = self._event_publisher = None
 
     def _on_event(self, extractor: TrialFeatureExtractor, msg: Any, published_ns: int) -> None:
@@ -155,11 +195,14 @@ class TactileFeaturesNode(DataNode):
         extractor = self.extractor
         blocks = extractor.block_count if extractor is not None else 0
         is_fed, self._assessed_blocks = blocks > self._assessed_blocks, blocks
-        windows = self._window_counts
+        windows, refused = self._window_counts, self.plan.refused
+        sentences = ['samples come in' if is_fed else 'no samples on tendon_sensor/strain']
         return Health(
-            OK if is_fed else WARN,
-            'samples come in' if is_fed else 'no samples on tendon_sensor/strain',
+            OK if is_fed and not refused else WARN,
+            '; '.join([*sentences, *refused]),
             {
+                'specifications': len(extractor.specifications) if extractor is not None else 0,
+                'refused model files': len(refused),
                 'blocks': blocks,
                 'events': extractor.event_count if extractor is not None else 0,
                 'windows': sum(windows.values()),

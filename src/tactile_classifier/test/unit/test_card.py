@@ -18,10 +18,10 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.card import describe_model, list_limits, render_card
 from tactile_classifier.model_file.inference import read_model_card
 from tactile_classifier.model_file.manifest import Manifest
-from tactile_features.onnx_container import MAX_CARD_BYTES
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.recalibrated_model import write_recalibrated
 from tactile_classifier.training.trainer import describe_training, train
+from tactile_features.onnx_container import MAX_CARD_BYTES
 
 NO_SESSION = 'No session was held out: a new session may do worse.'
 

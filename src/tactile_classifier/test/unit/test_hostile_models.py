@@ -18,12 +18,12 @@ from tactile_classifier.errors import ModelFileError
 from tactile_classifier.estimators import random_convolution_classifier
 from tactile_classifier.model_file.inference import read_manifest, SCORES, TactileModel
 from tactile_classifier.model_file.manifest import FULL_WINDOW
-from tactile_features.onnx_container import open_container, seal
 from tactile_classifier.model_file.onnx_session import MAX_INFERENCE_BYTES
 from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.config import FeatureConfig
+from tactile_features.onnx_container import open_container, seal
 from tactile_features.spec import spec_for
 
 

@@ -21,8 +21,8 @@ from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extraction.partial_window import PartialWindow
 from tactile_features.extraction.phase_window import describe_clock_step, PhaseWindow
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
-from tactile_features.phases.signal_phases import SignalPhases
 from tactile_features.feature_sets.registry import find_feature_set
+from tactile_features.phases.signal_phases import SignalPhases
 from tactile_features.records import (
     FeatureWindow,
     Outcome,
@@ -179,9 +179,7 @@ class TrialFeatureExtractor:
         When wanted features cannot be computed.
     """
 
-    def __init__(
-        self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()
-    ) -> None:
+    def __init__(self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()) -> None:
         rates_hz = {each.spec.rate_hz for each in wanted}
         if len(rates_hz) == 1:
             config = dataclasses.replace(config, rate_hz=rates_hz.pop())

@@ -36,6 +36,7 @@ def block(first, count):
         sequence=first,
         period_ns=PERIOD_NS,
         tension_n=TENSION_N[first : first + count].tolist(),
+        status=StrainBlock.STATUS_SIMULATED,
     )
 
 
@@ -46,7 +47,6 @@ def bench(context):
         context=context,
         namespace='finger',
         parameter_overrides=[
-            Parameter('simulated', value=True),
             Parameter('frame_id', value='left_cell_link'),
         ],
     )

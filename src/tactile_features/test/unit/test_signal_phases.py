@@ -243,9 +243,7 @@ def test_phases_found_for_several_specifications_are_those_found_for_one(seed, c
         assert sum(w.specification_digest == each.spec.digest for w in windows) == found
         for mine, of_alone in zip((windows, partial), alone, strict=False):
             of_digest = [w for w in mine if w.specification_digest == each.spec.digest]
-            assert of_digest == [
-                w for w in of_alone if w.specification_digest == each.spec.digest
-            ]
+            assert of_digest == [w for w in of_alone if w.specification_digest == each.spec.digest]
 
 
 def test_features_are_those_of_the_same_events_stated():

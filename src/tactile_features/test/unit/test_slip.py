@@ -142,13 +142,50 @@ def test_grouping_does_not_matter(cuts):
 @settings(max_examples=10, deadline=None)
 def test_grouping_does_not_matter_to_a_fast_sensor(cuts):
     tension_n = slipping(at=4500, fall_n=0.02, seconds=6.0, rate_hz=1000.0)
-    config = SlipConfig(rate_hz=1000.0)
     edges = [0, *sorted(cuts), len(tension_n)]
     pieces = [block(tension_n[a:b], a, period_ns=1_000_000) for a, b in pairwise(edges)]
-    whole = detect(block(tension_n, period_ns=1_000_000), config=config)
-    assert detect(*pieces, config=config) == whole
+    whole = detect(block(tension_n, period_ns=1_000_000))
+    assert detect(*pieces) == whole
     (slip,) = whole
     assert slip.onset_ns == pytest.approx((START + 4500) * 1_000_000, abs=9_000_000)
+
+
+@pytest.mark.parametrize('rate_hz', [20.0, 60.0, 59.94, 333.0, 1000.0, 7000.0])
+def test_the_rate_is_that_of_the_blocks(rate_hz):
+    detector = SlipDetector(CONFIG)
+    detector.add(block(grip(1.0, rate_hz=rate_hz), period_ns=round(1e9 / rate_hz)))
+    assert detector.rate_hz == pytest.approx(rate_hz, rel=1e-7)
+    assert (detector.rate_hz == rate_hz) is (rate_hz != 59.94)  # the period is rounded
+
+
+def test_another_rate_begins_anew():
+    detector = SlipDetector(CONFIG)
+    (slip,) = detector.add(block(slipping()))
+    fast = {'at': 4500, 'fall_n': 0.02, 'seconds': 6.0, 'rate_hz': 1000.0}
+    # Behind the first stream in time and number, so that only the rate begins it anew.
+    begin = 20_000
+    second = block(slipping(**fast), begin * 1000, period_ns=1_000_000)
+    alone = SlipDetector(CONFIG).add(second)
+    assert detector.add(second) == alone
+    assert len(alone) == 1
+    assert detector.rate_hz == 1000.0
+
+
+def test_a_single_sample_without_a_period_has_the_rate_of_those_before():
+    tension_n = slipping()
+    pieces = [block(tension_n[i : i + 1], i) for i in range(len(tension_n))]
+    expected = detect(*pieces)
+    without = [dataclasses.replace(piece, period_ns=0) for piece in pieces[1:]]
+    assert detect(pieces[0], *without) == expected
+    assert len(expected) == 1
+    assert detect(*without) == []
+
+
+def test_nothing_is_found_in_samples_that_are_too_slow():
+    detector = SlipDetector(CONFIG)
+    assert detector.add(block(slipping(), period_ns=100_000_000)) == []
+    assert detector.rate_hz == 10.0
+    assert not detector.is_armed
 
 
 def test_a_value_out_of_range_is_refused():
