@@ -31,6 +31,8 @@ class Answering:
     refused_count : int
         Windows, partial ones too, whose features are of another specification than the model
         that answers them with the reason.
+    is_told : bool
+        The specifications of the feature node have been announced.
     mismatch : str
         That reason of the last window; empty where it fitted.
     """
@@ -42,6 +44,7 @@ class Answering:
         self.published_count = 0
         self.partial_count = 0
         self.refused_count = 0
+        self.is_told = False
         self.mismatch = ''
         self._by_id = {model.model_id: model for model in models.models}
         self._decided: dict[str, tuple[str, int]] = {}
@@ -50,6 +53,7 @@ class Answering:
 
     def announce(self, announced: FeatureSpecifications) -> tuple[str, ...]:
         """Take in the specifications of the feature node; return what is missing in them."""
+        self.is_told = True
         self.models.set_specifications(announced.specs)
         return self.models.unfed
 

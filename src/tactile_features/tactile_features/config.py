@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How windows are cut, as parameters of the feature node, free of ROS."""
+"""Parameters of the feature node: the cut of windows and their features, free of ROS."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MIN_PARTIAL_SAMPLES = 30
 
 @dataclass(frozen=True)
 class FeatureConfig(WindowParameters):
-    """How windows are cut from the phases of a trial.
+    """Cut of windows from the phases of a trial, and their features.
 
     Raises
     ------

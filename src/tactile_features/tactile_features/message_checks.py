@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What messages must hold, so that what is computed from them is what their sender meant."""
+"""Checks of received messages: values that are impossible or not known here are refused."""
 
 from __future__ import annotations
 

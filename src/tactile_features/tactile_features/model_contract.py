@@ -190,9 +190,11 @@ def parse_wanted(fields: Mapping[str, Any]) -> WantedFeatures:
 def _read_counts(stages: Sequence[Any]) -> tuple[int, ...]:
     counts: list[int] = []
     for stage in stages:
-        count = stage.get('sample_count') if isinstance(stage, dict) else None
-        if type(count) is not int:
+        if not isinstance(stage, dict) or 'sample_count' not in stage:
             raise ModelFileError('its manifest has no valid entry "stages"')
+        count = stage['sample_count']
+        if type(count) is not int:
+            raise ModelFileError('its manifest has no valid entry "sample_count" in "stages"')
         counts.append(count)
     return tuple(counts)
 

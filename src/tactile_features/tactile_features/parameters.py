@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from tactile_ros.configs import parameter
 
 DETRENDS = ('none', 'mean', 'linear')
-"""What may be subtracted before the transform of ``texture_spectrum``."""
+"""Trends to subtract before the transform of ``texture_spectrum``."""
 
 WINDOWS = ('none', 'hann')
-"""What the samples may be weighted with before it."""
+"""Weights of the samples before it."""
 
 
 @dataclass(frozen=True)
 class WindowParameters:
-    """What feature sets see of a `FeatureConfig`, which checks it."""
+    """The part of a `FeatureConfig` that feature sets see; `FeatureConfig` checks it."""
 
     rate_hz: float = parameter(
         60.0, 'nominal sample rate of the tension', unit='Hz', range=(1.0, 20000.0)

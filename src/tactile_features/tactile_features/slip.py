@@ -127,7 +127,7 @@ class SlipDetector:
     rate_hz : float
         Rate of the samples [Hz]; 0: not known yet.
     is_armed : bool
-        Whether a slip could be told now.
+        True when a slip could be found now.
     """
 
     def __init__(self, config: SlipConfig) -> None:
@@ -161,7 +161,7 @@ class SlipDetector:
 
     @property
     def is_armed(self) -> bool:
-        """Whether a slip could be told now."""
+        """True when a slip could be found now."""
         return 0 < self._size <= self._filled
 
     def add(self, block: StrainBlock) -> list[Slip]:
@@ -258,7 +258,7 @@ class SlipDetector:
         return slip
 
     def _is_below(self, length: int, fall_n: float) -> bool:
-        """Whether the tension fell, and did not merely leave a line that led upwards."""
+        """Return whether the tension fell, and did not merely leave a line that led upwards."""
         before = self._tension_n[-length - self._quarter : -length].mean()
         return bool(before - self._tension_n[-length:].mean() >= fall_n / 2)
 

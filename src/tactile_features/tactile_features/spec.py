@@ -72,7 +72,7 @@ class FeatureSpec:
 
     @property
     def missing_parameters(self) -> tuple[str, ...]:
-        """What a feature node's specification states and this one does not."""
+        """Parameters that a feature node's specification states and this one does not."""
         found = find_feature_set(self.feature_set)
         names = (*found.cut, *found.options) if found else ()
         return tuple(name for name in names if name not in self.parameters)
@@ -199,13 +199,11 @@ class WantedFeatures:
             )
         if self.partial_samples and found.phase != PHASE_GLIDE:
             raise FeatureError(f'{spec.feature_set} has no partial windows; a model wants some')
-        values = {**spec.config_values(), 'partial_samples': self.partial_samples}
-        try:
-            bound = dataclasses.replace(config, **values)
-        except TypeError as error:  # text in place of a number
-            raise FeatureError(
-                f'a parameter of the {spec.feature_set} features is of the wrong type: {error}'
-            ) from error
+        values = spec.config_values()
+        for name, value in values.items():
+            if isinstance(value, str) != isinstance(getattr(config, name), str):
+                raise FeatureError(f'{name} of the {spec.feature_set} features is {value!r}')
+        bound = dataclasses.replace(config, **values, partial_samples=self.partial_samples)
         computed = spec_of(bound.feature_set(found.phase))
         reason = spec.mismatch(computed)
         if unknown := sorted(set(spec.parameters) - set(computed.parameters)):

@@ -100,7 +100,7 @@ class SampleBuffer:
 
     @property
     def new_samples(self) -> Samples:
-        """What the last `add` appended, as an array of `SAMPLE`; valid until the next."""
+        """Samples that the last `add` appended, as an array of `SAMPLE`; valid until the next."""
         return self._data[self._end - self.new_count : self._end]
 
     @property
@@ -119,7 +119,7 @@ class SampleBuffer:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the newest sample is from a simulated sensor."""
+        """True when the newest sample is from a simulated sensor."""
         return bool(self._end and self._columns['status'][self._end - 1] & _SIMULATED)
 
     def first_at(self, stamp_ns: int) -> int:

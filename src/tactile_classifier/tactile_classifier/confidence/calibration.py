@@ -294,7 +294,7 @@ def hold_out_probabilities(scores: Matrix, true: Indices, fold: Indices) -> Matr
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class CalibratedStage:
-    """What held-out trials say of one length of window.
+    """Calibration of one length of window by held-out trials.
 
     Attributes
     ----------

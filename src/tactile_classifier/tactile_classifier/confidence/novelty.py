@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How unlike all training trials a window is, whatever the classifier."""
+"""Novelty: the distance of a window to the training trials, whatever the classifier."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What sessions do to features and novelty, learned from a training with several sessions."""
+"""Effects of sessions on features and novelty, learned from a training with several sessions."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether calibrated probabilities or raw scores go into a model file.
+"""Choice between calibrated probabilities and raw scores for a model file.
 
 A calibration map that was fitted to one of two unlike sessions can be worse in the other than
 no map. docs/results.md has the measurements behind the rule.

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a few known trials of a session say of it: offset of its features, threshold of novelty.
+"""Offset of a session's features and threshold of novelty, from a few known trials of it.
 
 Free of scikit-learn: the classifier node takes it, too.
 """
@@ -30,7 +30,7 @@ Indices = npt.NDArray[np.intp]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SessionStatistics:
-    """What sessions do to features and novelty, and how far known trials mend it.
+    """Effects of sessions on features and novelty, and how far known trials mend them.
 
     Attributes
     ----------

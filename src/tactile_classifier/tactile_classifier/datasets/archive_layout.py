@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the arrays of a labelled-trials archive lie: padded, or one after another, or neither."""
+"""Layout of the arrays of a labelled-trials archive: padded, one after another, or neither."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the signals of an archive say against using them."""
+"""Faults in the signals of an archive."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the columns of a table say against an evaluation: near copies, labels tied to groups."""
+"""Objections to an evaluation in the columns of a table: near copies, labels tied to groups."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Cells:
 
     @property
     def warning(self) -> str:
-        """What random folds do with repeats, in one sentence."""
+        """One sentence about random folds and repeats."""
         same = ' and '.join(map(plain_name, self.columns))
         return (
             f'random folds test repeats of what they train on: the {len(self.cell)} trials are '

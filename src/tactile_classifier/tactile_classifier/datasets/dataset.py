@@ -97,7 +97,7 @@ class FeatureTable:
 
     @property
     def channels(self) -> int:
-        """How many channels the features are of; those of each stand together."""
+        """Number of channels that the features are of; those of each stand together."""
         return (
             len({name.partition('__')[0] for name in self.spec.names if name.startswith(_CHANNEL)})
             or 1
@@ -105,7 +105,7 @@ class FeatureTable:
 
     @property
     def is_waveform(self) -> bool:
-        """Whether the features of a channel are values of one signal in their order."""
+        """True when the features of a channel are values of one signal in their order."""
         found = find_feature_set(self.spec.feature_set)
         return found is not None and found.is_waveform
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How trials are divided into those to train on and those to test on."""
+"""Splits: trials to train on and trials to test on."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ SCORE_KINDS = {
     'tree': VOTES,
     ROCKET: MARGIN,
 }
-"""What the scores of each classifier are before calibration; see Classification.msg."""
+"""Kind of the scores of each classifier before calibration; see Classification.msg."""
 
 RANDOM_STATE = 0
 

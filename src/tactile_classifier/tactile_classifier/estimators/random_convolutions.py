@@ -31,7 +31,7 @@ MIN_SAMPLES = TAPS
 """Fewest samples of a signal: those of a kernel without dilation."""
 
 KERNELS = np.array(list(combinations(range(TAPS), 3)))
-"""Which three of the nine weights are 2, for each of the 84 kernels."""
+"""The three of the nine weights that are 2, for each of the 84 kernels."""
 
 FEATURES = 10_000
 MAX_DILATIONS = 32
@@ -73,7 +73,7 @@ class RandomConvolutions:
 
     @property
     def feature_count(self) -> int:
-        """How many features a signal has."""
+        """Number of features of a signal."""
         return sum(biases.size for biases in self.biases)
 
     @classmethod

@@ -41,7 +41,7 @@ Answers = list[npt.NDArray[np.str_]]
 
 @dataclasses.dataclass(frozen=True)
 class Score(Result):
-    """How well one classifier with one scaling did under one split.
+    """Accuracy of one classifier with one scaling under one split.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Score(Result):
 
 @dataclasses.dataclass(frozen=True)
 class NestedChoice(Result):
-    """How well the best classifier and scaling do when each fold picks them without its tests.
+    """Accuracy of the best classifier and scaling when each fold picks them without its tests.
 
     The largest of several means is too good on average, because chance decided too. Here folds
     inside each fold's training trials pick, and the fold's tests only judge (nested

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How well early predictions do: accuracy against seconds seen, and the stopping rule's errors."""
+"""Early predictions: accuracy against seconds seen, and the stopping rule's errors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclasses.dataclass(frozen=True)
 class RuleEvaluation(Result):
-    """What a stopping rule did on trials that were held out.
+    """Results of a stopping rule on trials that were held out.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether it helps to keep only the features with the lowest mean rank-sum p (section IV).
+"""Accuracy with only the features of the lowest mean rank-sum p (section IV).
 
 The ranking and the number of features kept are chosen on the training trials of each fold
 alone: chosen on all trials, they would have seen those of the test.

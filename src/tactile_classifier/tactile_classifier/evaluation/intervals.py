@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far an accuracy may be off: intervals over the trials or groups that it comes from."""
+"""Confidence intervals of an accuracy, over the trials or groups that it comes from."""
 
 from __future__ import annotations
 

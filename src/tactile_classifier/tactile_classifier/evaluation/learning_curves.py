@@ -24,7 +24,7 @@ _FEWEST = 2  # of each class: three neighbours need three trials, and there are 
 
 @dataclasses.dataclass(frozen=True)
 class LearningCurve(Result):
-    """How one classifier with one scaling does with fewer trials to train on.
+    """Accuracy of one classifier with one scaling with fewer trials to train on.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How well a model knows what it does not know: each label left out in turn."""
+"""Rejection of unknown objects: each label left out of training in turn."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tactile_classifier.evaluation.results import Result
 
 @dataclasses.dataclass(frozen=True)
 class UnknownLabel(Result):
-    """How one label fares that the model was never told of.
+    """Answers on the trials of one label that was left out of training.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ def evaluate_open_set(
 
 
 class _Part(NamedTuple):
-    """What one fold gave; arrays over its trials."""
+    """Answers of one fold; arrays over its trials."""
 
     rejected: npt.NDArray[np.bool_]
     right: npt.NDArray[np.bool_]

@@ -20,7 +20,7 @@ Task = tuple[Callable[..., Any], tuple[Any, ...]]
 """A function and its arguments."""
 
 INTERRUPTED_S = 10.0
-"""How long the parts that are under way at an interrupt are waited for."""
+"""Longest wait for the parts that are under way at an interrupt."""
 
 
 class Plan(Protocol[Result]):

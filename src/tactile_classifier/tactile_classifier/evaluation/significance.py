@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How well each feature alone tells the classes apart: rank-sum tests of all pairs."""
+"""Significance of each feature alone: rank-sum tests of all pairs of classes."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""What a model answers on many recorded trials, as the node would on each."""
+"""Answers of a model on many recorded trials, as the node would give on each."""
 
 from __future__ import annotations
 

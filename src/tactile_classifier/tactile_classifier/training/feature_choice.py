@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which set of features and which classifier, chosen inside the folds."""
+"""Choice of the set of features and of the classifier inside the folds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Candidate(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class CandidateScore:
-    """How a candidate did on the folds.
+    """Accuracy of a candidate on the folds.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class CandidateScore:
 
 @dataclasses.dataclass(frozen=True)
 class FeatureChoice:
-    """What was chosen, and what it was chosen from.
+    """The choice, and the candidates that it was made from.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class FeatureChoice:
 
     @property
     def best(self) -> CandidateScore:
-        """What is chosen."""
+        """The chosen candidate."""
         return self.ranking[0]
 
     def to_dict(self) -> dict[str, Any]:

@@ -45,7 +45,7 @@ LIBRARIES = ('numpy', 'scikit-learn', 'skl2onnx', 'onnx', 'onnxruntime')
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FittedStage:
-    """What answers windows of one length.
+    """The fitted parts that answer windows of one length.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Trained:
 
     @property
     def estimator(self) -> Pipeline:
-        """What answers full windows."""
+        """The stage that answers full windows."""
         return self.stages[0].estimator
 
 

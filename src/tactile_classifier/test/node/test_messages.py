@@ -6,10 +6,16 @@ import dataclasses
 import pytest
 
 from tactile_classifier import records
-from tactile_classifier.conversions import classification_from_msg, classification_to_msg
+from tactile_classifier.conversions import (
+    classification_from_msg,
+    classification_to_msg,
+    model_infos_from_msg,
+    model_infos_to_msg,
+)
 from tactile_classifier.model_file.inference import TactileModel
-from tactile_classifier.records import Outcome
-from tactile_msgs.msg import Classification
+from tactile_classifier.model_file.model_set import ModelSet
+from tactile_classifier.records import ModelInfos, Outcome
+from tactile_msgs.msg import Classification, ModelInfo
 
 
 def test_constants_are_those_of_the_message():
@@ -21,8 +27,8 @@ def test_constants_are_those_of_the_message():
 
 def test_record_has_the_fields_of_the_message(model_path, make_window):
     fields = {f.name for f in dataclasses.fields(records.ClassificationResult)}
-    mirrored = {name.removesuffix('_ns') for name in fields} - {'frame_id'}
-    assert mirrored | {'header'} == set(Classification.get_fields_and_field_types())
+    mirrored = {name.removesuffix('_ns') for name in fields} - {'frame_id', 'partial'}
+    assert mirrored | {'header', 'running'} == set(Classification.get_fields_and_field_types())
 
 
 @pytest.mark.parametrize('changes', [{}, {'rate_hz': 1.0}])
@@ -38,3 +44,11 @@ def test_a_partial_answer_keeps_its_fields(model_path, make_window):
     changes = {'partial': True, 'decided': False, 'error_rate': 0.05, 'false_alarm_rate': 0.1}
     result = dataclasses.replace(whole, **changes)
     assert classification_from_msg(classification_to_msg(result)) == result
+
+
+def test_facts_of_models_come_back_as_they_were(model_path):
+    models = ModelSet.load(model_path)
+    infos = ModelInfos(models.infos, ('model /m.onnx is refused: it is empty',), 10**18 + 1)
+    assert model_infos_from_msg(model_infos_to_msg(infos)) == infos
+    names = {field.name for field in dataclasses.fields(records.ModelInfo)}
+    assert names == set(ModelInfo.get_fields_and_field_types())

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A feature node and a classifier whose parameters differ: the classifier notices it."""
+"""A feature node that computes other features than the model needs: the classifier says so."""
 
 from functools import partial
 
@@ -38,7 +38,7 @@ class Finger:
         overrides = [Parameter(name, value=value) for name, value in feature_parameters.items()]
         self.features = TactileFeaturesNode(context=context, parameter_overrides=overrides)
         self.classifier = TactileClassifierNode(
-            context=context, parameter_overrides=[Parameter('model', value=str(model_path))]
+            context=context, parameter_overrides=[Parameter('models', value=str(model_path))]
         )
         self.peer = Node('peer', context=context)
         self.strain = self.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
@@ -67,6 +67,7 @@ class Finger:
             and self.classifier.count_publishers('tactile_features/features')
             and self.features.count_subscribers('tactile_features/features')
             and self.peer.count_publishers('tactile_classifier/classification')
+            and self.classifier.answering.is_told
         )
 
     def glide(self):
@@ -112,24 +113,39 @@ def make_finger(context, model_path):
 def test_equal_parameters_are_answered(make_finger):
     finger = make_finger()
     assert finger.glide().outcome in (Outcome.LABEL, Outcome.UNKNOWN)
-    assert finger.classifier.refused_count == 0
+    assert finger.classifier.answering.refused_count == 0
 
 
 @pytest.mark.parametrize(
-    'parameters', [{'texture_crop_start_s': 0.9}, {'max_gap_samples': 3}], ids=str
+    ('parameters', 'difference'),
+    [
+        ({'texture_crop_start_s': 0.9}, '(texture_crop_start_s) differs: 0.6 here, 0.9 there'),
+        ({'max_gap_samples': 3}, '(max_gap_samples) differs: 0.0 here, 3.0 there'),
+    ],
+    ids=str,
 )
-def test_a_parameter_of_the_feature_node_alone_is_noticed(make_finger, parameters):
+def test_a_parameter_of_the_feature_node_alone_is_noticed(
+    make_finger, model_path, parameters, difference, capfd
+):
     finger = make_finger(**parameters)
+    log = capfd.readouterr().err
+    assert 'announces no features that model texture-flexion-svm_linear' in log
+    assert f'give its parameter models {model_path}' in log
     answer = finger.glide()
     assert (answer.outcome, answer.label) == (Outcome.NO_FEATURES, '')
-    assert 'another specification' in answer.reason
-    assert 'set on the feature node max_gap_samples 0,' in answer.reason
-    assert 'texture_crop_start_s 0.6' in answer.reason
-    assert finger.classifier.refused_count == 1
+    assert difference in answer.reason
+    assert 'name its file in the parameter models of the feature node' in answer.reason
+    assert finger.classifier.answering.refused_count == 1
     finger.spin_until(
         lambda: finger.diagnostics and finger.diagnostics[-1].level == DiagnosticStatus.WARN
     )
     status = finger.diagnostics[-1]
     values = {pair.key: pair.value for pair in status.values}
     assert values['windows of another specification'] == '1'
-    assert 'another specification' in status.message
+    assert difference in status.message
+
+
+def test_a_feature_node_with_the_same_models_needs_no_parameters(make_finger, model_path):
+    finger = make_finger(models=str(model_path), texture_crop_start_s=0.9)
+    assert finger.glide().outcome in (Outcome.LABEL, Outcome.UNKNOWN)
+    assert finger.classifier.answering.refused_count == 0

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the node says in messages that others know: diagnostics, vision_msgs."""
+"""Outputs of the node in messages of others: diagnostics, vision_msgs."""
 
 from functools import partial
 import importlib.util
@@ -29,7 +29,7 @@ def make_node(context, model_path):
 
     def make(**parameters):
         overrides = [
-            Parameter(k, value=v) for k, v in {'model': str(model_path), **parameters}.items()
+            Parameter(k, value=v) for k, v in {'models': str(model_path), **parameters}.items()
         ]
         made.append(TactileClassifierNode(context=context, parameter_overrides=overrides))
         return made[-1]
@@ -66,7 +66,7 @@ def test_its_model_and_its_counts_are_in_the_diagnostics(make_node, peer, spin_u
     spin_until(lambda: heard, node, peer)
     (status,) = heard[0].status
     assert status.name == 'tactile_classifier'
-    assert status.hardware_id == node.model.model_id
+    assert status.hardware_id == node.answering.models.models[0].model_id
     assert {v.key: v.value for v in status.values}['answers'] == '0'
 
 
@@ -99,14 +99,14 @@ def test_answers_are_said_in_the_standard_message_too(make_node, peer, make_wind
     window = next(  # one that the model does not take for unknown
         window
         for window in map(make_window, range(30))
-        if node.model.classify(window).outcome == Answer.LABEL
+        if node.answering.models.models[0].classify(window).outcome == Answer.LABEL
     )
     features.publish(feature_window_to_msg(window))
     features.publish(
         feature_window_to_msg(make_window(1, outcome=Outcome.GAP, reason='12 samples are missing'))
     )
     spin_until(lambda: len(heard) == 2, node, peer)
-    answer = node.model.classify(window)
+    answer = node.answering.models.models[0].classify(window)
     scores = {result.class_id: result.score for result in heard[0].results}
     assert heard[0].results[0].class_id == answer.label
     assert scores == dict(zip(answer.labels, answer.scores, strict=True))

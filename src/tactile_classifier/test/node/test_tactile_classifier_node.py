@@ -11,11 +11,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from tactile_classifier.conversions import classification_from_msg
-from tactile_classifier.errors import ModelFileError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.model_file.live_recalibration import LiveRecalibration
-from tactile_classifier.records import ClassifierConfig, Outcome
-from tactile_classifier.tactile_classifier_node import load_fitting_model, TactileClassifierNode
+from tactile_classifier.records import Outcome
+from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
 from tactile_features.conversions import feature_window_to_msg
@@ -100,7 +99,7 @@ def make_graph(context):
 
 
 def test_windows_are_classified_over_the_wire(make_graph, model_path, make_window):
-    graph = make_graph(model=str(model_path), contact='flexion')
+    graph = make_graph(models=str(model_path), contact='flexion')
     assert graph.node.bring_up()
     graph.connect()
     windows = [
@@ -113,7 +112,7 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
     ]
     for window in windows:
         graph.features.publish(feature_window_to_msg(window))
-    graph.spin_until(lambda: graph.node.seen_count == 6, 'the windows')
+    graph.spin_until(lambda: graph.node.answering.seen_count == 6, 'the windows')
     graph.spin_until(lambda: len(graph.answers) == 4, 'the answers')
     answers = [classification_from_msg(message) for message in graph.answers]
     model = TactileModel.load(model_path)
@@ -126,8 +125,8 @@ def test_windows_are_classified_over_the_wire(make_graph, model_path, make_windo
     ]
     assert [a.label for a in answers] == ['plate 0', '', '', 'plate 2']
     assert 'rate in Hz is 100.0' in answers[1].reason
-    assert (graph.node.ignored_count, graph.node.published_count) == (2, 4)
-    assert graph.node.model.model_id == model.model_id
+    assert (graph.node.answering.ignored_count, graph.node.answering.published_count) == (2, 4)
+    assert graph.node.answering.models.models[0].model_id == model.model_id
 
 
 def test_partial_windows_are_answered_on_a_topic_of_their_own(
@@ -136,7 +135,7 @@ def test_partial_windows_are_answered_on_a_topic_of_their_own(
     table, partial = partial_tables
     path = tmp_path / 'partial.onnx'
     model = write_model(path, train(table, 'knn', partial=partial))
-    graph = make_graph(model=str(path))
+    graph = make_graph(models=str(path))
     assert graph.node.bring_up()
     graph.listen_partial()
     windows = [
@@ -151,14 +150,13 @@ def test_partial_windows_are_answered_on_a_topic_of_their_own(
     assert answers == [model.classify(windows[0]), model.classify(windows[2])]
     assert all(answer.partial and answer.decided for answer in answers)
     assert not classification_from_msg(graph.answers[0]).partial
-    assert graph.node.partial_count == 2
+    assert graph.node.answering.partial_count == 2
     log = capfd.readouterr().err
-    assert 'the parameter partial_samples of the feature node should be [60, 120]' in log
     assert log.count('plate 0 after') == 1  # the first decided answer alone
 
 
 def test_nothing_is_answered_while_inactive(make_graph, model_path, make_window):
-    graph = make_graph(model=str(model_path))
+    graph = make_graph(models=str(model_path))
     graph.node.trigger_configure()
     graph.connect()
     graph.features.publish(feature_window_to_msg(make_window(0)))
@@ -168,11 +166,11 @@ def test_nothing_is_answered_while_inactive(make_graph, model_path, make_window)
     graph.features.publish(feature_window_to_msg(make_window(30)))
     graph.spin_until(lambda: graph.answers, 'the answer')
     assert [a.trial_id for a in graph.answers] == ['trial-30']
-    assert graph.node.seen_count == 1
+    assert graph.node.answering.seen_count == 1
 
 
 def test_node_can_be_cleaned_up_and_configured_again(make_graph, model_path, make_window):
-    graph = make_graph(model=str(model_path))
+    graph = make_graph(models=str(model_path))
     assert graph.node.bring_up()
     graph.node.trigger_deactivate()
     graph.node.trigger_cleanup()
@@ -182,32 +180,29 @@ def test_node_can_be_cleaned_up_and_configured_again(make_graph, model_path, mak
     graph.spin_until(lambda: graph.answers, 'the answer')
 
 
-def test_wrong_model_refuses_to_configure_and_says_why(make_graph, model_path, capfd):
-    graph = make_graph(model=str(model_path), rate_hz=100.0)
-    assert not graph.node.bring_up()
-    assert 'rate in Hz differs: 60.0 here, 100.0 there' in capfd.readouterr().err
-    graph.node.set_parameters([Parameter('rate_hz', value=60.0)])
-    assert graph.node.bring_up()
-
-
 @pytest.mark.parametrize(
     ('changes', 'sentence'),
     [
-        ({'model': ''}, 'the parameter model is empty'),
-        ({'model': '/nowhere/m.onnx'}, 'cannot read model /nowhere/m.onnx'),
-        ({'task': 'stiffness'}, 'is for texture; the parameter task is stiffness'),
-        ({'contact': 'abduction'}, 'trained on flexion; the parameter contact is abduction'),
-        ({'texture_samples': 90}, 'window in samples differs: 180 here, 90 there'),
-        ({'texture_crop_start_s': 2.0}, 'texture_crop_start_s'),
+        ({'models': ''}, 'the parameter models is empty'),
+        ({'models': '/nowhere/m.onnx'}, 'cannot read model /nowhere/m.onnx'),
+        ({'contact': 'abduction'}, 'are for flexion, the parameter contact is abduction'),
     ],
+    ids=str,
 )
-def test_model_that_does_not_fit_the_parameters(model_path, changes, sentence):
-    with pytest.raises(ModelFileError, match=sentence):
-        load_fitting_model(ClassifierConfig(**{'model': str(model_path), **changes}))
+def test_without_a_usable_model_it_is_not_configured_and_says_why(
+    make_graph, model_path, changes, sentence, capfd
+):
+    graph = make_graph(**{'models': str(model_path), **changes})
+    assert not graph.node.bring_up()
+    assert sentence in capfd.readouterr().err
+    graph.node.set_parameters(
+        [Parameter('models', value=str(model_path)), Parameter('contact', value='flexion')]
+    )
+    assert graph.node.bring_up()
 
 
 def test_known_trials_recalibrate_the_answers_of_a_session(make_graph, model_path, make_window):
-    graph = make_graph(model=str(model_path), contact='flexion', recalibration_trials=5)
+    graph = make_graph(models=str(model_path), contact='flexion', recalibration_trials=5)
     assert graph.node.bring_up()
     graph.connect()
     live = LiveRecalibration(TactileModel.load(model_path), 5)
@@ -226,6 +221,6 @@ def test_known_trials_recalibrate_the_answers_of_a_session(make_graph, model_pat
 
 
 def test_a_node_refuses_too_few_known_trials_and_says_so(make_graph, model_path, capfd):
-    graph = make_graph(model=str(model_path), recalibration_trials=3)
+    graph = make_graph(models=str(model_path), recalibration_trials=3)
     assert not graph.node.bring_up()
     assert 'recalibration_trials is 3; it must be 0 or at least 5' in capfd.readouterr().err

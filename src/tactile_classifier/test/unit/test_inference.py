@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_classifier.errors import DatasetError, ModelFileError
+from tactile_classifier.errors import DatasetError
 from tactile_classifier.model_file.inference import TactileModel
 from tactile_classifier.records import Outcome
 from tactile_classifier.training.model_writer import write_model
@@ -69,11 +69,12 @@ def test_simulated_comes_from_the_window_too(make_window, small_table, tmp_path)
         ),
         (
             {'rate_hz': 100.0},
-            'rate in Hz is 100.0; the model was trained on 60.0: set rate_hz of the feature node',
+            'rate in Hz is 100.0; the model was trained on 60.0: name its file in the parameter '
+            'models of the feature node',
         ),
         (
             {'specification_digest': 'ab' * 8},
-            'set on the feature node max_gap_samples 0, spectrum_detrend linear',
+            'with max_gap_samples 0, spectrum_detrend linear',
         ),
         ({'sample_count': 90}, 'window in samples is 90; the model was trained on 180'),
         ({'values': np.zeros(90)}, 'number of features is 90; the model was trained on 91'),
@@ -96,13 +97,28 @@ def test_ready_cut_windows_take_their_specification_from_whoever_asks(
     table = type(small_table)(small_table.values, small_table.labels, spec, small_table.columns)
     model = write_model(tmp_path / 'm.onnx', train(table, 'tree'))
     assert model.spec.missing_parameters == ('texture_crop_start_s', 'max_gap_samples')
-    assert model.describe_mismatch(make_window(specification_digest='')) == ''
+    assert model.format_mismatch(make_window(specification_digest='')) == ''
+    later = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
+    faster = spec_for('texture', FeatureConfig(rate_hz=100.0))
+    model.set_specifications([later, faster])
+    assert model.fits(later.digest)
+    assert model.format_mismatch(make_window(specification_digest=later.digest)) == ''
+    assert not model.fits(faster.digest)
+    assert 'rate in Hz differs: 60.0 here, 100.0 there' in model.format_mismatch(
+        make_window(specification_digest=faster.digest)
+    )
+    assert 'another specification' in model.format_mismatch(make_window())
+
+
+def test_an_announced_specification_says_what_differs(model, make_window):
     other = spec_for('texture', FeatureConfig(texture_crop_start_s=0.9))
-    model.expect(other)
-    assert model.describe_mismatch(make_window(specification_digest=other.digest)) == ''
-    assert 'texture_crop_start_s 0.9' in model.describe_mismatch(make_window())
-    with pytest.raises(ModelFileError, match='rate in Hz'):
-        model.expect(spec_for('texture', FeatureConfig(rate_hz=100.0)))
+    window = make_window(specification_digest=other.digest)
+    assert 'another specification' in model.format_mismatch(window)
+    model.set_specifications([other])
+    assert 'window (texture_crop_start_s) differs: 0.6 here, 0.9 there' in model.format_mismatch(
+        window
+    )
+    model.set_specifications([])
 
 
 def test_accepts_its_own_feature_set_and_contact(model, make_window):

@@ -24,6 +24,7 @@ from tactile_classifier.model_file.manifest import FULL_WINDOW
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import FittedStage, train, Trained
 from tactile_features.config import FeatureConfig
+from tactile_features.model_contract import MAX_MODEL_BYTES
 from tactile_features.spec import spec_for
 
 READERS = (TactileModel.load, read_manifest)
@@ -169,7 +170,7 @@ def test_what_is_no_model_is_refused_with_its_path(tmp_path, content, read):
     with pytest.raises(ModelFileError, match=r'm\.onnx is refused: it is not an ONNX file'):
         read(path)
     with path.open('wb') as file:
-        file.truncate(inference.MAX_MODEL_BYTES + 1)
+        file.truncate(MAX_MODEL_BYTES + 1)
     with pytest.raises(ModelFileError, match='the limit is 64 MiB'):
         read(path)
 

@@ -38,7 +38,7 @@ def model(trained, tmp_path_factory):
 
 def test_every_part_answers_as_scikit_learn_does(trained, model):
     assert model.partial_samples == (60, 120)
-    assert model.manifest.feature_values()['partial_samples'] == (60, 120)
+    assert model.manifest.partial_samples == (60, 120)
     for part in trained.stages:
         rows = (0.6 * part.values + 0.4 * part.values[::-1])[:100]
         found = model.compute(rows, part.sample_count)

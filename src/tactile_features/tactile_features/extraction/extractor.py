@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError, UndefinedFeatureError
 from tactile_features.extraction.partial_window import PartialWindow
-from tactile_features.extraction.phase_window import describe_clock_step, PhaseWindow
+from tactile_features.extraction.phase_window import format_clock_step, PhaseWindow
 from tactile_features.feature_sets.feature_set import FeatureSet, WindowSamples
 from tactile_features.feature_sets.registry import find_feature_set
 from tactile_features.phases.signal_phases import SignalPhases
@@ -106,7 +106,7 @@ class _FinishedPhase:
 
     @property
     def is_over(self) -> bool:
-        """Whether all of its windows were given out."""
+        """True when all of its windows were given out."""
         return not self._waiting
 
     def take(self, mark: Callable[[FeatureWindow], FeatureWindow]) -> list[FeatureWindow]:
@@ -261,7 +261,7 @@ class TrialFeatureExtractor:
         step_ns = self._buffer.new_step_ns
         windows = []
         if self._signal and (is_set_back or step_ns):
-            message = describe_clock_step(step_ns, 'trial') if step_ns else _SET_BACK
+            message = format_clock_step(step_ns, 'trial') if step_ns else _SET_BACK
             for event in self._signal.abort(message):
                 self._detected.append(event)
                 windows += self._take_event(event)
@@ -398,11 +398,11 @@ class TrialFeatureExtractor:
         """Refuse what waits when the clock is set back, and the phase that it falls into."""
         if not step_ns:
             return self._give_up(Outcome.GAP, f'{_SET_BACK} before they came')
-        windows = self._give_up(Outcome.BAD_TIME, describe_clock_step(step_ns, 'trial'))
+        windows = self._give_up(Outcome.BAD_TIME, format_clock_step(step_ns, 'trial'))
         event = self._event
         if event is not None and event.phase in (PHASE_GLIDE, PHASE_HOLD):
             self._event = None  # its end would be on another clock
-            reason = describe_clock_step(step_ns, event.phase)
+            reason = format_clock_step(step_ns, event.phase)
             phase = _FinishedPhase(event, event, None, self._lanes, is_past=False)
             self._waiting.append(phase)
             windows += self._end_oldest(lambda window: window.refuse(Outcome.BAD_TIME, reason))

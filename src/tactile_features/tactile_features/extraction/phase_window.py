@@ -35,12 +35,12 @@ _BAD_STATUS = {
 }
 
 CROP_MARGIN = 10.0
-"""How many times a stamp error must fit into the crop, for each time into the window."""
+"""Where this many crops are shorter than the window, they limit the stamp error in its place."""
 
 _NO_SAMPLES: Samples = np.empty(0, SAMPLE)
 
 
-def _describe_unfit(pull: Samples) -> str:
+def _format_unfit(pull: Samples) -> str:
     """Return why the samples of a pull measure nothing, or an empty string."""
     if len(pull) < 2:
         return 'the pull into contact has no samples'
@@ -209,19 +209,19 @@ class PhaseWindow:
 
     def _assess(self, cut: _Cut) -> FeatureWindow:
         samples = cut.samples
-        reason = self._describe_step(cut)
+        reason = self._format_step(cut)
         if reason:
             return self.refuse(Outcome.BAD_TIME, reason, samples)
-        reason = self._describe_gap(cut)
+        reason = self._format_gap(cut)
         if reason:
             return self.refuse(Outcome.GAP, reason, samples)
         if len(samples) < self._wanted:
             reason = f'the {self.start.phase} gave {len(samples)} of {self._wanted} samples'
             return self.refuse(Outcome.TOO_SHORT, reason, samples)
-        reason = self._describe_stamp_error(samples)
+        reason = self._format_stamp_error(samples)
         if reason:
             return self.refuse(Outcome.BAD_TIME, reason, samples)
-        reason = self._describe_fault(samples)
+        reason = self._format_fault(samples)
         if reason:
             return self.refuse(Outcome.BAD_SIGNAL, reason, samples)
         try:
@@ -249,18 +249,18 @@ class PhaseWindow:
             return measure_hold(samples, _NO_SAMPLES, 0.0, 'no pull into contact was seen')
         begin = buffer.first_at(before.stamp_ns)
         pull = buffer.samples[begin : buffer.first_beyond(self.start.stamp_ns)]
-        no_pull = _describe_unfit(pull)
+        no_pull = _format_unfit(pull)
         if buffer.evicted_ns is not None and buffer.evicted_ns >= before.stamp_ns:
             no_pull = 'the buffer no longer holds the pull into contact; raise buffer_s'
         return measure_hold(samples, pull, before.pull_speed_m_s, no_pull)
 
-    def _describe_step(self, cut: _Cut) -> str:
+    def _format_step(self, cut: _Cut) -> str:
         after_ns = [] if cut.after is None else [cut.after['step_ns']]
         steps_ns = np.concatenate([cut.lead['step_ns'], cut.samples['step_ns'], after_ns])
         steps_ns = steps_ns[steps_ns != 0]
-        return describe_clock_step(int(steps_ns[0]), self.start.phase) if len(steps_ns) else ''
+        return format_clock_step(int(steps_ns[0]), self.start.phase) if len(steps_ns) else ''
 
-    def _describe_stamp_error(self, samples: Samples) -> str:
+    def _format_stamp_error(self, samples: Samples) -> str:
         known_error_s = float(samples['stamp_error_s'].max())  # an unknown error is -1
         if known_error_s > self._most_error_s:
             return (
@@ -275,7 +275,7 @@ class PhaseWindow:
             )
         return ''
 
-    def _describe_gap(self, cut: _Cut) -> str:
+    def _format_gap(self, cut: _Cut) -> str:
         samples, after, _ = cut
         holes = np.flatnonzero(samples['hole'][1:])
         if len(holes):
@@ -302,7 +302,7 @@ class PhaseWindow:
             return 'samples are missing at the end of the window'
         return ''
 
-    def _describe_fault(self, samples: Samples) -> str:
+    def _format_fault(self, samples: Samples) -> str:
         if faults := _name_faults(samples):
             return f'samples in the window are {faults}'
         if not np.isfinite(samples['tension_n']).all():
@@ -347,7 +347,7 @@ class PhaseWindow:
         )
 
 
-def describe_clock_step(step_ns: int, phase: str) -> str:
+def format_clock_step(step_ns: int, phase: str) -> str:
     """Return the sentence that refuses a window across a step of the host's clock."""
     way = 'forward' if step_ns > 0 else 'back'
     return f"the host's clock was set {way} by {abs(step_ns) / 1e9:.3f} s during the {phase}"

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a set of features is: the interface that training, replay and the live node see."""
+"""Sets of features: the interface that training, replay and the live node see."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tactile_features.records import PHASE_GLIDE
 FloatArray = NDArray[np.float64]
 
 RATE_TOLERANCE = 0.02
-"""How far the mean rate of a window may be off its nominal rate [1]: less than two bins
+"""Largest deviation of the mean rate of a window from its nominal rate [1]: less than two bins
 at the upper end of the spectrum of 180 samples."""
 
 
@@ -32,7 +32,7 @@ class Feature(NamedTuple):
 
 @dataclass(frozen=True)
 class WindowSpec:
-    """Which samples of a phase are its window.
+    """The samples of a phase that are its window.
 
     Attributes
     ----------

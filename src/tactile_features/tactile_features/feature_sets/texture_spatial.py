@@ -27,13 +27,13 @@ from tactile_features.parameters import WindowParameters
 from tactile_features.records import PHASE_GLIDE, SET_TEXTURE_SPATIAL
 
 QUANTILES = 13
-"""How many quantiles describe a distribution, from the least to the largest value."""
+"""Number of quantiles that describe a distribution, from the least to the largest value."""
 
 GRID_PER_SCALE = 4
 """Grid points to the finest scale."""
 
 KERNEL_REACH = 4
-"""How many finest scales the smoothing reaches to either side."""
+"""Reach of the smoothing to either side, in finest scales."""
 
 MAX_SAMPLES = 100_000
 """Most samples in a window: 14 s at 7 kHz."""
@@ -78,7 +78,7 @@ class SpatialWindow:
 
     @property
     def component_count(self) -> int:
-        """How many spatial frequencies there are, from one cycle in the window."""
+        """Number of spatial frequencies, from one cycle in the window."""
         return math.floor(self.length_m / (2.0 * self.finest_m) + 1e-9)
 
     def sample_count(self, speed_m_s: float, rate_hz: float) -> int:
@@ -133,7 +133,7 @@ _DIFFERENCES = ('change', 'bend')
 
 
 class TextureSpatial(FeatureSet):
-    """What a stretch of surface holds, at any sliding speed that trial events state."""
+    """Texture of a stretch of surface, at any sliding speed that trial events state."""
 
     name = SET_TEXTURE_SPATIAL
     version = 1
@@ -250,7 +250,7 @@ def _compute_each(
 
 
 class _Maps(NamedTuple):
-    """What takes samples to amplitudes and to the smoothed grid.
+    """Linear maps from samples to amplitudes and to the smoothed grid.
 
     ``cosine`` and ``sine``: one row a spatial frequency. ``first`` and ``weights``: for each
     grid point the first sample within reach and the weights of it and those after it.

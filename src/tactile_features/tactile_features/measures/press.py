@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How stiff a press on an object is, and how it relaxes, as the tendon sees both."""
+"""Stiffness of a press on an object, and its relaxation, as the tendon sees both."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def _line_error(time_s: FloatArray, tension_n: FloatArray) -> float:
 
 
 class Step(NamedTuple):
-    """How far a line jumps between one sample and the next.
+    """Jump of a line between one sample and the next.
 
     Attributes
     ----------

@@ -14,15 +14,25 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from std_msgs.msg import Header
 
-from tactile_features import FeatureWindow, Outcome, records
+from tactile_features import (
+    FeatureConfig,
+    FeatureSpecifications,
+    FeatureWindow,
+    Outcome,
+    records,
+    TrialFeatureExtractor,
+)
 from tactile_features.conversions import (
     event_from_msg,
     event_to_msg,
     feature_window_from_msg,
     feature_window_to_msg,
+    specifications_from_msg,
+    specifications_to_msg,
     strain_block_from_msg,
 )
 from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+from tactile_ros.errors import MessageError
 
 uint32 = st.integers(0, 2**32 - 1)
 uint64 = st.integers(0, 2**64 - 1)
@@ -64,7 +74,7 @@ def typestore():
 
 @pytest.fixture(params=['rclpy', 'rosbags'])
 def read(request, typestore):
-    """What a library makes of a message that has been sent."""
+    """Return a sent message as a library reads it."""
 
     def read(msg):
         data = serialize_message(msg)
@@ -138,3 +148,38 @@ def test_constants_are_those_of_the_messages(message, prefix, ours):
     }
     assert theirs
     assert {name: value for name, value in ours.items() if name.startswith(prefix)} == theirs
+
+
+CONFIG = FeatureConfig(texture_crop_start_s=1 / 3, partial_samples=(60, 120), max_gap_samples=2)
+
+
+def test_specifications_come_back_as_they_were(read):
+    announced = FeatureSpecifications(
+        TrialFeatureExtractor(CONFIG).wanted, dataclasses.asdict(CONFIG), 1_760_000_000_000_000_001
+    )
+    found = specifications_from_msg(read(specifications_to_msg(announced)))
+    assert found.wanted == announced.wanted
+    assert [s.digest for s in found.specs] == [s.digest for s in announced.specs]
+    assert FeatureConfig(**found.config) == CONFIG
+    assert found.stamp_ns == announced.stamp_ns
+
+
+@pytest.mark.parametrize(
+    ('change', 'fault'),
+    [
+        (lambda m: m.specifications[0].parameter_values.pop(), 'they must be as many'),
+        (lambda m: setattr(m.specifications[0], 'rate_hz', 61.0), 'one of them was changed'),
+        (lambda m: setattr(m.specifications[0], 'rate_hz', 0.0), 'rate_hz is 0'),
+        (lambda m: setattr(m, 'config', '[1]'), 'config is no JSON object'),
+        (lambda m: setattr(m, 'config', '{'), 'config is not JSON'),
+        (
+            lambda m: m.specifications[0].parameter_values.__setitem__(0, '[]'),
+            'cannot be read',
+        ),
+    ],
+)
+def test_specifications_that_are_wrong_are_refused(change, fault):
+    message = specifications_to_msg(FeatureSpecifications(TrialFeatureExtractor(CONFIG).wanted))
+    change(message)
+    with pytest.raises(MessageError, match=fault):
+        specifications_from_msg(message)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the node says of itself, and how its outputs are tuned."""
+"""Diagnostics of the node, and the quality of service of its outputs."""
 
 from functools import partial
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import onnx
 from onnx import helper, TensorProto
 
-from tactile_classifier.errors import ModelFileError
 from tactile_features import onnx_container
+from tactile_features.errors import ModelFileError
 from tactile_features.onnx_container import (
     MAX_CARD_BYTES,
     open_container,

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What of a texture window is known while it still fills."""
+"""The first parts of a texture window, while the rest still fills."""
 
 import numpy as np
 import pytest

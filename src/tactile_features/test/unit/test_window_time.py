@@ -216,7 +216,7 @@ def test_the_timeout_is_told_by_a_clock_that_nobody_stops():
     most_s = CONFIG.samples_timeout_s + GRACE_S
 
     def waited_s():
-        """How long it takes, asked four times a second."""
+        """Return the time that it takes, asked four times a second."""
         began_s = now_s[0]
         while not timeout.is_over():
             now_s[0] += 0.25

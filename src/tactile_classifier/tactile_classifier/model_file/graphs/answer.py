@@ -1,10 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What lies around a classifier, as operators of an ONNX graph.
-
-Before it the scaling; after it answer, probabilities and novelty.
-"""
+"""Scaling, answer, probabilities and novelty, as operators of an ONNX graph."""
 
 from __future__ import annotations
 

@@ -1,0 +1,33 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Model files that hold a manifest and an empty graph: as much as features need."""
+
+import json
+
+import pytest
+
+from tactile_features.onnx_container import seal
+
+EMPTY_GRAPH = b'\x3a\x00'
+"""Field 7 of onnx.proto, a graph without nodes."""
+
+
+@pytest.fixture
+def make_model_file():
+    """Return a writer of a file that asks for features."""
+
+    def make(path, wanted, contact='flexion', **changes):
+        stages = [{'sample_count': count} for count in (0, *wanted.partial_samples)]
+        fields = {
+            'format_version': 6,
+            'task': wanted.task,
+            'contact': contact,
+            'spec': wanted.spec.to_dict(),
+            'specification_digest': wanted.spec.digest,
+            'stages': stages,
+        }
+        path.write_bytes(seal(EMPTY_GRAPH, json.dumps({**fields, **changes}), ''))
+        return path
+
+    return make
