@@ -16,11 +16,14 @@ from tactile_features.conversions import (
     feature_window_from_msg,
     feature_window_to_msg,
     slip_to_msg,
+    specifications_from_msg,
+    specifications_to_msg,
     strain_block_from_msg,
 )
 from tactile_features.extraction.extractor import TrialFeatureExtractor
 from tactile_features.slip import SlipConfig, SlipDetector
-from tactile_msgs.msg import StrainBlock, TactileFeatures, TrialEvent
+from tactile_features.spec import FeatureSpecifications
+from tactile_msgs.msg import FeatureSpecification, StrainBlock, TactileFeatures, TrialEvent
 from tactile_ros.errors import MessageError
 
 PHASES = ['approach', 'contact', 'glide', 'hold', 'release', 'return', 'done', 'aborted', 'pull']
@@ -129,6 +132,22 @@ def test_a_message_is_refused_or_converted_and_can_be_sent_on(make, convert, con
     except MessageError:
         return
     serialize_message(convert_back(record))
+
+
+@given(changes=mutations(FeatureSpecification), values=st.lists(words, max_size=4))
+@settings(deadline=None)
+def test_a_specification_is_refused_or_that_of_its_digest(changes, values):
+    wanted = TrialFeatureExtractor(FeatureConfig()).wanted
+    message = specifications_to_msg(FeatureSpecifications(wanted))
+    changes.pop('stamp', None)  # it has no header
+    mutate(message.specifications[0], changes)
+    message.specifications[1].parameter_values[: len(values)] = values
+    try:
+        found = specifications_from_msg(message)
+    except MessageError:
+        return
+    assert found.specs == tuple(each.spec for each in wanted)
+    serialize_message(specifications_to_msg(found))
 
 
 def test_a_refusal_says_nothing_that_a_terminal_obeys():
