@@ -88,7 +88,14 @@ def recorded_features(bag: TactileBag, namespace: str = '') -> RecordedFeatures:
     """
     config = bag.metadata.get('feature_config') or {}
     wanted: dict[str, WantedFeatures] = {}
-    for _, announced in read_records(bag.messages(SPECIFICATIONS, namespace=namespace)):
+    messages = list(bag.messages(SPECIFICATIONS, namespace=namespace))
+    records = list(read_records(messages))
+    if messages and not records:
+        raise BagError(
+            f'{bag.path}: its feature parameters are unusable: each message on '
+            f'{messages[0].topic} is refused; the log says why'
+        )
+    for _, announced in records:
         config = announced.config
         for each in announced.wanted:
             known = wanted.get(each.spec.digest, each).partial_samples

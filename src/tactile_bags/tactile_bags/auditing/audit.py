@@ -11,7 +11,7 @@ from typing import Any
 
 from tactile_bags.auditing.host_clock import EVENT_DELAY_S, SpanCounts
 from tactile_bags.auditing.trial_counts import TrialCounts
-from tactile_features.extraction.phase_window import describe_clock_step
+from tactile_features.extraction.phase_window import format_clock_step
 from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 
 LONGEST_STEP_S = 0.1
@@ -105,7 +105,7 @@ def make_audit(
 def _findings(span: SpanCounts, nominal_hz: float, trial: TrialCounts | None) -> Iterable[str]:
     counts = span.counts
     if span.steps:
-        first = describe_clock_step(span.first_step_ns, 'trial' if trial else 'recording')
+        first = format_clock_step(span.first_step_ns, 'trial' if trial else 'recording')
         yield f'{first}, the first of {span.steps} steps' if span.steps > 1 else first
     if trial is not None and trial.is_too_late:
         yield (

@@ -136,11 +136,14 @@ class ModelChoice:
         Models of another contact are passed over; empty: none is.
     recalibration_trials : int
         Known trials of a session that correct the models; 0: none.
+    rate_hz : float
+        Sample rate that they were trained at [Hz]; 0: they differ.
     """
 
     path: Path
     contact: str = ''
     recalibration_trials: int = 0
+    rate_hz: float = 0.0
 
     @classmethod
     def read(
@@ -170,15 +173,8 @@ class ModelChoice:
             raise TactileError(
                 f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
             )
-        return cls(path.resolve(), contact, trials)
-
-    def rate_hz(self) -> float:
-        """Return the sample rate that the models were trained at [Hz]; 0: they differ."""
-        from tactile_features import read_contracts  # slow to import
-
-        contracts, _ = read_contracts(self.path, self.contact)
         rates = {each.wanted.spec.rate_hz for each in contracts}
-        return rates.pop() if len(rates) == 1 else 0.0
+        return cls(path.resolve(), contact, trials, rates.pop() if len(rates) == 1 else 0.0)
 
     @property
     def parameters(self) -> dict[str, str]:
@@ -245,7 +241,7 @@ def topic_sensor_parameters(
     if not topic:
         return {}
     of_features = stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0)
-    return sensor_on_topic(topic, models.rate_hz() if models else float(of_features))
+    return sensor_on_topic(topic, models.rate_hz if models else float(of_features))
 
 
 def slip_node(

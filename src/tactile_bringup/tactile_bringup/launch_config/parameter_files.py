@@ -14,6 +14,9 @@ from tactile_bags.plain_yaml import parse_plain_yaml, read_text
 from tactile_bags.recorded_topics import join_topic
 from tactile_ros.errors import TactileError
 
+OLD_CLASSIFIER = re.compile(r'/(texture|stiffness)(_flexion|_abduction)?_classifier$')
+"""Classifier nodes of version 0.1, one a model."""
+
 MAX_BYTES = 2**20
 """Longest file of parameters that is read [byte]."""
 
@@ -47,6 +50,11 @@ def read_parameters(
     full_names = {name: join_topic(namespace, name) for name in names}
     found: dict[str, dict[str, Any]] = {}
     for pattern, parameters in _entries(document, '', path):
+        if OLD_CLASSIFIER.search(pattern):
+            raise TactileError(
+                f'{path} has parameters for {pattern}; the classifier of a finger is now called '
+                'tactile_classifier and needs no parameters of windows'
+            )
         expression = _as_expression(pattern)
         matching = [name for name, full in full_names.items() if expression.fullmatch(full)]
         if not matching and not others_allowed:

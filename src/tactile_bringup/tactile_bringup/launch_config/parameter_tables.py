@@ -20,7 +20,7 @@ from tactile_bags.records import PlayerConfig, RecorderConfig
 from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES, LaunchArgument
 from tactile_bringup.records import TrialConfig
 from tactile_classifier.records import ClassifierConfig
-from tactile_features.config import FeatureConfig
+from tactile_features.config import FeaturesNodeConfig
 from tactile_features.slip import SlipConfig
 from tendon_sensor_driver.records import TendonSensorConfig
 
@@ -29,7 +29,7 @@ NODES: dict[str, type] = {
     'linear_guide': LinearGuideConfig,
     'tendon_actuator': TendonActuatorConfig,
     'trial_runner': TrialConfig,
-    'tactile_features': FeatureConfig,
+    'tactile_features': FeaturesNodeConfig,
     'slip_detector': SlipConfig,
     'tactile_classifier': ClassifierConfig,
     'bag_recorder': RecorderConfig,

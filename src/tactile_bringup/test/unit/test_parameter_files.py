@@ -64,3 +64,10 @@ thumb:
 def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, message):
     with pytest.raises(TactileError, match=message):
         read_parameters(parameter_file(text), NAMES)
+
+
+@pytest.mark.parametrize('name', ['texture_flexion_classifier', '/**/stiffness_classifier'])
+def test_parameters_of_a_classifier_of_version_0_1_are_refused(parameter_file, name):
+    path = parameter_file(f'{name}: {{ros__parameters: {{recalibration_trials: 5}}}}')
+    with pytest.raises(TactileError, match='is now called tactile_classifier'):
+        read_parameters(path, NAMES, others_allowed=True)

@@ -154,7 +154,7 @@ class TactileModel:
             With a sentence that says why the file is not used.
         """
         with refusals_of(path):
-            return cls(read_limited(path), str(Path(path).absolute()))
+            return cls(read_limited(path), str(Path(path).resolve()))
 
     @property
     def task(self) -> str:

@@ -190,7 +190,7 @@ def _replay_finger(
     times: int,
 ) -> ReplayReport:
     features = recorded_features(bag, namespace)
-    if is_chosen and models is not None and features.wanted:
+    if is_chosen and models is not None:
         contracts, _ = read_contracts(models)
         features = RecordedFeatures(features.config, tuple(each.wanted for each in contracts))
     recorded = recorded_results(bag, namespace)

@@ -85,13 +85,12 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
         )
         windows = replay_windows(opened, RecordedFeatures(config))
     assert model.spec == spec_for('texture', config)
-    assert model.manifest.feature_values()['spectrum_detrend'] == detrend
+    assert model.spec.parameters['spectrum_detrend'] == detrend
     others = {'none', 'mean', 'linear'} - {detrend}
     for other in others:
+        changed = dataclasses.replace(config, spectrum_detrend=other)
         with pytest.raises(ModelFileError, match='spectrum_detrend'):
-            model.check_fits(
-                spec_for('texture', dataclasses.replace(config, spectrum_detrend=other))
-            )
+            model.check_fits(spec_for('texture', changed))
     # Tables of whole and partial windows are what the live extractor gives.
     (table,) = read_tables([bag], {'spectrum_detrend': detrend}).tables.values()
     tables = {**read_partial_tables(table, [0.5, 1.0]), table.spec.sample_count: table}
@@ -99,7 +98,7 @@ def test_a_model_states_how_its_spectra_were_detrended(bag, tmp_path, capsys, de
     assert len(windows) == 3 * len(table)
     for window in windows:
         (row,) = (table.column('window_start_ns') == window.window_start_ns).nonzero()[0]
-        assert window.sample_count == 30 or not model.describe_mismatch(window)
+        assert window.sample_count == 30 or not model.format_mismatch(window)
         assert tables[window.sample_count].values[row].tobytes() == window.values.tobytes()
 
 

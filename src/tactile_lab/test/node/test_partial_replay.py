@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Answers while the finger glides: recorded live from a model file alone, replayed equal."""
+"""Answers while the finger glides, of several models: from their files alone, replayed equal."""
 
 from collections import Counter
 import dataclasses
@@ -33,8 +33,12 @@ QUICK = {'trial_runner': {'approach_speed_m_s': 0.1}}
 
 
 @pytest.fixture(scope='module')
-def table(simulate_bag):
-    bag = simulate_bag('texture', 'flexion', 3, seed=5)
+def bag(simulate_bag):
+    return simulate_bag('texture', 'flexion', 3, seed=5)
+
+
+@pytest.fixture(scope='module')
+def table(bag):
     (table,) = read_tables([bag]).tables.values()
     return table
 
@@ -93,3 +97,31 @@ def test_partial_answers_are_recorded_and_replayed_equal(rig, model, tmp_path):
     model.rename(model.with_name('elsewhere.onnx'))
     with pytest.raises(TactileError, match=r'is not at .*partial\.onnx; name it: --models'):
         replay_and_compare(bag, None, through_nodes=False)
+
+
+def test_models_with_different_features_share_a_finger(rig, bag, model, tmp_path):
+    (spatial,) = read_tables([bag], {'texture_features': 'texture_spatial'}).tables.values()
+    folder = tmp_path / 'models'
+    folder.mkdir()
+    model.rename(folder / model.name)
+    write_model(folder / 'spatial.onnx', train(spatial, 'tree'))
+    (folder / 'no model.onnx').write_text('no')
+    recorded = tmp_path / 'bag'
+    trial = glide(rig, recorded, folder)
+    assert len({answer.model_id for answer in trial.answers}) == 2
+    assert all(answer.scores for answer in trial.answers)
+    with TactileBag(recorded) as recording:
+        specs = {f.spec.digest: f.spec for f in recorded_features(recording).wanted}
+        infos = recorded_models(recording)
+        results = recorded_results(recording)
+    sets = {specs[info.specification_digest].feature_set for info in infos}
+    assert sets == {'texture_spectrum', 'texture_spatial'}
+    full = [window for window in results.windows if not window.partial]
+    assert len({window.specification_digest for window in full}) == len(full) == 2
+    (report,) = replay_and_compare(recorded, None, through_nodes=True)
+    assert report.is_equal, report.comparisons
+    counts = {c.classification_count for c in report.comparisons.values()}
+    assert counts == {4}  # two of partial windows
+    tables = read_tables([recorded]).tables
+    assert {table.spec.feature_set for table in tables.values()} == sets
+    assert [key[:2] for key in tables] == [('texture', 'flexion')] * 2

@@ -29,7 +29,7 @@ from tactile_bags import (
 )
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
-from tactile_bags.recorded_setup import recorded_features
+from tactile_bags.recorded_setup import recorded_features, WRITTEN_IN
 from tactile_bags.storage.mcap_writer import McapWriter
 from tactile_bringup.launch_config.graph import recorder_node
 from tactile_bringup.nodes.graph_runner import create_node, running_graph
@@ -270,7 +270,8 @@ def test_a_killed_recorder_leaves_a_bag_that_opens(context, tmp_path):
     assert sequences[-last:] == list(range(1, last + 1))  # 0 was sent until it was heard
     with TactileBag(path) as bag:
         assert 'never closed' in bag.recovered
-        assert bag.metadata == {'simulated': True, 'operator': 'nobody'}
+        told = {'simulated': True, 'operator': 'nobody', WRITTEN_IN: str(path)}
+        assert bag.metadata == told
     repair = repair_bag(path, tmp_path / 'repaired')
     assert repair.message_count == len(sequences)
     with TactileBag(tmp_path / 'repaired') as bag:
