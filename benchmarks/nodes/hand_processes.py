@@ -20,12 +20,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
+from tactile_bringup.nodes.finger import connect_fingers
 from tactile_bringup.nodes.graph_runner import ros_context
 from tactile_classifier.tactile_classifier_node import TactileClassifierNode
 from tactile_features.config import FeatureConfig
 from tactile_features.tactile_features_node import TactileFeaturesNode
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
-from tactile_ros.bus.data_node import DataNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
@@ -85,24 +85,6 @@ class Work:
     within: bool = False
 
 
-@dataclass(frozen=True)
-class Nothing:
-    """No parameters."""
-
-
-class Source(DataNode):
-    """Publishes records as a driver does: to its neighbours in memory."""
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__('source', Nothing, **options)
-
-    def set_up(self, config: Any) -> None:
-        self.strain = self.publish_records(StrainBlock, STRAIN, _to_message, STREAM)
-
-    def tear_down(self) -> None:
-        self.strain.close()
-
-
 def work(
     what: Work,
     fingers: Sequence[str],
@@ -117,11 +99,11 @@ def work(
     make = _our_nodes if what.who == 'ours' else _bare_nodes
     with ros_context(what.domain) as context:
         nodes = [node for finger in fingers for node in make(what, finger, context)]
-        sources = {}
+        sources: dict[str, Callable[[StrainRecord], None]] = {}
         if what.within and what.who == 'ours':
-            sources = {f: Source(namespace=f, context=context) for f in fingers}
-            assert all(source.bring_up() for source in sources.values())
-        with NodeGroup([*nodes, *sources.values()], context=context):
+            features = [node for node in nodes if isinstance(node, TactileFeaturesNode)]
+            sources = {f: n.add_block for f, n in zip(fingers, features, strict=True)}
+        with NodeGroup(nodes, context=context):
             ready.release()
             if what.within:
                 threading.Thread(
@@ -151,6 +133,8 @@ def _our_nodes(what: Work, finger: str, context: Context) -> list[Any]:
             namespace=finger, context=context, parameter_overrides=_overrides(models)
         ),
     ]
+    connect_fingers(nodes)
+    nodes[0].is_fed_by_calls = what.within
     for node in nodes:
         node.get_logger().set_level(LoggingSeverity.ERROR)
         if not node.bring_up():
@@ -214,16 +198,14 @@ def _publish(
     over: Any,
     sent: Any,
     context: Context,
-    sources: dict[str, Source],
+    sources: dict[str, Callable[[StrainRecord], None]],
 ) -> None:
     case = what.case
     published: dict[tuple[str, int], int] = {}
     node = Node('publisher', context=context)
     trials = {f: node.create_publisher(TrialEvent, f'{f}/{TRIALS}', EVENTS) for f in fingers}
     wanted = list(trials.values()) if what.who == 'ours' else []
-    send: dict[str, Callable[[StrainRecord], None]] = {
-        f: s.strain.publish for f, s in sources.items()
-    }
+    send = dict(sources)
     for finger in fingers if not sources else ():
         strain = node.create_publisher(StrainBlock, f'{finger}/{STRAIN}', STREAM)
         send[finger] = lambda record, strain=strain: strain.publish(_to_message(record))
