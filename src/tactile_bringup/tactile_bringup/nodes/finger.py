@@ -47,7 +47,7 @@ def connect_fingers(nodes: Iterable[Any]) -> None:
 
 
 def sources_last(nodes: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return nodes by name in the order to bring them up: nobody misses a sensor's first sample."""
+    """Return nodes by name in the order to bring them up: none misses a sensor's first sample."""
     return sorted(nodes.items(), key=lambda item: isinstance(item[1], TendonSensorNode))
 
 

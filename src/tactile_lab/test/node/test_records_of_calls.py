@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_features.conversions import strain_block_from_msg, check_record
+from tactile_features.conversions import check_record, strain_block_from_msg
 from tactile_ros.errors import MessageError
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.conversions import to_strain_msg
