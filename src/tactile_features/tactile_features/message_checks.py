@@ -60,7 +60,8 @@ def check_block(block: StrainBlock) -> StrainBlock:
                 f'tension_n holds {beyond[0]:g}; no tension is larger than {LARGEST_TENSION_N:g} N'
             )
     _check_status(block.status)
-    _check_floats(block)
+    if not math.isfinite(block.stamp_error_s):
+        raise MessageError(f'stamp_error_s is {block.stamp_error_s}; it must be finite')
     return block
 
 

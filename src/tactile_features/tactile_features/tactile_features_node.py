@@ -38,7 +38,7 @@ from tactile_ros.strain import StrainBlock as StrainRecord
 
 STRAIN_TOPIC = 'tendon_sensor/strain'
 
-WATCH_PERIOD_S = 0.25
+WATCH_PERIOD_S = 0.5
 
 HISTORY_S = 5.0
 """Latched events come within this time, or are taken for new ones."""

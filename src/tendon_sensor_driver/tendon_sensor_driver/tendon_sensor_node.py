@@ -37,8 +37,8 @@ from tendon_sensor_driver.records import Health, TendonSensorConfig
 from tendon_sensor_driver.sensors import make_sensor
 from tendon_sensor_driver.stream import tare
 
-WATCH_PERIOD_S = 0.1
-_NEWS_PERIODS = 10  # what was counted in the last second is news
+WATCH_PERIOD_S = 0.2
+_NEWS_PERIODS = 5  # what was counted in the last second is news
 
 
 class SensorStage:
@@ -199,6 +199,7 @@ class SensorStage:
 
     def _watch(self, client: SensorClient) -> None:
         """Look at the link; tell at once when what there is to say is of another kind."""
+        self._node.look_for_simulated_time()
         health = client.health()
         self._past.append(health)
         level, sentence = self._judge(health)
@@ -232,7 +233,7 @@ class TendonSensorNode(StageNode):
 
     configure opens the link, activate lets the samples out, deactivate holds them back
     while the link stays open, cleanup closes it. ``~/tare`` and ``~/clear_tare`` set the tare,
-    which is latched on ``~/tare_state``. The link is looked at ten times a second:
+    which is latched on ``~/tare_state``. The link is looked at five times a second:
     a change for better or worse is on ``/diagnostics`` at once.
 
     Attributes
@@ -244,16 +245,21 @@ class TendonSensorNode(StageNode):
 
     def __init__(self, node_name: str = 'tendon_sensor', **node_options: Any) -> None:
         self.emit: Callable[[StrainRecord], object] = ignore
+        self._is_simulated_time = False
         super().__init__(node_name, TendonSensorConfig, **node_options)
 
     def now_ns(self) -> int:
         """Return the present ROS time [ns]."""
-        clock = self.get_clock()
-        if clock.ros_time_is_active:
-            return int(clock.now().nanoseconds)
+        if self._is_simulated_time:
+            return int(self.get_clock().now().nanoseconds)
         return time.time_ns()  # the same, without objects of rclpy
 
+    def look_for_simulated_time(self) -> None:
+        """Note whether ROS time is that of ``/clock``: to ask for each sample takes a lock."""
+        self._is_simulated_time = self.get_clock().ros_time_is_active
+
     def make_stage(self, config: TendonSensorConfig) -> SensorStage:
+        self.look_for_simulated_time()
         return SensorStage(self, config, self.emit)
 
 

@@ -47,6 +47,9 @@ LOOK_PERIOD_S = 0.5
 POLL_S = 0.04
 """How often topics are asked for messages; a page gets fewer frames a second."""
 
+ANSWERS_POLL_S = 0.1
+"""The same for answers that are printed alone."""
+
 SESSION_STOP = 'operator/stop'
 CANCEL = 'trial_runner/run_trial/_action/cancel_goal'
 TARE = 'tendon_sensor/tare'
@@ -109,7 +112,9 @@ class WatchNode(Node):  # type: ignore[misc]
         self._answers_only = answers_only
         self._calls = [
             self._ticker.every(LOOK_PERIOD_S, lambda: self._guarded(self._look)),
-            self._ticker.every(POLL_S, lambda: self._guarded(self._poll)),
+            self._ticker.every(
+                ANSWERS_POLL_S if answers_only else POLL_S, lambda: self._guarded(self._poll)
+            ),
         ]
         self._guarded(self._look)
 

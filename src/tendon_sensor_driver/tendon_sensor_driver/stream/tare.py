@@ -21,6 +21,7 @@ _BREAKS = {
     StrainStatus.RECONNECTED: 'the link came back',
     StrainStatus.CLOCK_STEP: "the host's clock was set",
 }
+_ANY_BREAK = sum(int(bit) for bit in _BREAKS)
 """Samples from before these say nothing about the zero from then on."""
 
 
@@ -151,9 +152,8 @@ class Tare:
 
     def _describe_break(self, block: StrainBlock) -> str:
         """Return the event that parts a block from the samples before it, if there is one."""
-        for bit, event in _BREAKS.items():
-            if block.status & bit:
-                return event
+        if int(block.status) & _ANY_BREAK:
+            return next(event for bit, event in _BREAKS.items() if block.status & bit)
         if not self._blocks:
             return ''
         silence_s = (block.stamp_ns - self._end_ns()) / 1e9
