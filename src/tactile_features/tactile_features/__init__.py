@@ -17,7 +17,6 @@ _HOMES = {
     'FeatureSpecifications': '.spec',
     'FeatureWindow': '.records',
     'ModelContract': '.model_contract',
-    'ModelFileError': '.errors',
     'Outcome': '.records',
     'SpatialWindow': '.feature_sets.texture_spatial',
     'StrainBlock': 'tactile_ros.strain',

@@ -227,7 +227,7 @@ def test_counts_and_news_of_answers(folder, window_of, full):
         'answers': 2,
         'windows for others': 2,
         'windows of another specification': 0,
-        'early predictions': 2,
+        'answers on partial windows': 2,
         'recalibrated with trials': 0,
         'models': 4,
         'refused model files': 0,

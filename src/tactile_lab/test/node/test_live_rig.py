@@ -103,7 +103,7 @@ def running_rig(rig, context, models=None, parameters=None, sensor_topic=''):
 
 def test_stiffness_trial_is_felt_and_named(rig, context, trained):
     with running_rig(rig, context, ModelChoice.read(trained)) as (operator, watcher, nodes):
-        assert nodes['tactile_features']._strain.is_local  # not one sample in a message
+        assert nodes['tactile_features'].is_fed_by_calls  # not one sample in a message
         operator.home_guide()
         rig.mount('stiffness', 'none', 'flexion')
         request = TrialRequest('stiffness', 'flexion', 'none', 'first')

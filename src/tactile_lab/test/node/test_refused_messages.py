@@ -22,7 +22,7 @@ from tactile_bringup.launch_config.graph import (
     sensing_graph,
     slip_node,
 )
-from tactile_bringup.nodes.graph_runner import running_graph
+from tactile_bringup.nodes.graph_runner import create_node
 from tactile_bringup.nodes.operator_node import OperatorNode
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
 from tactile_msgs.msg import Classification, StrainBlock, TactileFeatures, TrialEvent
@@ -53,7 +53,10 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
                     reasons[status.name] = pair.value
 
     peer.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
-    with running_graph(graph, context, others=[peer]) as nodes:
+    # Nodes on topics, as in processes of their own.
+    nodes = {d.name: create_node(d, context) for d in graph}
+    assert all(node.bring_up() for node in nodes.values())
+    with NodeGroup([peer, *nodes.values()], context=context):
         listeners = ('tactile_features', 'slip_detector', 'bag_recorder')
         wait_until(lambda: strain.get_subscription_count() == events.get_subscription_count() == 3)
         wait_until(lambda: features.get_subscription_count() == 2)

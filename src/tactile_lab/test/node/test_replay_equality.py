@@ -155,6 +155,7 @@ class Player:
         self.executor.add_node(self.node)
         self.found = {topic: [] for topic in OUTPUTS}
         self.values = {}
+        self.reports = Counter()  # by node
         for topic, kind in OUTPUTS.items():
             latched = EVENTS if kind is TrialEvent else RESULTS
             read, outputs = READERS[kind], self.found[topic]
@@ -170,6 +171,7 @@ class Player:
 
     def _on_health(self, message):
         for status in message.status:
+            self.reports[status.name] += 1
             self.values[status.name] = {pair.key: pair.value for pair in status.values}
 
     def wait(self, condition, timeout_s=WORK_S):
@@ -258,6 +260,11 @@ def run_in_one_process(case, context, expected, *, has_sensor):
     with nodes_of_one_process(case, context, has_sensor=has_sensor) as (nodes, detected):
         features, slip = nodes['tactile_features'], nodes['slip_detector']
         player.wait(lambda: player.is_matched(0 if has_sensor else 2))
+        readers = [features.stage._events, *slip.stage._events]
+        if not has_sensor:
+            readers += [features.stage._strain, slip.stage._strain]
+        # Both ends must know each other.
+        player.wait(lambda: all(reader.get_publisher_count() for reader in readers))
 
         def call(message):
             block = strain_block_from_msg(message.decode())
@@ -309,6 +316,9 @@ def run_in_processes(case, context, expected, folder):
     with ExitStack() as stack:
         stack.enter_context(node_programs(case, context, folder))
         player.wait(lambda: player.is_matched(2), START_S)
+        # The programs know their end of each match a moment later.
+        player.reports.clear()
+        player.wait(lambda: all(player.reports[name] >= 2 for name in EXECUTABLES), START_S)
 
         def has_taken(blocks, events):
             values = player.values.get('tactile_features', {})

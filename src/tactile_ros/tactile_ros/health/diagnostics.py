@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 
 from tactile_ros.node.lifecycle import TactileNode
 
@@ -37,15 +38,15 @@ class Diagnostics:
 
     Parameters
     ----------
-    node : TactileNode
-        A quiet one asks on the thread of periodic calls, any other on its executor.
+    node : rclpy.node.Node
+        A quiet `TactileNode` asks on the thread of periodic calls, any other on its executor.
     hardware_id : callable
     provider : callable
         Returns a `Health`. It must not take the lock of a stage, which may wait for `close`.
     """
 
     def __init__(
-        self, node: TactileNode, hardware_id: Callable[[], str], provider: Callable[[], Health]
+        self, node: Node, hardware_id: Callable[[], str], provider: Callable[[], Health]
     ) -> None:
         self._node = node
         self._hardware_id = hardware_id
@@ -55,7 +56,7 @@ class Diagnostics:
         self._stop_timer: Callable[[], object]
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Once a second of the computer's time: what is asked about may be why the other stands.
-        if node.is_quiet:
+        if isinstance(node, TactileNode) and node.is_quiet:
             self._stop_timer = node.call_every(PERIOD_S, self.publish).cancel
         else:
             clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -87,7 +88,9 @@ class Diagnostics:
         return message
 
     def _with_refused_messages(self, health: Health) -> Health:
-        guard = self._node.message_guard
+        guard = getattr(self._node, 'message_guard', None)
+        if guard is None:
+            return health
         level, message = health.level, health.message
         if guard.warning:
             level = max(level, WARN)
