@@ -22,16 +22,16 @@ from tactile_ros.errors import TactileError
 
 @dataclass(frozen=True)
 class Repair:
-    """What a repair has done.
+    """Result of the repair of a bag.
 
     Attributes
     ----------
     message_count : int
         Messages in the copy.
     recovered : str
-        What was wrong with the bag; empty when nothing was.
+        Fault of the bag; empty when it had none.
     damage : str
-        Why not all of it could be read; empty when all was.
+        Reason why part of the bag could not be read; empty when all of it was.
     """
 
     message_count: int

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a recording holds: the topics of a finger, their types and quality of service."""
+"""Topics of a finger in a recording, with their types and quality of service."""
 
 from __future__ import annotations
 

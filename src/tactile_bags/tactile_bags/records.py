@@ -12,7 +12,7 @@ from tactile_ros.configs import parameter
 
 @dataclass(frozen=True)
 class RecorderConfig:
-    """What the bag recorder writes, and where."""
+    """Configuration of the bag recorder: output folder, fingers and metadata."""
 
     bag: str = parameter(
         '',
@@ -44,7 +44,7 @@ class RecorderConfig:
 
 @dataclass(frozen=True)
 class PlayerConfig:
-    """What the bag player sends, and how fast."""
+    """Configuration of the bag player: recording, finger and rate."""
 
     bag: str = parameter(
         '',

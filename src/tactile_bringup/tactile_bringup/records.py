@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from tactile_ros.configs import parameter
 
 PROTOCOLS = ('texture', 'stiffness')
-"""What the rig runs, and what there are features and classifiers for."""
+"""Protocols of the rig, which have features and classifiers."""
 
 SIMULATED_PROTOCOLS = (*PROTOCOLS, 'slip')
-"""What the simulator runs."""
+"""Protocols of the simulator."""
 
 
 @dataclass(frozen=True)
 class TrialConfig:
-    """How the trial runner carries out the two protocols.
+    """Configuration of the trial runner for the two protocols.
 
-    The defaults fit the simulated rig. On a rig of your own, measure the guide's
-    positions and the displacements that bring the fingertip into contact.
+    The defaults fit the simulated rig. On hardware, measure the guide positions and the
+    displacements that bring the fingertip into contact.
     """
 
     simulated: bool = parameter(

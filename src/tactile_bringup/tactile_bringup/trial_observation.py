@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the trial runner sees of a trial, and whether that is still a good trial."""
+"""Checks of a running trial: tendon contact and motion of the guide."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CLOCK_STEP_NS = 1_000_000_000
 
 
 class TendonContact:
-    """Whether the tendon comes to rest at the displacement of a contact, and stays there.
+    """Detector of tendon rest at the contact displacement, and of loss of contact.
 
     States are taken in the order of their arrival, so that a host clock that is set back hides
     no loss. One that is set back by more than `CLOCK_STEP_NS` is a loss itself.

@@ -56,10 +56,10 @@ class PullStep:
 
 
 Step = GuideStep | TendonStep | WaitStep
-"""What the rig can do."""
+"""Steps that the rig can carry out."""
 
 SimulatedStep = Step | PullStep
-"""What the simulator can do."""
+"""Steps that the simulator can carry out."""
 
 
 @dataclass(frozen=True)

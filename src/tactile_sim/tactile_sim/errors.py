@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can go wrong in the simulator."""
+"""Exceptions of the simulator."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ class PalpationRig:
         return {'ok': True, **self._mounted, 'trial': self._trials}
 
     def read_truth(self) -> dict[str, Any]:
-        """What no sensor says: the physical state, for tests."""
+        """Return the physical state, which no sensor measures directly; for tests."""
         return {
             'time_s': self.now_s,
             'guide_position_m': self.guide.position_m(self.now_s),

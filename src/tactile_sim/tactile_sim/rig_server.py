@@ -119,7 +119,7 @@ class _Ending:
 
     @property
     def is_due(self) -> bool:
-        """Whether the time after a signal is over."""
+        """True once the linger time after a signal is over."""
         return time.monotonic() >= self._end_s
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can go wrong between the host and the sensor."""
+"""Exceptions of the sensor driver."""
 
 
 class TendonSensorError(Exception):

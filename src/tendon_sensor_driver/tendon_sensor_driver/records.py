@@ -40,10 +40,10 @@ _MOST_TICKS = 0.75  # of a period in one step of the device time: none falls on 
 
 @dataclass(frozen=True)
 class TendonSensorConfig:
-    """Which sensor it is, how it is connected and what it sends.
+    """Configuration of the sensor: kind, connection and data format.
 
-    The defaults fit lines ``milliseconds,kilograms,kg,`` sixty times a second. What a sensor
-    does not have is not looked at: the columns of a six-axis sensor, the host of a serial one.
+    The defaults fit lines ``milliseconds,kilograms,kg,`` sixty times a second. Parameters of
+    other kinds of sensor are ignored, such as the columns with a six-axis sensor.
 
     Raises
     ------

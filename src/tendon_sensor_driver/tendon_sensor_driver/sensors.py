@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which client reads the sensor that a configuration names."""
+"""Factory of the client for the configured kind of sensor."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the audit of a trial or a recording says: counts, and findings in words."""
+"""Audit of a trial or a recording: counts and findings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_NOTED = 100
 
 @dataclass(frozen=True)
 class Audit:
-    """What the audit of one trial, or of a whole recording, found.
+    """Result of the audit of one trial or of a whole recording.
 
     Attributes
     ----------
@@ -36,14 +36,14 @@ class Audit:
     start_ns, end_ns : int
         Times of the first and the last audited sample [ns], as stamped.
     sample_count, lost_count, gap_count, duplicate_count, disordered_count : int
-        Samples that came; missing in the numbering, in so many runs; came again; came
-        later than a newer one.
+        Samples received; sequence numbers missing; runs of missing numbers; samples received
+        twice; samples received after a newer one.
     rate_hz : float
-        By the numbering, so a loss does not change it; 0: fewer than two samples.
+        From sequence numbers, so losses do not change it [Hz]; 0: fewer than two samples.
     nominal_rate_hz : float
-        0: not known, and not compared.
+        Expected rate [Hz]; 0: not known, and not compared.
     largest_step_s : float
-        Longest time between two neighbouring samples; steps of the host's clock do not count.
+        Longest time between neighbouring samples, without steps of the host's clock [s].
     """
 
     finger: str
@@ -149,7 +149,7 @@ def _findings(span: SpanCounts, nominal_hz: float, trial: TrialCounts | None) ->
 
 
 class AuditSummary:
-    """What a bag notes of its audits: how many there were, and those that failed.
+    """Summary of a bag's audits: number of trials, failed trials and whole-recording audits.
 
     Attributes
     ----------

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a recording holds every sample: rate, gaps, duplicates, order.
+"""Auditors of a recording's samples: rate, gaps, duplicates, order.
 
-One implementation for the recorder, which audits each trial when it has ended, and for a
-bag on the disk. It goes by sequence numbers and stamps, so that it finds what was lost
-anywhere between the sensor and the file, however samples are grouped into messages.
+The recorder, which audits each trial when it has ended, and the audit of a bag on the disk
+share one implementation. It compares sequence numbers and stamps. So it finds losses anywhere
+between the sensor and the file, however samples are grouped into messages.
 """
 
 from __future__ import annotations

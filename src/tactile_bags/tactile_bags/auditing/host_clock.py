@@ -13,7 +13,7 @@ from tactile_features.feature_sets.feature_set import RATE_TOLERANCE
 from tactile_ros.strain import StrainStatus
 
 EVENT_DELAY_S = 10.0
-"""How much later than its samples an event may come and its trial still be audited [s]."""
+"""Largest delay of an event behind its samples with which its trial is still audited [s]."""
 
 CLOCK_STEP_S = 1.0
 """A stamp this far before the last one is a clock step, also without its status bit [s]."""
@@ -40,7 +40,7 @@ class Unstepped(NamedTuple):
 
 
 class SpanCounts:
-    """What was counted in a span of the stream, and the clock steps within it."""
+    """Sample counts of a span of the stream, and the clock steps within it."""
 
     def __init__(self) -> None:
         self.counts = StreamCounts()

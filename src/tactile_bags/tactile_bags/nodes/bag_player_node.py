@@ -27,7 +27,7 @@ CLOCK_PERIOD_S = 0.02
 """Longest time between two messages on ``/clock``, on the wall."""
 
 ACKNOWLEDGE_TIMEOUT_S = 5.0
-"""How long to wait, at the end, until every subscriber has what was sent."""
+"""Longest wait at the end for all subscribers to acknowledge every message [s]."""
 
 
 class BagPlayerNode(TactileNode):

@@ -50,17 +50,20 @@ from tactile_ros.qos import EVENTS, STREAM
 from tactile_ros.strain import StrainStatus
 
 SAVE_PERIOD_S = 0.5
-"""How often what came is brought into the file, and from there to the disk: at most so much
-is lost when the recorder is killed, and as much more as the disk takes when the power fails."""
+"""Period of flushes to the file and of syncs to the disk [s].
+
+A killed recorder loses at most the data of one period. A power failure also loses data that the
+disk has not yet synced.
+"""
 
 POLL_S = 0.02
-"""How often topics are asked for what has come. The middleware notes when it came."""
+"""Period at which topics are polled [s]. The middleware stamps arrivals."""
 
 MOST_DISORDER_NS = 1_000_000_000
 """Arrivals that lie further back than this mean that the clock was set back [ns]."""
 
 HISTORY_S = 0.5
-"""How long further latched events from before the activation may come."""
+"""Longest wait for another latched event from before the activation, since the last one [s]."""
 
 KEPT_LATCHED = 64
 """Recorded messages of a latched topic that are known again; a publisher keeps 16 at most."""

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether two passes over a recording agree, bit for bit."""
+"""Bit-for-bit comparison of two passes over a recording."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from tactile_classifier.records import ClassificationResult
 from tactile_features.records import FeatureWindow
 
 TAIL_S = 1.0
-"""What became complete so late before the end of a recording need not be in it [s]."""
+"""Time before the end of a recording within which a completed result may be missing [s]."""
 
 Result = FeatureWindow | ClassificationResult
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Whether two passes over a recording agree, bit for bit.
+    """Result of a bit-for-bit comparison of two passes over a recording.
 
     Attributes
     ----------
     first_difference : str
-        Empty when equal; otherwise one sentence.
+        One sentence on the first difference; empty when the passes are equal.
     window_count, classification_count : int
-        How many were compared.
+        Number of windows and classifications that were compared.
     left_out : str
-        Empty, or sentences on what was not compared: it began before the recording, or is at its
-        end in one pass alone because the recording was interrupted.
+        Sentences on results that were not compared; empty when there are none. They began before
+        the recording, or lie at its interrupted end in one pass only.
     """
 
     first_difference: str

@@ -36,15 +36,15 @@ from tactile_ros.errors import MessageError
 
 @dataclass
 class TactileResults:
-    """What one pass over a recording yields, in the order of the windows' ends.
+    """Feature windows and classifications of one pass over a recording, by window end.
 
     Attributes
     ----------
     windows : list of FeatureWindow
     classifications : list of ClassificationResult
     made_at_ns : dict of int to int
-        By the `id` of each: when it arrived in the recording, or when the message did that
-        completed it. Empty where this is not known.
+        By the Python `id` of each result: arrival in the recording of the result, or of the
+        message that completed it [ns]. Empty where it is not known.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)
@@ -131,18 +131,18 @@ def _trials_before(bag: TactileBag, namespace: str) -> list[bool]:
 
 @dataclass
 class ReplayedPhases:
-    """What the plain core makes of a recording's samples and events.
+    """Windows and phases that the feature core computes from recorded samples and events.
 
     Attributes
     ----------
     windows : list of FeatureWindow
         In the order in which they became complete.
     completed_at_ns : list of int
-        For each, when the message arrived that completed it [ns].
+        Arrival of the message that completed each window [ns].
     events : list of TrialEvent
-        The phases that the windows go by: those of the recording, or those found in the signal.
+        Phases of the windows: those of the recording, or those found in the signal.
     specifications : tuple of FeatureSpec
-        Those of the windows.
+        Specifications of the windows.
     """
 
     windows: list[FeatureWindow] = field(default_factory=list)

@@ -28,7 +28,7 @@ STORAGES = ('mcap', 'sqlite3')
 
 @dataclass(frozen=True)
 class BagMetadata:
-    """What a reader needs of ``metadata.yaml``.
+    """Contents of ``metadata.yaml`` that a reader needs.
 
     Attributes
     ----------
@@ -37,11 +37,11 @@ class BagMetadata:
     files : tuple of str
         Names of the data files within the folder, in the order of recording.
     packing : str
-        Empty, ``file`` or ``message``: what is packed with zstd.
+        Mode of the zstd compression: ``file`` or ``message``; empty: not compressed.
     type_hashes : dict of str to str
-        By topic.
+        Hash of the message type by topic.
     topics : dict of str to str
-        Type by topic; also of topics on which nothing came.
+        Type by topic; topics without messages are included.
     custom : dict of str to str
     message_count : int
     """

@@ -17,7 +17,7 @@ from tactile_bags.errors import BagError
 from tactile_bags.storage.mcap_format import MAX_INDEX_BYTES
 
 PACKINGS = ('', 'lz4', 'zstd')
-"""How a chunk may be compressed."""
+"""Compressions of a chunk; empty: none."""
 
 _ROW = struct.Struct('<QQQIIIIB')
 _ROW_TYPE = np.dtype(
@@ -29,7 +29,7 @@ _ROW_TYPE = np.dtype(
     }
 )
 _GROUP_BYTES, _CHANNEL_BYTES = 1000, 300
-"""What a set of channels takes in memory: itself, and each of its channels [byte]."""
+"""Memory of a set of channels, and of each of its channels [byte]."""
 
 
 @dataclass

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which nodes make up the system, and with which parameters.
+"""Node graph of the system: nodes, namespaces and parameters.
 
-The graph is described here once; the launch files and the one-process runner
-are both made from it, see `tactile_bringup.launch_config.launch_plans`.
+The launch files and the one-process runner share this description; see
+`tactile_bringup.launch_config.launch_plans`.
 """
 
 from __future__ import annotations
@@ -108,15 +108,15 @@ class RigDescription:
 
 @dataclass(frozen=True)
 class LaunchPlan:
-    """What is to be started.
+    """Nodes and simulated rigs that a launch starts.
 
     Attributes
     ----------
     nodes : tuple of NodeDescription
     rigs : tuple of RigDescription
-        Simulated rigs; their ports must be there before the nodes start.
+        Simulated rigs; their ports must exist before the nodes start.
     ends_with : str
-        Path of the node whose end ends all; empty: none does.
+        Path of the node whose end shuts the launch down; empty: no node does.
     """
 
     nodes: tuple[NodeDescription, ...]

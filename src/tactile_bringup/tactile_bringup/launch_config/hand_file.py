@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which fingers a hand has: names, or a file that describes each."""
+"""Fingers of a hand, from a list of names or a hand file."""
 
 from __future__ import annotations
 

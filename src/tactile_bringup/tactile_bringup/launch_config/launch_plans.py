@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What each launch file starts, from the values of its arguments.
+"""Launch plans: the nodes and rigs of each launch file, from the values of its arguments.
 
-Plain Python: `launching` makes launch actions of a plan, and the commands `tactile sense` and
-`tactile hand` run one in this process.
+This module does not use the launch system. `launching` turns a plan into launch actions. The
+commands `tactile sense` and `tactile hand` run a plan in one process.
 """
 
 from __future__ import annotations

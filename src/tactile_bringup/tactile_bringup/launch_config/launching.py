@@ -79,7 +79,7 @@ def declare_arguments(name: str) -> list[DeclareLaunchArgument]:
 
 
 class Planned:
-    """What a launch file starts with the values of its arguments.
+    """Plan of a launch file with the values of its arguments, as launch actions.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Planned:
     Raises
     ------
     TactileError
-        When an argument does not fit, or a file that one names is not there.
+        When an argument is not valid, or a file that it names does not exist.
     """
 
     def __init__(self, name: str, context: LaunchContext) -> None:

@@ -96,7 +96,7 @@ TABLES: dict[str, Callable[[], str]] = {
     'parameters': parameter_tables,
     'launch arguments': argument_tables,
 }
-"""What makes the tables, by what the markers around them say."""
+"""Generator of each kind of table, by the name in its markers."""
 
 
 def renew(text: str) -> str:

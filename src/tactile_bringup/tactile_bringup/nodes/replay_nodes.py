@@ -42,7 +42,7 @@ from tactile_ros.errors import TactileError
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 
 DEADLINE_S = 30.0
-"""How long to wait for the nodes to answer what has been sent."""
+"""Longest wait for the nodes to answer the messages sent [s]."""
 
 BATCH = 200
 """Strain blocks sent before waiting for the nodes; well below the topics' history depth."""

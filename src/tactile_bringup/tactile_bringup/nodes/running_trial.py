@@ -18,7 +18,7 @@ class ContactLost(GoalAborted):
 
 
 class RunningTrial:
-    """What is known of one trial while it runs, and what its result will state."""
+    """State of one running trial, and the numbers for its result."""
 
     def __init__(self, request: TrialRequest, goal: Goal) -> None:
         self.request, self.goal = request, goal

@@ -30,13 +30,13 @@ from tactile_ros.qos import LATEST, STREAM
 from tactile_ros.strain import NOT_LIVE
 
 POLL_S = 0.02
-"""How often a wait looks for a reason to end."""
+"""Period at which waits check for a reason to end [s]."""
 
 TRACK_S = 1.0
-"""How long joint states after the end of a goal still belong to its motion."""
+"""Time after the end of a goal in which joint states still belong to its motion [s]."""
 
 REASON_S = 0.3
-"""How long a driver may take to say why it has acted; it looks ten times a second."""
+"""Longest wait for a driver to publish its reasons [s]; it checks for them at 10 Hz."""
 
 
 class TrialDevice:
@@ -257,7 +257,7 @@ class TrialDevice:
         answer.add_done_callback(follow)
 
     def _is_left_busy(self) -> bool:
-        """Whether a goal that nobody waits for goes on; forgotten after ``server_timeout_s``."""
+        """Return whether an abandoned goal still runs, for at most ``server_timeout_s``."""
         if self._left is None or self._left.done():
             return False
         return time.monotonic() - self._left_s < self._config.server_timeout_s
@@ -302,12 +302,12 @@ class TrialDevice:
 
 
 class StrainWatch:
-    """Whether valid strain samples arrive.
+    """Monitor of the arrival of valid strain samples.
 
     Attributes
     ----------
     is_simulated : bool
-        Whether the newest samples are from a simulated sensor.
+        The newest samples are from a simulated sensor.
     """
 
     def __init__(self, node: Node, timeout_s: float) -> None:

@@ -37,10 +37,10 @@ from tactile_ros.node.requests import wait_for
 from tactile_ros.qos import EVENTS
 
 REPORT_S = 0.5
-"""How long the states of a motion may come after the result of its goal."""
+"""Largest delay of the joint states of a motion behind the result of its goal [s]."""
 
 STOP_S = 1.0
-"""How long a driver may take to answer a stop."""
+"""Longest wait for a driver to answer a stop [s]."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3

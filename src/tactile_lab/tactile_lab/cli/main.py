@@ -55,7 +55,7 @@ OF_ROS = {
     'geometry_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs',
     'sensor_msgs', 'std_msgs', 'std_srvs', 'tactile_msgs',
 }  # fmt: skip
-"""What a Python without ROS 2 lacks."""
+"""Packages that a Python without ROS 2 lacks."""
 
 
 def _print_version(is_wanted: bool) -> None:

@@ -44,7 +44,7 @@ SETTLED_S = 1.0
 """Over which a reading is averaged."""
 
 SETTLE_TIMEOUT_S = 20.0
-"""How long a weight may swing."""
+"""Longest time for a weight to settle [s]."""
 
 
 def parse_weights(text: str) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from tactile_ros.errors import TactileError
 
 TIMEOUT_S = 15.0
-"""How long the scheduler is waited for."""
+"""Longest wait for the scheduler [s]."""
 
 
 @contextmanager

@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How commands talk: tables and progress for people, JSON for machines.
+"""Output of the commands: tables and progress for people, JSON for machines.
 
-With ``--json`` standard output carries one JSON document and nothing else;
-progress always goes to standard error.
+With ``--json`` standard output carries one JSON document and nothing else. Progress always goes
+to standard error.
 """
 
 from __future__ import annotations

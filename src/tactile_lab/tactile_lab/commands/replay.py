@@ -41,7 +41,7 @@ from tactile_ros.errors import TactileError
 
 POLL_S = 0.1
 LINGER_S = 3.0
-"""How long the page stays after a recording has been played."""
+"""Time that the page stays after a recording has been played [s]."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is asked of the commands on devices and the rig."""
+"""Requests of the commands on devices and the rig."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

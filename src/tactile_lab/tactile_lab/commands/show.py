@@ -32,9 +32,9 @@ SUFFIXES = ('.png', '.svg', '.pdf')
 
 @dataclass(frozen=True)
 class Contents:
-    """What is in a ``bag``, ``model`` or ``archive``.
+    """Contents of a ``bag``, ``model`` or ``archive``.
 
-    ``facts`` are said of the whole. ``trials`` have the same keys; a model has none. ``details``
+    ``facts`` describe the whole. The ``trials`` share their keys; a model has none. ``details``
     are for JSON.
     """
 

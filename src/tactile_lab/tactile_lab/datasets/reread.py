@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a feature table does not carry, from its bags again: first parts of windows, measures."""
+"""Partial windows and physical measures, which a feature table lacks, reread from its bags."""
 
 from __future__ import annotations
 

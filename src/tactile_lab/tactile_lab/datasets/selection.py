@@ -65,12 +65,12 @@ def _value(text: str, column: NDArray[Any], name: str, option: str) -> Any:
 
 @dataclass(frozen=True)
 class TrainTest:
-    """Which trials to train on and which to test on, as `select_trials` takes them.
+    """Selections of the training and the test trials, as `select_trials` takes them.
 
     Raises
     ------
     TactileError
-        When one is missing.
+        When only one of the two selections is given.
     """
 
     train_where: str | None = None

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which trials of recordings a command takes, and which features of them.
+"""Command-line options that select trials of recordings and their features.
 
 Typer reads the annotations; see `tactile_lab.commands.analysis.requests` for their form.
 """
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class TrialOptions:
-    """What `features`, `evaluate`, `compare` and `train` share; see their ``--help``.
+    """Options shared by `features`, `evaluate`, `compare` and `train`; see their ``--help``.
 
-    A command that has one of those without a help here as an option declares it anew.
+    A field without a help text here is an option only where a command declares it anew.
     """
 
     channel: Annotated[

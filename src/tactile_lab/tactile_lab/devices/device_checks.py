@@ -34,10 +34,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What the check of one device (sensor, guide or tendon) on its port or address found.
+    """Result of the check of one device (sensor, guide or tendon) on its port or address.
 
-    ``facts`` are what was measured or read, by name with unit. Without ``problems`` the device is
-    fit for trials.
+    ``facts`` are measured or read values, by name with unit. A device without ``problems`` is fit
+    for trials.
     """
 
     device: str

@@ -1,11 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is plugged in: serial ports, and which device answers on them.
+"""Discovery of connected devices: serial ports, and the device on each.
 
-Careful means: a line that speaks by itself is only listened to. One that is silent is sent a
-single ``?``, which Grbl answers with its status and others ignore; only then the ping of the
-Dynamixel protocol goes out. Nothing of this moves anything.
+A probe moves no device. It only listens to a port that sends data unasked. To a silent port it
+sends a single ``?``, which Grbl answers with its status and others ignore. After that it sends
+the ping of the Dynamixel protocol.
 """
 
 from __future__ import annotations

@@ -33,9 +33,9 @@ class CalibrationError(TactileError):
 
 @dataclass(frozen=True)
 class Reading:
-    """What the sensor read under one weight: mean of a settled second, and deviation [N].
+    """Sensor reading under one weight: mean and standard deviation of a settled second [N].
 
-    With scale 1 and offset 0. It is rising where the weight before was smaller.
+    It is taken with scale 1 and offset 0. ``is_rising``: the weight before was smaller.
     """
 
     mass_kg: float

@@ -34,12 +34,12 @@ from tactile_lab.experiment.quality import find_outlier
 from tactile_ros.errors import TactileError
 
 AGAIN, KEEP, STOP = 'again', 'keep', 'stop'
-"""What an operator can want after a trial."""
+"""Choices of an operator after a trial."""
 
 
 @dataclass(frozen=True)
 class TrialOrder:
-    """What a bench is to do: a planned trial under the names that it has this time.
+    """Planned trial for a bench, with the ids of this attempt.
 
     It is trial ``number`` of ``count``.
     """
@@ -55,16 +55,16 @@ class TrialOrder:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What a bench says of a trial that ended as planned.
+    """Result of a trial that ended as planned.
 
     Attributes
     ----------
     problem : str
-        Why the recording cannot be used; empty when it can.
+        Reason why the recording cannot be used; empty when it can.
     sentence : str
-        What is in the recording.
+        Summary of the recording.
     statistics : dict of str to float
-        For the check for outliers.
+        Values for the check for outliers.
     """
 
     problem: str = ''
@@ -88,7 +88,7 @@ class Bench(Protocol):
 
 
 class Operator(Protocol):
-    """Who puts plates under the finger and decides."""
+    """Person or program that mounts plates and objects and decides after failed trials."""
 
     def begin_session(self, session_id: str, trials: int) -> bool:
         """Return once finger and rig are set up for a session; False: not today."""

@@ -23,7 +23,7 @@ from tactile_ros.qos import RESULTS, STREAM
 from tactile_ros.strain import StrainBlock
 
 WINDOW_TIMEOUT_S = 5.0
-"""How long the features of a trial may take after its end."""
+"""Longest wait for the features of a trial after its end [s]."""
 
 
 class ObserverNode(Node):  # type: ignore[misc]

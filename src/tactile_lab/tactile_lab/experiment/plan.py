@@ -34,7 +34,7 @@ class ExperimentError(TactileError):
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """What an experiment consists of.
+    """Plan of an experiment: objects, contacts, sessions, mountings and trials.
 
     Attributes
     ----------
@@ -45,15 +45,15 @@ class ExperimentPlan:
         Labels of the plates or objects.
     contacts : tuple of str
     sessions : int
-        How often finger and rig are set up anew.
+        Number of times finger and rig are set up anew.
     mountings : int
-        How often each object is put under the finger in each session and contact.
+        Number of times each object is mounted in each session and contact.
     trials : int
-        Trials each time.
+        Trials in each mounting.
     seed : int
-        Of the order.
+        Seed of the random order.
     glide_speed_m_s, hold_s : float
-        0: as the trial runner is set.
+        Speed [m/s] and time [s]; 0: the values of the trial runner.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is done and what is left of an experiment, added up from the entries of its journal."""
+"""Progress of an experiment: trials done and left, from the entries of its journal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 from tactile_lab.experiment.plan import ExperimentError, PlannedTrial
 
 GOOD, OUTLIER, FAILED, ABORTED = 'good', 'outlier', 'failed', 'aborted'
-"""How a trial ended: usable; usable but unlike the others; not usable; interrupted."""
+"""Verdicts on a trial: usable; usable but unlike the others; not usable; interrupted."""
 
 BEGAN, ENDED, KEPT, MOUNTED, RUN = 'began', 'ended', 'kept', 'mounted', 'run'
 """Kinds of entries."""

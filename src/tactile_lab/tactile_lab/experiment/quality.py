@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a trial is like the earlier ones of its object: a simple check for outliers."""
+"""Outlier check of a trial against the earlier trials of its object."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Statistics = Mapping[str, float]
 
 
 class Range(NamedTuple):
-    """What a statistic of a further trial usually is: within ``half_width`` of ``centre``."""
+    """Prediction interval of a statistic of a further trial: ``centre`` +/- ``half_width``."""
 
     centre: float
     half_width: float

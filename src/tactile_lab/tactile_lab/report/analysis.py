@@ -36,12 +36,12 @@ FORCE_UNITS = {'MN': 1e-6, 'kN': 1e-3, 'N': 1.0, 'mN': 1e3, 'µN': 1e6}
 
 @dataclass(frozen=True)
 class SetResult:
-    """What was found on one set of trials.
+    """Results of the analyses of one set of trials.
 
     Attributes
     ----------
     evaluations : tuple of Evaluation
-        Plain folds first, then one a grouped split, then one a stated split.
+        Random folds first, then one for each grouped split, then one for each stated split.
     significance : RankSum
         On all trials.
     units : dict of str to float
@@ -50,7 +50,7 @@ class SetResult:
     not_done : tuple of str
         One sentence for each analysis that the trials do not allow.
     answers : Answers or None
-        What a model says besides a label; None where it was not asked for.
+        Answers of a model besides a label; None where they were not requested.
     published : SetResult or None
         Random folds and significance with the features that the paper computes, where
         ``recordings`` has others.

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a model states besides a label: unknown objects, early predictions, physical measures."""
+"""Answers of a model besides a label: unknown objects, early predictions, physical measures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tactile_lab.datasets.reread import read_measures, read_partial_tables
 from tactile_ros.errors import TactileError
 
 CLASSIFIER = 'knn'
-"""What `tactile train` writes by default, with the scaling that it takes then."""
+"""Default classifier of `tactile train`; it uses the default scaling."""
 
 FALSE_ALARM_RATE = 0.05
 SPREAD_NEEDS = 5
@@ -71,7 +71,7 @@ class MeasureSummary:
 
 @dataclass(frozen=True)
 class Answers:
-    """What was found on one set of trials; None or empty where ``not_done`` says why.
+    """Answers on one set of trials; ``not_done`` says why one is None or empty.
 
     ``raw_scores`` names the classifiers whose model file, trained on all these trials, would
     keep raw scores, because calibration was worse in both of two sessions.

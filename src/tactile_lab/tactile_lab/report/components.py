@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which features are amplitudes of Fourier components, and at which frequency."""
+"""Features that are amplitudes of Fourier components, with their frequencies."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a report was made of and with: recordings by their bytes, settings, versions."""
+"""Provenance of a report: digests and facts of the recordings, software versions."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the paper's text states, and whether the trials at hand agree, by stated rules.
+"""Statements of the paper's text, and rules that compare the trials at hand with them.
 
-Its figures have more numbers than its text; only the text's are here. It does not say
+Only numbers from the text are used; the figures of the paper have more. The paper does not say
 whether features were scaled, so each rule is applied with and without scaling.
 """
 

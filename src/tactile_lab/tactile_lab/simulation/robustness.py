@@ -1,12 +1,11 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How accuracy falls as conditions get worse, one at a time, on simulated trials.
+"""Robustness study: accuracy on simulated trials as one condition at a time gets worse.
 
-What the sensor does (noise, drift, lost samples, jitter) is laid over the same clean motion;
-for other speeds, depths and sample rates the motion is simulated anew. Features come from the
-extractor of the live node. Training and tests are in different sessions: the rig is set up
-anew between them.
+Sensor effects (noise, drift, lost samples, jitter) are added to the same clean motion. For other
+speeds, depths and sample rates the motion is simulated anew. Features come from the extractor of
+the live node. Training and tests are in different sessions: the rig is set up anew between them.
 """
 
 from __future__ import annotations
@@ -48,13 +47,13 @@ _Row = tuple[str, FloatArray | None]
 
 @dataclass(frozen=True)
 class Point:
-    """What was found in one condition.
+    """Accuracies in one condition.
 
     Attributes
     ----------
     nominal, matched : float or None
-        Share of all tested trials that were named correctly by a model that was trained at the
-        nominal condition, and by one that was trained in this one [1]; None: there is none.
+        Accuracy on all tested trials of a model trained at the nominal condition, and of one
+        trained in this condition [1]; None: not computed.
     refused : float
         Share of tested trials that gave no features [1].
     """
@@ -69,14 +68,14 @@ class Point:
 
 @dataclass(frozen=True)
 class Study:
-    """Which simulated trials are made.
+    """Contact, seed and set sizes of the simulated trials of a study.
 
     Attributes
     ----------
     train_sessions, test_sessions : int
-        The sessions of the tests follow those of the training.
+        Number of sessions; test sessions come after training sessions.
     train_trials, test_trials : int
-        Of each label in each session.
+        Trials of each label in each session.
     """
 
     contact: str = 'flexion'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the study of robustness makes worse, one thing at a time."""
+"""Axes of the robustness study: conditions that get worse one at a time."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from tactile_sim.descriptions.description import LoadCell
 
 @dataclass(frozen=True)
 class Sensing:
-    """What the sensor does to the same motion; None keeps what the rig's description says.
+    """Sensor effects on the same motion; None keeps the value of the rig's description.
 
     Attributes
     ----------
     noise_n, drift_n_rt_s : float or None
         Standard deviation of noise [N], random walk of the zero in a root second [N].
     lost : float
-        Share of samples that are lost, each on its own [1].
+        Fraction of samples lost, each independently [1].
     jitter : float
-        Standard deviation of the time of sampling, of which the stamps know nothing, in
-        periods [1].
+        Standard deviation of the sampling time, in periods [1]. The stamps do not show it.
     """
 
     noise_n: float | None = None
@@ -51,7 +50,7 @@ class Setting:
 
     @property
     def motion(self) -> tuple[float | None, float, float | None]:
-        """What must be simulated anew when it differs."""
+        """Values that define the motion; a different tuple needs a new simulation."""
         return self.glide_speed_m_s, self.depth, self.rate_hz
 
 

@@ -54,14 +54,14 @@ chunk of each label."""
 
 @dataclass(frozen=True)
 class SimulatedBag:
-    """What was written.
+    """Bag that was written, with the number of its trials.
 
     Attributes
     ----------
     trials : int
-        How many there are in it, the aborted ones included.
+        Number of trials in the bag, including aborted ones.
     aborted : tuple of (str, float)
-        Trials that the simulator gave up: id and time since the first sample [s].
+        Trials that the simulator aborted: id and time since the first sample [s].
     """
 
     path: Path

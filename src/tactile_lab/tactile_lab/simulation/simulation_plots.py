@@ -43,7 +43,7 @@ SHAPE_STYLES = {
 """Colour and line of each moment; start and end of a hold lie on each other."""
 
 BODY_DEPTH_M = 0.012
-"""How deep plates and objects are drawn; the model knows their surface alone."""
+"""Drawn depth of plates and objects [m]; the model has only their surface."""
 
 
 def plot_simulated_trial(

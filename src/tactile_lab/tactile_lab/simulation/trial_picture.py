@@ -46,14 +46,14 @@ class Shape:
 
 @dataclass(frozen=True)
 class TrialPicture:
-    """What is drawn of a trial.
+    """Data for the drawing of a trial.
 
     Attributes
     ----------
     times_s : ndarray of shape (samples,)
-        Since the trial's first sample [s].
+        Times since the trial's first sample [s].
     truth : mapping of str to ndarray
-        As the simulator gives it, of this trial alone.
+        Ground truth of the simulator for this trial only.
     shapes : sequence of Shape
     """
 

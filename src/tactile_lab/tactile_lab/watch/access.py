@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who may see the page, and who may move the rig: rules free of any server."""
+"""Access rules of the live page and of commands that move the rig; free of any server."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CommandError(TactileError):
 
 @dataclass(frozen=True)
 class Command:
-    """What a page asks for: one of `ACTIONS`, for a finger by its namespace.
+    """Command from a page: one of `ACTIONS`, for a finger by its namespace.
 
     A stop is for all fingers. The page knows the token from its address. The sentence about the
     command's end has its ``id``.

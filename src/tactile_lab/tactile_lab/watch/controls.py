@@ -27,14 +27,14 @@ REMEDY = 'bring the rig to rest with its switch'
 
 
 class WatchControls:
-    """What the buttons do, over services and actions of the fingers' nodes.
+    """Actions of the page's buttons, through services and actions of the fingers' nodes.
 
     Parameters
     ----------
     node : WatchNode
     context : rclpy.context.Context
     before_trial : callable
-        Given the request of a trial before it starts: puts the object under a simulated finger.
+        Called with the request before a trial starts; mounts the object under a simulated finger.
     """
 
     def __init__(

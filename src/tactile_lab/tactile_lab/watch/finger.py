@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the live page knows of one finger, from the records that came."""
+"""State of one finger on the live page, from the records received."""
 
 from __future__ import annotations
 
@@ -248,7 +248,7 @@ class Finger:
 
     @property
     def is_in_trial(self) -> bool:
-        """Whether a trial runs."""
+        """True while a trial runs."""
         return self.event is not None and self.event.phase not in (PHASE_DONE, PHASE_ABORTED)
 
     def last_answer(self) -> tuple[ClassificationResult, str] | None:

@@ -42,10 +42,10 @@ from tactile_ros.periodic import Ticker
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 
 LOOK_PERIOD_S = 0.5
-"""How often new topics and services are looked for."""
+"""Period of the search for new topics and services [s]."""
 
 POLL_S = 0.04
-"""How often topics are asked for messages; a page gets fewer frames a second."""
+"""Period at which topics are polled [s]; a page gets fewer frames a second."""
 
 ANSWERS_POLL_S = 0.1
 """The same for answers that are printed alone."""

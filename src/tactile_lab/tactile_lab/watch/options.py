@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a live page is served; free of ROS and of the server."""
+"""Server options of the live page; free of ROS and of the server."""
 
 from __future__ import annotations
 

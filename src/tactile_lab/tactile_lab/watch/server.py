@@ -286,7 +286,7 @@ class _Page:
 
     @property
     def is_ready(self) -> bool:
-        """Whether the last frame is out."""
+        """True once the last frame has been sent."""
         return self.sending is None or self.sending.done()
 
     async def send(self, text: str) -> None:

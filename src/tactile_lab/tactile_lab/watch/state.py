@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all pages show: fingers, devices, progress and the last sentences. Free of ROS."""
+"""State shown on all pages: fingers, devices, progress and the last messages. Free of ROS."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ LEVELS = ('ok', 'warning', 'error', 'stale')
 
 
 class WatchState:
-    """What is known now. Records come from any thread; frames are taken by one.
+    """Present state. Records may come from any thread; one thread takes the frames.
 
     Parameters
     ----------
     where : str
-        Where is looked for fingers, such as ``ROS domain 3``; shown while there are none.
+        Place of the search for fingers, such as ``ROS domain 3``; shown while there are none.
     objects : mapping of str to sequence of str
         Labels that can be chosen for a trial, by protocol; empty: they are typed in.
     clock : callable

@@ -21,7 +21,7 @@ from tactile_ros.programs.node_group import NodeGroup
 
 @dataclass
 class Watch:
-    """What is known of the fingers, and the address of the page; empty where none is served."""
+    """State of the fingers, and address of the page; empty where no page is served."""
 
     state: WatchState
     address: str = ''

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a node can take a goal now, and what is missing, on its latched topic ``~/ready``."""
+"""Publisher of a node's readiness for goals, on its latched topic ``~/ready``."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class MessageGuard:
 
     @property
     def values(self) -> dict[str, object]:
-        """What diagnostics show; empty until a message is refused."""
+        """Values for diagnostics: count and last reason; empty until a message is refused."""
         if not self.refused_count:
             return {}
         return {'refused_messages': self.refused_count, 'last_refused_message': self.last_reason}

@@ -30,19 +30,19 @@ from tactile_ros.programs.signals import (
 from tactile_ros.rclpy_internals import RCLError
 
 REST_TIMEOUT_S = 3.0
-"""How long the end of a process waits for running goals to come to rest."""
+"""Longest wait at the end of a process for running goals to come to rest [s]."""
 
 PEERS_END_S = 0.4
-"""How much longer than its node the DDS participant of a process stays; see `run_node`."""
+"""Time that the DDS participant outlives its node at the end of a process [s]; see `run_node`."""
 
 PARTICIPANT_ENDS_S = 5.0
-"""How long the end of the process may take then."""
+"""Longest shutdown of the process after that [s]; then it exits with a traceback."""
 
 SPIN_S = 2.0
 """Longest sleep of an executor. What it waits for, and the end, wake it earlier."""
 
 POLL_S = 0.2
-"""How often a process asks whether its node has finished its work."""
+"""Period of the check for a finished node [s]."""
 
 
 class NodeGroup:

@@ -23,7 +23,7 @@ from typing import TypeVar
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 INTERRUPT_TIMEOUT_S = 10.0
-"""How long interrupted work is waited for."""
+"""Longest wait for interrupted work to end [s]."""
 
 ENDS_WITHIN_S = 30.0
 """After a signal the process has so long to end; see `Signals`."""

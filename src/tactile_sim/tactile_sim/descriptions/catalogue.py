@@ -41,10 +41,10 @@ _WIDEST = 3.0
 
 @dataclass(frozen=True, init=False)
 class Catalogue:
-    """What can be simulated: fingers, the rig around them, plates and objects.
+    """Catalogue of the simulator: fingers, rig, plates and objects.
 
-    Small, hashable and picklable: it holds what the files said when it was made, so that a
-    process elsewhere needs no file.
+    It is small, hashable and picklable. It holds the contents of the files as of its creation,
+    so another process needs no files.
 
     Parameters
     ----------

@@ -283,7 +283,7 @@ class LoadCell:
 
 @dataclass(frozen=True)
 class Placement:
-    """What lies where in the guide's frame."""
+    """Placement of plate, tray and object in the guide's frame."""
 
     texture_guide_m: float = _between(0.0, 10.0)
     texture_lead_m: float = _between(0.0, 1.0)
@@ -294,7 +294,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Pull:
-    """How held objects are pulled sideways."""
+    """Distance and speed of the sideways pull of held objects."""
 
     distance_m: float = _between(1e-5, 0.1)
     speed_m_s: float = _between(1e-5, 1.0)
@@ -316,7 +316,7 @@ class VariationSpread:
 
 @dataclass(frozen=True)
 class VariationLevels:
-    """What differs from trial to trial, from mounting to mounting, from session to session.
+    """Random variation between trials, between mountings and between sessions.
 
     A mounting is a plate or object fixed once and then left alone; in a session the finger
     and the rig are set up once.

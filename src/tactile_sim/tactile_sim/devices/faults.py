@@ -63,7 +63,7 @@ KINDS: Mapping[str, Mapping[str, Mapping[str, Option]]] = {
         'restart': {},
     },
 }
-"""What each device can suffer, with options; docs/faults.md says what happens."""
+"""Faults of each device, with options; docs/faults.md describes their effects."""
 MOMENTS = ('alarm', 'overload', 'restart', 'stall')
 """Kinds that happen at once and have no duration."""
 
@@ -160,7 +160,7 @@ class FaultyLine(Generic[_D]):
 
     @property
     def is_unplugged(self) -> bool:
-        """Whether there is no port."""
+        """True while the port is unplugged."""
         return 'unplug' in self._running
 
     def receive(self, data: bytes, now_s: float) -> bytes:

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can happen to the bytes of a serial line between a device and its driver."""
+"""Faults of the serial line between a device and its driver."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class LineFault:
         self.is_spent = False
 
     def say(self, data: bytes, now_s: float) -> bytes:
-        """What the driver receives of what the device says; called in every step."""
+        """Return the bytes that reach the driver from the device; called in every step."""
         return data
 
     def hear(self, data: bytes) -> bytes:
-        """What the device receives of what the driver says."""
+        """Return the bytes that reach the device from the driver."""
         return data
 
     def end(self) -> bytes:

@@ -41,7 +41,7 @@ class PtyPort:
 
     @property
     def is_open(self) -> bool:
-        """Whether the port is plugged in."""
+        """True while the port is plugged in."""
         return bool(self._files)
 
     def fileno(self) -> int:

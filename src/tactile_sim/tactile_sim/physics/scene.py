@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a trial is made of: a finger, what lies under it, and nothing that it does not need."""
+"""Scene of a trial: a finger and the plate or object under it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Scene:
 
     @cached_property
     def constants(self) -> Constants:
-        """What all trials share, for the solvers."""
+        """Constants that all trials share, for the solvers."""
         f = self.finger
         drive = 0.0 if self.rolls else 1 / self.drive_stiffness_n_m
         softening = self.body.softening_m if self.body else 0.0

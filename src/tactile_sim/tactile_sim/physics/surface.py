@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a fingertip of finite radius feels of a plate's profile."""
+"""Surface traced by a fingertip of finite radius over a plate or a cylinder."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def dilate_by_circle(height_m: FloatArray, spacing_m: float, radius_m: float) ->
 
 @lru_cache
 def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) -> Surface:
-    """What a fingertip of this radius feels of a plate in its tray."""
+    """Return the surface that a fingertip of this radius traces over a plate in its tray."""
     margin = 0.02
     points = round((plate.length_m + 2 * margin) / SPACING_M) + 1
     x_m = -margin + SPACING_M * np.arange(points, dtype=np.float64)
@@ -127,7 +127,7 @@ def build_plate_surface(plate: Plate, tip_radius_m: float, tray_depth_m: float) 
 
 @lru_cache
 def build_crown_surface(radius_m: float, tip_radius_m: float) -> Surface:
-    """What a fingertip of this radius feels of a lying cylinder; the crown is at 0."""
+    """Return the surface that a fingertip traces over a lying cylinder; the crown is at 0."""
     both_m = radius_m + tip_radius_m
     points = round(both_m / SPACING_M)  # to half the sum on either side: 30 deg steep
     x_m = SPACING_M * (np.arange(points, dtype=np.float64) - points // 2)

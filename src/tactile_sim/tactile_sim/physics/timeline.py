@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What guide, tendon and a held object do in one trial."""
+"""Timeline of one trial: moves of guide, tendon and held object."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Timeline:
-    """What the axes do in one trial.
+    """Moves of the axes in one trial.
 
     Attributes
     ----------
@@ -39,9 +39,9 @@ class Timeline:
     duration_s
         Length of the trial [s].
     guide_start_m
-        Where the guide stands at the start; the tendon starts slack, at 0 [m].
+        Guide position at the start [m]; the tendon starts slack, at 0.
     object_moves
-        How a held object is pulled sideways, from 0; for slip alone.
+        Sideways moves of a held object, from 0; slip protocol only.
     """
 
     guide_moves: Sequence[Move]

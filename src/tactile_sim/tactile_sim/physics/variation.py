@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How trials, mountings and sessions come out a little different: draws that repeat."""
+"""Repeatable random variation of trials, mountings and sessions."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ _WIDEST = 3.0
 
 @dataclass(frozen=True)
 class Variation:
-    """How each trial differs from the description; arrays of shape (trials,).
+    """Deviations of each trial from the description; arrays of shape (trials,).
 
     Attributes
     ----------
     contact_height_m
         Mounting height of plate or object above the described one [m].
     placement_m
-        Plate or object along the guide [m].
+        Shift of plate or object along the guide [m].
     friction, object_stiffness, finger_stiffness, glide_speed
         Factors around 1.
     tendon_zero_m
         Tendon displacement at which the tendon is just slack [m].
     sensor_bias_n
-        What the sensor reads without load [N].
+        Sensor reading without load [N].
     phase
         Part of a sampling period by which the sensor lags the motion, in [0, 1).
     """

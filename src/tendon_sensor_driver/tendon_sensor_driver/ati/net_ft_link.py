@@ -111,7 +111,7 @@ class NetFtLink:
 
     @property
     def counts(self) -> LinkCounts:
-        """What has been received."""
+        """Bytes, datagrams and rejected datagrams received so far."""
         return self._counts
 
     def describe_status(self) -> str:
@@ -182,7 +182,13 @@ class NetFtLink:
         )
 
     def _check_silence(self) -> bool:
-        """Whether to ask for the stream again; LinkError when that has not helped."""
+        """Return whether to request the stream again.
+
+        Raises
+        ------
+        LinkError
+            When no records have come despite repeated requests.
+        """
         now_s = time.monotonic()
         if now_s - self._heard_s > self._dead_s:
             raise LinkError(

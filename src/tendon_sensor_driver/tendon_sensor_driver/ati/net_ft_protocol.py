@@ -81,7 +81,7 @@ class RdtError(TendonSensorError):
 
 
 class Command(IntEnum):
-    """What an RDT request asks for."""
+    """Command code of an RDT request."""
 
     STOP = 0x0000
     START_REALTIME = 0x0002

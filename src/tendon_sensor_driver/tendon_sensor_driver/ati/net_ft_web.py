@@ -26,26 +26,26 @@ _MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True, eq=False)
 class BoxConfiguration:
-    """What a Net F/T says of itself.
+    """Configuration that a Net F/T reports on its web interface.
 
     Attributes
     ----------
     product, serial : str
-        Name of the product; serial number of the calibration, empty when it is not told.
+        Name of the product; serial number of the calibration, empty: not reported.
     si_per_count : ndarray
         Newtons and newton metres of one count of each component, float64, shape (6,).
     internal_rate_hz : float
         Rate of the sample counter [Hz].
     rdt_rate_hz : float
-        Rate of the records as the box rounds it [Hz]; 0 when it is not told.
+        Rate of the RDT records as the box rounds it [Hz]; 0: not reported.
     low_pass_hz : int
-        Cut-off of its filter [Hz]; 0: off; -1: not told.
+        Cut-off frequency of its low-pass filter [Hz]; 0: off; -1: not reported.
     records_per_datagram : int
-        In buffered mode; 0 when it is not told.
+        Records per datagram in buffered mode; 0: not reported.
     status : int
         Status word.
     is_rdt_enabled : bool
-        Whether it sends records at all.
+        RDT is switched on, so the box sends records.
     """
 
     product: str
@@ -60,7 +60,7 @@ class BoxConfiguration:
 
     @property
     def is_axia(self) -> bool:
-        """Whether it is an Ethernet Axia, whose status bits differ."""
+        """True for an Ethernet Axia, whose status bits differ."""
         return 'axia' in self.product.lower()
 
 

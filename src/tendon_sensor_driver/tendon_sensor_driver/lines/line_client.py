@@ -15,7 +15,7 @@ from tendon_sensor_driver.stream.strain_stream import StrainStream
 from tendon_sensor_driver.transport import find_serial_number, SerialTransport
 
 LONGEST_DELIVERY_NS = 250_000_000
-"""What arrives while a consumer takes longer may not fit in the kernel's buffer."""
+"""Longest time a consumer may take before the kernel's serial buffer can overflow [ns]."""
 
 _DROP_S = 0.05
 _BURST_READINGS = 3

@@ -31,18 +31,18 @@ class TareError(TendonSensorError):
 
 @dataclass(frozen=True)
 class Bias:
-    """What is taken off every sample; mirrors ``tactile_msgs/Tare``.
+    """Bias subtracted from every sample; mirrors ``tactile_msgs/Tare``.
 
     Attributes
     ----------
     stamp_ns
-        When it was measured or cleared [ns].
+        Time at which it was measured or cleared [ns].
     bias_n
-        Mean of the samples [N].
+        Mean of the tare samples [N].
     spread_n
         Their standard deviation [N].
     samples
-        How many they were; 0: nothing is taken off.
+        Number of tare samples; 0: no bias is subtracted.
     """
 
     stamp_ns: int
@@ -77,7 +77,7 @@ class Tare:
 
     @property
     def bias(self) -> Bias:
-        """What is taken off now."""
+        """Bias subtracted at present."""
         return self._bias
 
     def apply(self, block: StrainBlock) -> StrainBlock:

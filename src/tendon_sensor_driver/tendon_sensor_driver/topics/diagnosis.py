@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is wrong with a topic and what to do about it, without ROS."""
+"""Diagnosis of a topic: faults of its publishers and stream, with remedies. Free of ROS."""
 
 from __future__ import annotations
 

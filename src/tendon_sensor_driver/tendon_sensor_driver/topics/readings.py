@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a message on a topic says about the tension.
+"""Readers that extract tension and stamp from messages on a topic.
 
-Messages are read by field names alone: those of rclpy fit, and those that the rosbags library
-has read from a bag.
+Messages are read by field names alone, so messages of rclpy and of the rosbags library both
+fit.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ READERS: dict[str, Callable[[Any, TendonSensorConfig], TopicReading]] = {
     'std_msgs/msg/Float32': read_value,
     'sensor_msgs/msg/JointState': read_joint_state,
 }
-"""What reads a message, by the name of its type."""
+"""Reader of each supported message type, by the name of the type."""
 
 
 def _read_stamp(message: Any) -> int | None:

@@ -81,7 +81,7 @@ class Compared:
 
     @property
     def warnings(self) -> list[str]:
-        """What the reader must know before believing the numbers."""
+        """Warnings about bias in the comparison, one sentence each."""
         found = []
         for side, seen in zip(SIDES, self.seen, strict=True):
             if seen:
@@ -106,7 +106,7 @@ class Compared:
 
     @property
     def verdict(self) -> str:
-        """Which is better, by how much and on what, in one sentence."""
+        """One sentence that states the better side, the difference and the trials."""
         trained_on = [s for s, seen in zip(SIDES, self.seen, strict=True) if seen]
         was = 'were' if len(trained_on) > 1 else 'was'
         caution = f', on trials that {" and ".join(trained_on)} {was} trained on'

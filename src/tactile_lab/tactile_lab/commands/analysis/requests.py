@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is asked of the commands on recordings of many trials."""
+"""Requests of the commands on recordings of many trials."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

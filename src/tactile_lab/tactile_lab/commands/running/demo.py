@@ -50,7 +50,7 @@ KINDS = tuple(product(CONTACTS, PROTOCOLS))
 """Contact and protocol of the live trials, in their order."""
 
 STIFFNESS_FEATURES = 'stiffness_relaxation'
-"""What the demo learns from holds: it withstands a new mounting better than the paper's set."""
+"""Stiffness feature set of the demo; more robust to a new mounting than the paper's set."""
 
 
 def run_demo(request: DemoRequest, *, as_json: bool) -> bool:

@@ -34,7 +34,7 @@ from tactile_sim.rig_process import SimulatedRig
 
 WINDOW_TIMEOUT_S = 1.0
 AUDIT_TIMEOUT_S = 2.0
-"""How long the first sample after a trial may take to come; only with it the trial is audited."""
+"""Longest wait for the first sample after a trial [s]; the audit of the trial needs it."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which column of a table is the time, the trial, the label and the signal."""
+"""Roles of the columns of a table: time, trial, label and signal."""
 
 from __future__ import annotations
 

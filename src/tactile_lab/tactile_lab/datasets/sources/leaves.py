@@ -22,7 +22,7 @@ MAX_LEAVES = 100_000
 
 
 class Kind(Enum):
-    """What a path holds."""
+    """Kind of recording at a path."""
 
     ARCHIVE = 'archive'
     ARRAY = 'array'

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the command line states about recordings that do not say it themselves."""
+"""Command-line options for recordings that do not state their rate, labels or columns."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ import typer
 from tactile_lab.datasets.sources.questions import SourceError
 
 ROLES = ('time', 'trial', 'label', 'value')
-"""What a column of a table can be."""
+"""Possible roles of a column of a table."""
 
 _OTHERS = 'Recordings of others'
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What cannot be known of a recording: asked on a terminal, stated by an option, or refused."""
+"""Questions about facts that a recording does not state: asked on a terminal, or refused."""
 
 from __future__ import annotations
 

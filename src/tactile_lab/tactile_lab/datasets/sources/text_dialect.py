@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a text table is written: what stands before it, separator, decimal sign, column names."""
+"""Dialect of a text table: header lines, separator, decimal sign, column names."""
 
 from __future__ import annotations
 

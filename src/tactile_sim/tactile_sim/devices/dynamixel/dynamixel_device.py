@@ -60,7 +60,7 @@ class DynamixelDevice:
 
     @property
     def _offset(self) -> int:
-        """What the present position is ahead of the pulley [counts]."""
+        """Offset of the present position register from the pulley position [counts]."""
         return self._turns_off + self._table[known.HOMING_OFFSET]
 
     @property

@@ -33,7 +33,7 @@ class GcodeError(Exception):
 
 @dataclass
 class Modal:
-    """What G-code remembers from line to line."""
+    """Modal state of the G-code parser, kept from line to line."""
 
     motion: str = '0'
     distance: str = '90'
@@ -42,7 +42,7 @@ class Modal:
 
 @dataclass(frozen=True)
 class Command:
-    """What one line asks for.
+    """Motion or dwell that one line commands.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ class Planner:
 
     @property
     def held(self) -> bool:
-        """Whether a feed hold is on."""
+        """True while a feed hold is on."""
         return self._held
 
     @property

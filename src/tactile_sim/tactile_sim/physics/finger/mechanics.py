@@ -25,10 +25,10 @@ MAX_CHANGE_RAD = 0.2
 
 
 class Constants(NamedTuple):
-    """What all trials of a scene share, in SI units; see `Finger` for the names.
+    """Constants that all trials of a scene share, in SI units; `Finger` explains the names.
 
-    Reciprocals (``per_``) stand beside what they belong to: a division costs as much as
-    several products. ``masses`` is the mass matrix of the modes in the order 00, 01, 02, 11, 12,
+    Reciprocals (``per_``) are stored because a division costs as much as several products.
+    ``masses`` is the mass matrix of the modes in the order 00, 01, 02, 11, 12,
     22 [kg m^2], zero for a finger without inertia.
     """
 

@@ -26,7 +26,7 @@ MAX_TURN_RAD = 0.35
 _MIDDLE_RAD, _RANGE_RAD = 0.9, 1.8
 
 _SURPRISE = 0.01
-"""How much of an unchecked change's bound friction may do unforeseen [1]."""
+"""Largest unforeseen friction moment of an unchecked change, as a fraction of ``trusted`` [1]."""
 
 
 def begin_step(z: Any, t: Any, coefficients: Any) -> None:
