@@ -185,10 +185,12 @@ class Player:
     def count(self):
         return {topic: len(outputs) for topic, outputs in self.found.items()}
 
-    def is_matched(self, strain_takers):
+    def is_matched(self, expected, strain_takers):
         resolve = self.node.resolve_topic_name
         return (
-            all(self.node.count_publishers(resolve(topic)) for topic in OUTPUTS)
+            all(
+                self.node.count_publishers(resolve(topic)) for topic in expected if expected[topic]
+            )
             and self.strain.get_subscription_count() >= strain_takers
             and self.events.get_subscription_count() >= 2
         )
@@ -259,7 +261,7 @@ def run_in_one_process(case, context, expected, *, has_sensor):
     player = Player(context)
     with nodes_of_one_process(case, context, has_sensor=has_sensor) as (nodes, detected):
         features, slip = nodes['tactile_features'], nodes['slip_detector']
-        player.wait(lambda: player.is_matched(0 if has_sensor else 2))
+        player.wait(lambda: player.is_matched(expected, 0 if has_sensor else 2))
         readers = [features.stage._events, *slip.stage._events]
         if not has_sensor:
             readers += [features.stage._strain, slip.stage._strain]
@@ -315,7 +317,7 @@ def run_in_processes(case, context, expected, folder):
     player = Player(context)
     with ExitStack() as stack:
         stack.enter_context(node_programs(case, context, folder))
-        player.wait(lambda: player.is_matched(2), START_S)
+        player.wait(lambda: player.is_matched(expected, 2), START_S)
         # The programs know their end of each match a moment later.
         player.reports.clear()
         player.wait(lambda: all(player.reports[name] >= 2 for name in EXECUTABLES), START_S)
