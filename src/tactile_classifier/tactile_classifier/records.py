@@ -114,6 +114,7 @@ class ModelInfo:
     specification_digest: str
     recalibration_trials: int
     simulated: bool
+    contact_filter: str = ''
 
 
 @dataclasses.dataclass(frozen=True)

@@ -57,6 +57,7 @@ def replay_through_nodes(
     expected: TactileResults,
     namespace: str = '',
     recalibration_trials: int = 0,
+    contact: str = '',
 ) -> TactileResults:
     """Send a recording's strain and events to fresh nodes and collect what they publish.
 
@@ -75,8 +76,8 @@ def replay_through_nodes(
         How many windows and classifications to wait for.
     namespace : str
         Namespace of the finger in the recording.
-    recalibration_trials : int
-        Parameter of the classifier node.
+    recalibration_trials, contact
+        Parameters of the classifier node.
 
     Raises
     ------
@@ -89,7 +90,7 @@ def replay_through_nodes(
     player = Node('bag_player', context=context, namespace=namespace)
     try:
         executor.add_node(player)
-        choice = ModelChoice.read(models, recalibrate=recalibration_trials)
+        choice = ModelChoice.read(models, contact=contact, recalibrate=recalibration_trials)
         for description in _replay_graph(choice, config):
             node = create_node(description, context, namespace, quiet=True)
             nodes.append(node)

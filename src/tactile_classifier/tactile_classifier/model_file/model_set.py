@@ -55,7 +55,7 @@ class ModelSet:
         self.models = tuple(models)
         self.refused = tuple(refused)
         self.partial_samples = tuple(sorted({n for m in models for n in m.partial_samples}))
-        self.infos = tuple(_info_of(model, recalibration_trials) for model in models)
+        self.infos = tuple(_info_of(model, recalibration_trials, contact) for model in models)
         self._contact = contact
         self._live = [LiveRecalibration(model, recalibration_trials) for model in models]
         self._digests: frozenset[str] = frozenset()
@@ -131,7 +131,7 @@ class ModelSet:
         return any(model.fits(digest) for digest in self._digests)
 
 
-def _info_of(model: TactileModel, recalibration_trials: int) -> ModelInfo:
+def _info_of(model: TactileModel, recalibration_trials: int, contact: str) -> ModelInfo:
     return ModelInfo(
         model_id=model.model_id,
         path=model.path,
@@ -142,4 +142,5 @@ def _info_of(model: TactileModel, recalibration_trials: int) -> ModelInfo:
         specification_digest=model.spec.digest,
         recalibration_trials=recalibration_trials,
         simulated=model.manifest.simulated,
+        contact_filter=contact,
     )

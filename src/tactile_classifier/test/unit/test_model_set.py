@@ -108,6 +108,7 @@ def test_each_model_answers_its_windows_as_if_alone(folder, window_of, full):
 def test_windows_of_another_contact_are_left_out(folder, window_of, full):
     assert len(ModelSet.load(folder).classify(window_of(full, contact='abduction'))) == 1
     models = ModelSet.load(folder, 'flexion')
+    assert {info.contact_filter for info in models.infos} == {'flexion'}
     assert [m.contact for m in models.models] == ['flexion', 'flexion', '', 'flexion']
     assert models.classify(window_of(full, contact='abduction')) == []
     with pytest.raises(ModelFileError, match='are for flexion, the parameter contact is abduc'):

@@ -199,17 +199,20 @@ def _replay_finger(
     # Version 0.1 did not record it; its answers tell.
     known = max((info.recalibration_trials for info in infos), default=0)
     known = known or recorded_recalibration(recorded)
+    contact = next((info.contact_filter for info in infos), '')
     comparisons: dict[str, Comparison] = {}
     count = 0
     while count < times and all(c.is_equal for c in comparisons.values()):
         count += 1
-        loaded = ModelSet.load(models, recalibration_trials=known) if models else None
+        loaded = ModelSet.load(models, contact, known) if models else None
         core = replay_through_core(bag, loaded, features, namespace)
         comparisons['recorded and plain core'] = compare_with_recorded(
             recorded, core, bag.end_ns, first_sample_ns(bag, namespace) or 0
         )
         if through_nodes:
-            nodes = _replay_in_own_domain(bag, models, features.config, core, namespace, known)
+            nodes = _replay_in_own_domain(
+                bag, models, features.config, core, namespace, known, contact
+            )
             names = ('the core', 'the nodes')
             comparisons['plain core and nodes'] = compare(core, nodes, names)
     return ReplayReport(namespace, comparisons, audits, count)
@@ -222,6 +225,7 @@ def _replay_in_own_domain(
     core: TactileResults,
     namespace: str,
     known: int,
+    contact: str,
 ) -> TactileResults:
     from domain_coordinator import domain_id
 
@@ -237,6 +241,7 @@ def _replay_in_own_domain(
             expected=core,
             namespace=namespace,
             recalibration_trials=known,
+            contact=contact,
         )
 
 

@@ -11,14 +11,14 @@ from rclpy.serialization import serialize_message
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, TactileBag
+from tactile_bags import CLASSIFICATION_TOPIC, FEATURES_TOPIC, MODELS_TOPIC, TactileBag
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.recorded_setup import recorded_features
 from tactile_bags.recorded_topics import RecordedTopic
 from tactile_bags.replaying.replay import replay_through_core
 from tactile_bringup.nodes.replay_nodes import replay_through_nodes
-from tactile_classifier import ModelSet
-from tactile_classifier.conversions import classification_to_msg
+from tactile_classifier import ModelInfos, ModelSet
+from tactile_classifier.conversions import classification_to_msg, model_infos_to_msg
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -40,7 +40,7 @@ def models(tmp_path_factory, simulate_bag):
     return folder
 
 
-def record_answers(source, path, results):
+def record_answers(source, path, results, infos=()):
     """Write a copy of a bag with what nodes made of it, as a recorder beside them does."""
     with TactileBag(source) as bag, BagWriter(path, bag.metadata) as writer:
         for name, (type_name, _) in bag.topics.items():
@@ -48,6 +48,8 @@ def record_answers(source, path, results):
         for message in bag.messages():
             writer.write_raw(message.topic, message.received_at_ns, message.data)
         features, answers = map(writer.add_topic, (FEATURES_TOPIC, CLASSIFICATION_TOPIC))
+        message = serialize_message(model_infos_to_msg(ModelInfos(tuple(infos))))
+        writer.write_raw(writer.add_topic(MODELS_TOPIC), bag.end_ns, message)
         for window in results.windows:
             data = serialize_message(feature_window_to_msg(window))
             writer.write_raw(features, window.window_end_ns, data)
@@ -85,6 +87,26 @@ def test_known_trials_correct_the_nodes_and_the_replay_alike(
     pairs = zip(untouched.classifications, nodes.classifications, strict=True)
     changed = [one.novelty != other.novelty for one, other in pairs]
     assert changed == 2 * (TRIALS * [False] + 4 * [True])
+
+
+def test_a_replay_answers_windows_of_the_contact_that_the_node_answered(stiffness_bag, tmp_path):
+    """A model of any contact, in a node that takes one of them."""
+    (table,) = read_tables([stiffness_bag]).tables.values()
+    contacts = np.where(np.arange(len(table)) % 2, 'flexion', 'abduction')
+    mixed = FeatureTable(
+        table.values, table.labels, table.spec, {**table.columns, 'contact': contacts}
+    )
+    model = tmp_path / 'any.onnx'
+    write_model(model, train(mixed, 'knn'))
+    with TactileBag(stiffness_bag) as bag:
+        features = recorded_features(bag)
+        taken = replay_through_core(bag, ModelSet.load(model), features)
+        passed_over = replay_through_core(bag, ModelSet.load(model, 'abduction'), features)
+    assert (len(taken.classifications), len(passed_over.classifications)) == (15, 0)
+    infos = ModelSet.load(model, 'abduction').infos
+    recorded = record_answers(stiffness_bag, tmp_path / 'live', passed_over, infos)
+    (report,) = replay_and_compare(recorded, None, through_nodes=True)
+    assert report.is_equal, report.comparisons
 
 
 def test_raw_scores_are_the_same_live_and_replayed(simulate_bag, tmp_path, context):
