@@ -56,15 +56,16 @@ class ClassifierStage:
 
     def __init__(self, node: TactileClassifierNode, config: ClassifierConfig) -> None:
         self._node = node
+        vision = vision_class() if config.vision_messages else None
         models = ModelSet.load(config.models, config.contact, config.recalibration_trials)
         self.answering = Answering(models)
         self._log_models(models)
         self._publishers = [self._make_publisher('~/classification')]
-        if config.vision_messages:
+        if vision is not None:
             self._publishers.append(
                 RecordPublisher(
                     node,
-                    vision_class(),
+                    vision,
                     '~/vision_classification',
                     lambda result: vision_from_msg(classification_to_msg(result)),
                     RESULTS,

@@ -240,6 +240,17 @@ def test_the_end_of_features_waits_for_the_block_that_they_work_on(make_finger, 
     assert_each_once(finger.taken)
 
 
+def test_a_fault_of_a_stage_ends_the_process_as_in_a_callback_of_its_own(make_finger):
+    finger = make_finger(60)
+
+    def fail():
+        raise ZeroDivisionError('a bug')
+
+    finger.during_block = fail
+    assert finger.group.ended.wait(DEADLINE_S)
+    assert isinstance(finger.group.error, ZeroDivisionError)
+
+
 def test_a_restarted_feature_node_goes_on_with_the_next_block(make_finger):
     finger = make_finger(1000)
     for _ in range(10):

@@ -64,7 +64,8 @@ class StageNode(PollingNode):
         """Return an input for another node's output: ``call(stage, record)``, under the lock.
 
         A record for which it raises `MessageError` is refused, as its message on ``topic`` would
-        be. Nothing is called while the node is not configured.
+        be; another exception ends the node's executor. Nothing is called while the node is not
+        configured.
         """
 
         def take(record: Any) -> None:
@@ -75,6 +76,8 @@ class StageNode(PollingNode):
                     call(self.stage, record)
                 except MessageError as error:
                     self.message_guard.refuse(topic, error)
+                except Exception as error:  # as in a callback of its own
+                    self._fail(error)
 
         return take
 

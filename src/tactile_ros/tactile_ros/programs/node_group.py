@@ -46,10 +46,10 @@ POLL_S = 0.2
 
 
 class NodeGroup:
-    """Spins nodes: the quiet ones on one executor, each other on one of its own.
+    """Spins nodes: the quiet ones of a class on one executor, each other on one of its own.
 
-    An executor goes through all that its nodes own each time it wakes. Only requests wake that
-    of the quiet nodes; see docs/decisions/0006-executor.md.
+    An executor goes through all that its nodes own each time it wakes. Only requests and trial
+    events wake that of quiet nodes; see docs/decisions/0006-executor.md.
 
     On close, running goals are asked to end and the executors go on until they
     have, so that the devices are brought to rest over a graph that still works.
@@ -89,13 +89,15 @@ class NodeGroup:
         self.ended = threading.Event()
         self.error: Exception | None = None
         self._spinning: list[tuple[SingleThreadedExecutor, threading.Thread]] = []
-        quiet = [node for node in self._nodes if getattr(node, 'is_quiet', False)]
-        busy = [[node] for node in self._nodes if node not in quiet]
-        for nodes in [quiet, *busy] if quiet else busy:
+        together: dict[Any, list[Any]] = {}
+        for node in self._nodes:
+            key = type(node) if getattr(node, 'is_quiet', False) else node
+            together.setdefault(key, []).append(node)
+        for nodes in together.values():
             executor = SingleThreadedExecutor(context=context)
             for node in nodes:
                 executor.add_node(node)
-            name = 'executor of ' + (nodes[0].get_name() if len(nodes) == 1 else 'quiet nodes')
+            name = f'executor of {nodes[0].get_name()}'
             thread = threading.Thread(target=self._spin, args=(executor,), name=name, daemon=True)
             self._spinning.append((executor, thread))
 
