@@ -12,12 +12,12 @@ import pytest
 from tactile_features import (
     FeatureConfig,
     FeatureError,
-    ModelFileError,
     read_contracts,
     spec_for,
     TrialFeatureExtractor,
     WantedFeatures,
 )
+from tactile_features.errors import ModelFileError
 from tactile_features.model_contract import MAX_MODEL_BYTES, plan_features
 from tactile_features.spec import array_spec
 

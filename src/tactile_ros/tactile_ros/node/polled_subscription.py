@@ -92,7 +92,9 @@ class PolledSubscription:
         except Exception as error:  # of the middleware; other topics must go on
             if not self._node.context.ok():
                 return taken
-            self._node.get_logger().error(f'a message on {self.topic_name} is unusable: {error}')
+            self._node.get_logger().error(
+                f'a message on {self.topic_name} is unusable: {error}', throttle_duration_sec=10.0
+            )
         return taken
 
     def poll(self) -> None:
