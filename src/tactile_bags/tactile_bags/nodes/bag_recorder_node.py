@@ -104,6 +104,7 @@ class BagRecorderNode(PollingNode):
         self._auditors: dict[str, FingerAuditor] = {}
         self._recording: dict[str, PolledSubscription] = {}
         self._ahead: list[_Arrival] = []  # taken, but not yet in order
+        self._received_ns: dict[str, int] = {}  # of the newest message, by topic
         self._savers: list[_Saver] = []
         self._held: dict[str, list[bytes]] = {}  # from before the activation, by topic
         self._held_ns = 0  # when the last of them came, on the monotonic clock
@@ -185,14 +186,25 @@ class BagRecorderNode(PollingNode):
         with self.lock:
             arrivals = [*self._ahead]
             for name, subscription in self._recording.items():
-                arrivals += [
-                    _Arrival.of(name, data, info) for data, info in subscription.waiting()
-                ]
+                for data, info in subscription.waiting():
+                    arrivals.append(self._in_order(_Arrival.of(name, data, info)))
             arrivals.sort(key=lambda arrival: arrival.received_ns)
             ready = [a for a in arrivals if until_ns is None or a.received_ns <= until_ns]
             self._ahead = arrivals[len(ready) :]
             for arrival in ready:
                 self._record(arrival)
+
+    def _in_order(self, arrival: _Arrival) -> _Arrival:
+        """Return an arrival that is not before the one before it on its topic.
+
+        The middleware gives the messages of a topic in the order in which they were sent. An
+        earlier one may have arrived later: what a latched topic holds, or what was sent again.
+        """
+        before_ns = self._received_ns.get(arrival.topic, 0)
+        if 0 < before_ns - arrival.received_ns < MOST_DISORDER_NS:
+            arrival = arrival._replace(received_ns=before_ns)
+        self._received_ns[arrival.topic] = arrival.received_ns
+        return arrival
 
     def _record(self, arrival: _Arrival) -> None:
         name, topic = arrival.topic, self._topics[arrival.topic]

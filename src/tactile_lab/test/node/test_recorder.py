@@ -5,6 +5,7 @@ from contextlib import contextmanager
 import dataclasses
 import errno
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -29,6 +30,7 @@ from tactile_bags import (
 )
 from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
+from tactile_bags.nodes.bag_recorder_node import _Arrival
 from tactile_bags.recorded_setup import recorded_features, WRITTEN_IN
 from tactile_bags.storage.mcap_writer import McapWriter
 from tactile_bringup.launch_config.graph import recorder_node
@@ -469,3 +471,22 @@ def test_a_recorder_that_is_activated_again_records_what_belongs_to_its_bag(cont
     assert recorded_events(tmp_path / 'bag') == [*a, *b[:3]]
     assert recorded_events(tmp_path / 'next') == b
     assert not {'old', 'between'} & set(audited)
+
+
+def test_an_earlier_message_that_arrives_later_stays_before_the_next_of_its_topic(context):
+    """As those of a latched topic, which come after one that was just published."""
+    recorder = create_node(describe_recorder(Path('unused')), context)
+    arrivals = [
+        ('events', 3.0),
+        ('events', 1.0),
+        ('strain', 2.0),
+        ('events', 4.0),
+        ('strain', 2.5),
+    ]
+    taken = [
+        recorder._in_order(_Arrival(topic, b'', round(at_s * 1e8), 0)) for topic, at_s in arrivals
+    ]
+    assert [a.received_ns / 1e8 for a in taken] == [3.0, 3.0, 2.0, 4.0, 2.5]
+    set_back = recorder._in_order(_Arrival('events', b'', -(10**10), 0))
+    assert set_back.received_ns == -(10**10)
+    recorder.take_down()
