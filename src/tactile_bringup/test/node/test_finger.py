@@ -185,6 +185,7 @@ def test_nothing_is_built_until_somebody_subscribes_and_then_the_next_sample_com
 ):
     finger = make_finger(60)
     strain = finger.sensor.stage._strain
+    wait_until(lambda: not strain._publisher.get_subscription_count())  # of a test before
     built, emitted = [], []
     to_message, emit = strain._to_message, finger.sensor.stage._emit
 
@@ -281,7 +282,7 @@ def test_tare_and_events_come_in_the_middle_of_blocks(make_finger, elsewhere):
     elsewhere.create_subscription(Slip, 'slip_detector/slip', slips.append, RESULTS)
     events = elsewhere.create_publisher(TrialEvent, 'trial_runner/events', EVENTS)
     client = elsewhere.create_client(Trigger, 'tendon_sensor/tare')
-    wait_until(lambda: client.service_is_ready() and events.get_subscription_count() == 2)
+    wait_until(lambda: client.service_is_ready() and events.get_subscription_count() >= 2)
     wait_until(lambda: len(finger.taken) > 1500)
 
     def hold():
