@@ -8,7 +8,7 @@ Recordings of version 0.1 state them in their metadata.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import hashlib
 import os
@@ -23,7 +23,7 @@ from tactile_classifier.records import ModelInfo
 from tactile_features.config import FeatureConfig
 from tactile_features.errors import FeatureError
 from tactile_features.feature_sets.registry import PHASE_OF_TASK
-from tactile_features.spec import FeatureSpec, spec_for, WantedFeatures
+from tactile_features.spec import FeatureSpec, shared_rate_hz, spec_for, WantedFeatures
 from tactile_ros.errors import TactileError
 
 WRITTEN_IN = 'written_in'
@@ -112,12 +112,6 @@ def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(values, Mapping):
         raise TypeError(f'they are {type(values).__name__}, not names and values')
     return {'partial_samples' if k == 'running_samples' else k: v for k, v in values.items()}
-
-
-def shared_rate_hz(specs: Iterable[FeatureSpec]) -> float:
-    """Return the sample rate that all specifications have [Hz]; 0: they differ, or are none."""
-    rates = {spec.rate_hz for spec in specs}
-    return rates.pop() if len(rates) == 1 else 0.0
 
 
 def nominal_rate_hz(bag: TactileBag, namespace: str = '') -> float:

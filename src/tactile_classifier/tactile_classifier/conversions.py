@@ -10,13 +10,7 @@ from typing import Any
 
 from tactile_classifier.records import ClassificationResult, ModelInfo, ModelInfos, Outcome
 from tactile_ros.errors import MessageError
-
-
-def _to_time(stamp_ns: int) -> Any:
-    from builtin_interfaces.msg import Time
-
-    sec, nanosec = divmod(stamp_ns, 10**9)
-    return Time(sec=sec, nanosec=nanosec)
+from tactile_ros.message_classes import time_to_msg
 
 
 def _to_ns(stamp: Any) -> int:
@@ -31,7 +25,7 @@ def model_infos_to_msg(infos: ModelInfos) -> Any:
     from tactile_msgs.msg import ModelInfos as ModelInfosMsg
 
     return ModelInfosMsg(
-        header=Header(stamp=_to_time(infos.stamp_ns)),
+        header=Header(stamp=time_to_msg(infos.stamp_ns)),
         models=[
             ModelInfoMsg(**{**dataclasses.asdict(info), 'labels': list(info.labels)})
             for info in infos.models
@@ -62,7 +56,7 @@ def classification_to_msg(result: ClassificationResult) -> Any:
     from tactile_msgs.msg import Classification
 
     return Classification(
-        header=Header(stamp=_to_time(result.window_end_ns), frame_id=result.frame_id),
+        header=Header(stamp=time_to_msg(result.window_end_ns), frame_id=result.frame_id),
         task=result.task,
         trial_id=result.trial_id,
         contact=result.contact,
@@ -81,8 +75,8 @@ def classification_to_msg(result: ClassificationResult) -> Any:
         decided=result.decided,
         error_rate=result.error_rate,
         recalibration_trials=result.recalibration_trials,
-        window_start=_to_time(result.window_start_ns),
-        window_end=_to_time(result.window_end_ns),
+        window_start=time_to_msg(result.window_start_ns),
+        window_end=time_to_msg(result.window_end_ns),
     )
 
 

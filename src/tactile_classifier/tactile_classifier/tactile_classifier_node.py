@@ -22,9 +22,8 @@ from tactile_features.records import FeatureWindow
 from tactile_msgs.msg import Classification, FeatureSpecifications, TactileFeatures
 from tactile_msgs.msg import ModelInfos as ModelInfosMsg
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.node.polled_subscription import PolledSubscription
 from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import StageNode
+from tactile_ros.node.stage_node import Stage, StageNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, RESULTS
 
@@ -34,7 +33,7 @@ SPECIFICATIONS_TOPIC = 'tactile_features/specifications'
 LOG_PERIOD_S = 10.0
 
 
-class ClassifierStage:
+class ClassifierStage(Stage):
     """Windows in, answers of each model that fits out.
 
     Parameters
@@ -76,7 +75,7 @@ class ClassifierStage:
         if models.partial_samples:
             self._partial_publishers.append(self._make_publisher('~/partial_classification'))
             topics.append(PARTIAL_TOPIC)
-        # Not of the lifecycle: the models are a state, also of an inactive node.
+        # A plain publisher: the models are a state, also of an inactive node.
         self._infos = node.create_publisher(ModelInfosMsg, '~/models', LATEST)
         now_ns = node.get_clock().now().nanoseconds
         self._infos.publish(model_infos_to_msg(ModelInfos(models.infos, models.refused, now_ns)))
@@ -89,27 +88,17 @@ class ClassifierStage:
             lambda msg: self._warn(*self.answering.announce(specifications_from_msg(msg))),
             LATEST,
         )
-        self._windows: list[PolledSubscription] = []
-        if not node.is_fed_by_calls:
-            self._windows = [
-                node.poll(
-                    TactileFeatures,
-                    topic,
-                    lambda msg, _: self.add_window(feature_window_from_msg(msg)),
-                    RESULTS,
-                )
-                for topic in topics
-            ]
-
-    def start(self) -> None: ...
-
-    def stop(self) -> None: ...
+        for topic in topics:
+            node.listen(
+                TactileFeatures,
+                topic,
+                lambda msg: self.add_window(feature_window_from_msg(msg)),
+                RESULTS,
+            )
 
     def close(self) -> None:
         """Give the topics back."""
         self._diagnostics.close()
-        for subscription in self._windows:
-            self._node.unpoll(subscription)
         self._node.destroy_subscription(self._specifications)
         del self._specifications  # a circle would keep the models
         for publisher in (*self._publishers, *self._partial_publishers):

@@ -27,6 +27,7 @@ from tactile_features.records import FeatureWindow, Measure, Outcome, TrialEvent
 from tactile_features.slip import Slip, SlipConfig
 from tactile_features.spec import FeatureSpec, FeatureSpecifications, WantedFeatures
 from tactile_ros.errors import MessageError
+from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
 
 
@@ -73,7 +74,7 @@ def event_to_msg(event: TrialEvent) -> Any:
     from tactile_msgs.msg import TrialEvent as TrialEventMsg
 
     fields = dataclasses.asdict(event)
-    stamp = _stamp_to_msg(fields.pop('stamp_ns'))
+    stamp = time_to_msg(fields.pop('stamp_ns'))
     return TrialEventMsg(header=Header(stamp=stamp), **fields)
 
 
@@ -108,10 +109,10 @@ def feature_window_to_msg(window: FeatureWindow) -> Any:
     from tactile_msgs.msg import TactileFeatures
 
     fields = dataclasses.asdict(window)
-    end = _stamp_to_msg(fields.pop('window_end_ns'))
+    end = time_to_msg(fields.pop('window_end_ns'))
     return TactileFeatures(
         header=Header(stamp=end, frame_id=fields.pop('frame_id')),
-        window_start=_stamp_to_msg(fields.pop('window_start_ns')),
+        window_start=time_to_msg(fields.pop('window_start_ns')),
         window_end=end,
         outcome=int(fields.pop('outcome')),
         running=fields.pop('partial'),
@@ -148,7 +149,7 @@ def specifications_to_msg(announced: FeatureSpecifications) -> Any:
         )
 
     return FeatureSpecificationsMsg(
-        header=Header(stamp=_stamp_to_msg(announced.stamp_ns)),
+        header=Header(stamp=time_to_msg(announced.stamp_ns)),
         specifications=[to_msg(wanted) for wanted in announced.wanted],
         config=json.dumps(dict(announced.config)),
     )
@@ -205,9 +206,9 @@ def slip_to_msg(slip: Slip, config: SlipConfig, trial_id: str) -> Any:
     from tactile_msgs.msg import Slip as SlipMsg
 
     return SlipMsg(
-        header=Header(stamp=_stamp_to_msg(slip.stamp_ns), frame_id=config.frame_id),
+        header=Header(stamp=time_to_msg(slip.stamp_ns), frame_id=config.frame_id),
         motion=SlipMsg.MOTION_SLIDING,
-        onset=_stamp_to_msg(slip.onset_ns),
+        onset=time_to_msg(slip.onset_ns),
         statistic=slip.statistic,
         tension_n=slip.tension_n,
         trial_id=trial_id,
@@ -225,10 +226,3 @@ def _outcome_from_msg(value: Any) -> Outcome:
 
 def _stamp_from_msg(stamp: Any) -> int:
     return check_stamp(int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec))
-
-
-def _stamp_to_msg(stamp_ns: int) -> Any:
-    from builtin_interfaces.msg import Time
-
-    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
-    return Time(sec=sec, nanosec=nanosec)

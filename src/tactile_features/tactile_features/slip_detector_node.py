@@ -19,8 +19,7 @@ from tactile_features.slip import SlipConfig, SlipDetector, SMALLEST_RATE_HZ
 from tactile_msgs.msg import Slip, StrainBlock
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.node.polled_subscription import PolledSubscription
-from tactile_ros.node.stage_node import StageNode
+from tactile_ros.node.stage_node import Stage, StageNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
@@ -30,7 +29,7 @@ EVENT_TOPICS = ('trial_runner/events', 'tactile_features/detected_events')
 """Topics of trial events; the latest event of either counts."""
 
 
-class SlipStage:
+class SlipStage(Stage):
     """Samples in, slips out: ``~/slip``.
 
     It listens from its beginning, so that it knows the noise when the node is activated.
@@ -57,24 +56,16 @@ class SlipStage:
             )
             for topic in topics
         ]
-        self._strain: PolledSubscription | None = None
-        if not node.is_fed_by_calls:
-            self._strain = node.poll(
-                StrainBlock,
-                STRAIN_TOPIC,
-                lambda msg, _: self.add_block(strain_block_from_msg(msg)),
-                STREAM,
-            )
-
-    def start(self) -> None: ...
-
-    def stop(self) -> None: ...
+        node.listen(
+            StrainBlock,
+            STRAIN_TOPIC,
+            lambda msg: self.add_block(strain_block_from_msg(msg)),
+            STREAM,
+        )
 
     def close(self) -> None:
         """Give the topics back."""
         self._diagnostics.close()
-        if self._strain is not None:
-            self._node.unpoll(self._strain)
         for subscription in self._events:
             self._node.destroy_subscription(subscription)
         self._events.clear()

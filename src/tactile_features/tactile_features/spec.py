@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -265,6 +265,12 @@ def spec_of(feature_set: FeatureSet) -> FeatureSpec:
     """Return what the features of a set are when a feature node computes them."""
     stated = (*feature_set.cut, *feature_set.options)
     return _describe(feature_set, feature_set.sample_count, feature_set.config.rate_hz, stated)
+
+
+def shared_rate_hz(specs: Iterable[FeatureSpec]) -> float:
+    """Return the sample rate that all specifications have [Hz]; 0: they differ, or are none."""
+    rates = {spec.rate_hz for spec in specs}
+    return rates.pop() if len(rates) == 1 else 0.0
 
 
 def spec_for(task: str, config: FeatureConfig) -> FeatureSpec:

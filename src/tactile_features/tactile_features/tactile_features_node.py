@@ -29,9 +29,8 @@ from tactile_msgs.msg import FeatureSpecifications as FeatureSpecificationsMsg
 from tactile_msgs.msg import StrainBlock, TactileFeatures
 from tactile_msgs.msg import TrialEvent as TrialEventMsg
 from tactile_ros.health.diagnostics import Diagnostics, Health, OK, WARN
-from tactile_ros.node.polled_subscription import PolledSubscription
 from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import ignore, StageNode
+from tactile_ros.node.stage_node import ignore, Stage, StageNode
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import EVENTS, LATEST, RESULTS, STREAM
 from tactile_ros.strain import StrainBlock as StrainRecord
@@ -44,7 +43,7 @@ HISTORY_S = 5.0
 """Latched events come within this time, or are taken for new ones."""
 
 
-class FeaturesStage:
+class FeaturesStage(Stage):
     """Samples and events in, windows of features out.
 
     It listens from its beginning, so that a trial under way when the node is activated is whole.
@@ -115,16 +114,12 @@ class FeaturesStage:
             lambda msg, info: self._on_event(event_from_msg(msg), info['source_timestamp']),
             EVENTS,
         )
-        self._strain: PolledSubscription | None = None
-        if not node.is_fed_by_calls:
-            self._strain = node.poll(
-                StrainBlock,
-                STRAIN_TOPIC,
-                lambda msg, _: self.add_block(strain_block_from_msg(msg)),
-                STREAM,
-            )
-
-    def start(self) -> None: ...
+        node.listen(
+            StrainBlock,
+            STRAIN_TOPIC,
+            lambda msg: self.add_block(strain_block_from_msg(msg)),
+            STREAM,
+        )
 
     def stop(self) -> None:
         """Give out the windows that still wait."""
@@ -136,8 +131,6 @@ class FeaturesStage:
         node = self._node
         self._watching.cancel()
         self._diagnostics.close()
-        if self._strain is not None:
-            node.unpoll(self._strain)
         node.destroy_subscription(self._events)
         del self._events, self._timeout  # circles would keep the samples
         self._features.close()

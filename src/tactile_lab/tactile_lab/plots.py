@@ -98,7 +98,7 @@ def shade_phases(axes: Axes, phases: Sequence[tuple[str, float, float]]) -> None
     """Colour each phase, grey where nothing is touched, and write the names of long ones."""
     for name, start, end in phases:
         axes.axvspan(start, end, color=_PHASE_COLOURS.get(name, '#909090'), alpha=0.18, lw=0)
-        if end - start > 0.02 * (phases[-1][2] - phases[0][1]):
+        if end - start > 0.06 * (phases[-1][2] - phases[0][1]):
             axes.text(
                 (start + end) / 2,
                 0.98,

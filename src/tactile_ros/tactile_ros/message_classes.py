@@ -1,7 +1,7 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message classes by their ROS type name."""
+"""Message classes by their ROS type name, and times in messages."""
 
 from __future__ import annotations
 
@@ -22,3 +22,11 @@ def message_class(type_name: str) -> Any:
         return getattr(import_module(f'{package}.{kind}'), name)
     except (ImportError, AttributeError) as error:
         raise LookupError(f'the message type {type_name} is not installed') from error
+
+
+def time_to_msg(stamp_ns: int) -> Any:
+    """Return the ``builtin_interfaces/Time`` of a time [ns]."""
+    from builtin_interfaces.msg import Time
+
+    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
+    return Time(sec=sec, nanosec=nanosec)

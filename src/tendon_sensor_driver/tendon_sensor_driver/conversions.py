@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_ros.message_classes import time_to_msg
 from tactile_ros.strain import StrainBlock, StrainStatus
 from tendon_sensor_driver.records import AXES, Health, TendonSensorConfig
 from tendon_sensor_driver.stream.tare import Bias
@@ -20,19 +21,12 @@ LEVEL_OK, LEVEL_WARN, LEVEL_ERROR = 0, 1, 2
 """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
 
 
-def _to_time_msg(stamp_ns: int) -> Any:
-    from builtin_interfaces.msg import Time
-
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-    return Time(sec=seconds, nanosec=nanoseconds)
-
-
 def to_strain_msg(block: StrainBlock, frame_id: str) -> Any:
     """Return the block as ``tactile_msgs/StrainBlock``."""
     from tactile_msgs.msg import StrainBlock as StrainBlockMsg
 
     message = StrainBlockMsg()
-    message.header.stamp = _to_time_msg(block.stamp_ns)
+    message.header.stamp = time_to_msg(block.stamp_ns)
     message.header.frame_id = frame_id
     message.sequence = block.sequence
     message.period_ns = block.period_ns
@@ -55,7 +49,7 @@ def to_wrench_msg(block: StrainBlock, frame_id: str, axis: str = 'fx', scale: fl
 
     last = len(block.tension_n) - 1
     message = WrenchStamped()
-    message.header.stamp = _to_time_msg(block.stamp_ns + last * block.period_ns)
+    message.header.stamp = time_to_msg(block.stamp_ns + last * block.period_ns)
     message.header.frame_id = frame_id
     if block.wrench is None:
         message.wrench.force.x = float(block.tension_n[last])
@@ -94,7 +88,7 @@ def to_tare_msg(bias: Bias, frame_id: str) -> Any:
     from tactile_msgs.msg import Tare
 
     message = Tare()
-    message.header.stamp = _to_time_msg(bias.stamp_ns)
+    message.header.stamp = time_to_msg(bias.stamp_ns)
     message.header.frame_id = frame_id
     message.is_set = bias.samples > 0
     message.bias_n = bias.bias_n

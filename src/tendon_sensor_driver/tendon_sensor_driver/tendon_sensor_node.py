@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from tactile_msgs.msg import StrainBlock, Tare
 from tactile_ros.health import diagnostics
 from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import ignore, StageNode
+from tactile_ros.node.stage_node import ignore, Stage, StageNode
 from tactile_ros.periodic import Periodic
 from tactile_ros.programs.node_group import run_node
 from tactile_ros.qos import LATEST, STREAM
@@ -41,7 +41,7 @@ WATCH_PERIOD_S = 0.2
 _NEWS_PERIODS = 5  # what was counted in the last second is news
 
 
-class SensorStage:
+class SensorStage(Stage):
     """One sensor from its link to blocks of tension: ``~/strain``, ``~/wrench``, ``~/tare``.
 
     Parameters
@@ -110,10 +110,6 @@ class SensorStage:
             lambda: self._assess(client),
         )
         self._watching = node.call_every(WATCH_PERIOD_S, lambda: self._watch(client))
-
-    def start(self) -> None: ...
-
-    def stop(self) -> None: ...
 
     def close(self) -> None:
         """Close the sensor, then give back what its thread uses."""

@@ -21,7 +21,7 @@ from tactile_bags.auditing.auditor import FingerAuditor
 from tactile_bags.bag_writer import BagWriter
 from tactile_bags.conversions import audit_to_msg
 from tactile_bags.errors import BagError
-from tactile_bags.recorded_setup import shared_rate_hz, WRITTEN_IN
+from tactile_bags.recorded_setup import WRITTEN_IN
 from tactile_bags.recorded_topics import (
     AUDIT,
     EVENT,
@@ -39,6 +39,7 @@ from tactile_features.conversions import (
     strain_block_from_msg,
 )
 from tactile_features.records import PHASE_ABORTED, PHASE_DONE
+from tactile_features.spec import shared_rate_hz
 from tactile_msgs.msg import RecordingAudit, TrialEvent
 from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health, OK, WARN
 from tactile_ros.message_classes import message_class
@@ -180,8 +181,8 @@ class BagRecorderNode(PollingNode):
     def _take_all(self, until_ns: int | None = None) -> None:
         """Take what all topics have, and record what arrived before ``until_ns`` in order.
 
-        A topic is asked after the other. What arrives meanwhile waits for the next time, when no
-        topic can have anything older.
+        Topics are asked one after the other. A message that arrives meanwhile waits for the next
+        poll: then no topic can hold an older one.
         """
         with self.lock:
             arrivals = [*self._ahead]
@@ -210,7 +211,7 @@ class BagRecorderNode(PollingNode):
         name, topic = arrival.topic, self._topics[arrival.topic]
         if self.failure:
             return
-        # Only of events does it show later whether they belong to the bag.
+        # Later events tell whether an event from before the activation belongs to the bag.
         is_event = topic.type_name == EVENT
         if is_event and arrival.source_ns < self._activated_ns:
             self._held.setdefault(name, []).append(arrival.data)
@@ -481,7 +482,7 @@ class _Arrival(NamedTuple):
 
     @classmethod
     def of(cls, topic: str, data: bytes, info: Any) -> _Arrival:
-        """Return an arrival; a middleware that notes no times is taken at its word, now."""
+        """Return an arrival; a time that the middleware does not note is the present one."""
         now_ns = time.time_ns()
         return cls(
             topic,

@@ -165,6 +165,7 @@ class ModelChoice:
         if path is None:
             return None
         from tactile_features import read_contracts  # slow to import
+        from tactile_features.spec import shared_rate_hz
 
         contracts, _ = read_contracts(path, contact)
         found = sorted({each.task for each in contracts})
@@ -173,8 +174,8 @@ class ModelChoice:
             raise TactileError(
                 f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
             )
-        rates = {each.wanted.spec.rate_hz for each in contracts}
-        return cls(path.resolve(), contact, trials, rates.pop() if len(rates) == 1 else 0.0)
+        rate_hz = shared_rate_hz(each.wanted.spec for each in contracts)
+        return cls(path.resolve(), contact, trials, rate_hz)
 
     @property
     def parameters(self) -> dict[str, str]:

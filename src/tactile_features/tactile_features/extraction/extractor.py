@@ -33,7 +33,14 @@ from tactile_features.records import (
     PHASES_STATED,
     TrialEvent,
 )
-from tactile_features.spec import array_spec, FeatureSpec, set_for, spec_of, WantedFeatures
+from tactile_features.spec import (
+    array_spec,
+    FeatureSpec,
+    set_for,
+    shared_rate_hz,
+    spec_of,
+    WantedFeatures,
+)
 from tactile_features.windows import SampleBuffer
 from tactile_ros.strain import StrainBlock
 
@@ -180,9 +187,8 @@ class TrialFeatureExtractor:
     """
 
     def __init__(self, config: FeatureConfig, wanted: Sequence[WantedFeatures] = ()) -> None:
-        rates_hz = {each.spec.rate_hz for each in wanted}
-        if len(rates_hz) == 1:
-            config = dataclasses.replace(config, rate_hz=rates_hz.pop())
+        if rate_hz := shared_rate_hz(each.spec for each in wanted):
+            config = dataclasses.replace(config, rate_hz=rate_hz)
         self.config = config
         self.block_count = 0
         self.sample_count = 0

@@ -86,8 +86,12 @@ UNTIL_A_SIGNAL = (rig, sense, hand, watch)
 """These run until SIGINT or SIGTERM, which is their regular end. The others are interrupted."""
 
 
+RENAMED = {'--model': '--models', '--running': '--partial'}
+"""Options of version 0.1, with their new names."""
+
+
 class StrictCommand(TyperCommand):
-    """Refuses an option that is given twice where only the last one would count."""
+    """Refuses an option that is given twice where only the last one counts, and old names."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -99,6 +103,9 @@ class StrictCommand(TyperCommand):
                 param.help = getattr(info, 'help', None)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        known = {opt for param in self.params for opt in param.opts}
+        for old in {arg.partition('=')[0] for arg in args} & RENAMED.keys() - known:
+            raise typer.BadParameter(f'the option {old} is now called {RENAMED[old]}')
         _, _, order = self.make_parser(ctx).parse_args(args=list(args))
         for param in order:
             is_value = isinstance(param, TyperOption) and not param.is_flag

@@ -60,6 +60,13 @@ def test_nodes_outlive_unknown_values_and_tell_of_them(context, trained, tmp_pat
         listeners = ('tactile_features', 'slip_detector', 'bag_recorder')
         wait_until(lambda: strain.get_subscription_count() == events.get_subscription_count() == 3)
         wait_until(lambda: features.get_subscription_count() == 2)
+        # Both ends must know each other; the feature node publishes features, too.
+        wanted = {'/tendon_sensor/strain': 1, '/trial_runner/events': 1}
+        wanted['/tactile_features/features'] = 2
+        readers = [s for node in nodes.values() for s in (*node._polled, *node.subscriptions)]
+        wait_until(
+            lambda: all(s.get_publisher_count() >= wanted.get(s.topic_name, 0) for s in readers)
+        )
         strain.publish(StrainBlock(period_ns=-1, tension_n=[1.0]))
         strain.publish(StrainBlock(period_ns=1, tension_n=[]))
         strain.publish(StrainBlock(period_ns=1, tension_n=[1.0], status=2**31))

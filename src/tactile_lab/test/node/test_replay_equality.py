@@ -264,7 +264,7 @@ def run_in_one_process(case, context, expected, *, has_sensor):
         player.wait(lambda: player.is_matched(expected, 0 if has_sensor else 2))
         readers = [features.stage._events, *slip.stage._events]
         if not has_sensor:
-            readers += [features.stage._strain, slip.stage._strain]
+            readers += [*features._polled, *slip._polled]
         # Both ends must know each other.
         player.wait(lambda: all(reader.get_publisher_count() for reader in readers))
 

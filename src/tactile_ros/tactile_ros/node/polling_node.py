@@ -80,6 +80,11 @@ class PollingNode(TactileNode):
                 while self._polling:
                     self._polling.pop().cancel()
 
+    def unpoll_all(self) -> None:
+        """Close all subscriptions."""
+        for subscription in self._polled:
+            self.unpoll(subscription)
+
     def create_subscription(
         self, message_type: Any, topic: str, callback: Callable[..., Any], *args: Any, **opts: Any
     ) -> Any:
@@ -93,8 +98,7 @@ class PollingNode(TactileNode):
         return super().create_subscription(message_type, topic, locked, *args, **opts)
 
     def destroy_node(self) -> None:
-        for subscription in self._polled:
-            self.unpoll(subscription)
+        self.unpoll_all()
         super().destroy_node()
 
     def _poll_all(self) -> None:

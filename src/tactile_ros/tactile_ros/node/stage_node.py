@@ -17,7 +17,9 @@ a device while holding it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
+
+from rclpy.qos import QoSProfile
 
 from tactile_ros.errors import MessageError
 from tactile_ros.node.polling_node import PollingNode
@@ -27,17 +29,14 @@ def ignore(_: object) -> None:
     """Take an output that nobody wants."""
 
 
-class Stage(Protocol):
+class Stage:
     """A part of the data path between configure and cleanup."""
-
-    def start(self) -> None:
-        """Begin to give out: the node becomes active."""
 
     def stop(self) -> None:
         """Give out what is left: the node becomes inactive."""
 
     def close(self) -> None:
-        """Give topics and devices back."""
+        """Give topics and devices back; samples come no more."""
 
 
 class StageNode(PollingNode):
@@ -81,14 +80,17 @@ class StageNode(PollingNode):
 
         return take
 
+    def listen(
+        self, message_type: Any, topic: str, take: Callable[[Any], object], profile: QoSProfile
+    ) -> None:
+        """Poll a topic of samples until cleanup, unless another node calls the stage."""
+        if not self.is_fed_by_calls:
+            self.poll(message_type, topic, lambda message, _: take(message), profile)
+
     def set_up(self, config: Any) -> None:
         stage = self.make_stage(config)  # without the lock: it may read files, or open a device
         with self.lock:
             self.stage = stage
-
-    def start(self) -> None:
-        with self.lock:
-            self.stage.start()
 
     def stop(self) -> None:
         with self.lock:
@@ -98,5 +100,6 @@ class StageNode(PollingNode):
     def tear_down(self) -> None:
         with self.lock:
             stage, self.stage = self.stage, None
+            self.unpoll_all()
         if stage is not None:
             stage.close()

@@ -17,7 +17,7 @@ from std_msgs.msg import Int32
 from tactile_ros.errors import MessageError
 from tactile_ros.node.polling_node import PollingNode
 from tactile_ros.node.record_publisher import RecordPublisher
-from tactile_ros.node.stage_node import StageNode
+from tactile_ros.node.stage_node import Stage, StageNode
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_ros.qos import EVENTS, STREAM
 from tactile_testing.waiting import wait_until
@@ -183,16 +183,14 @@ def test_polling_ends_with_its_context():
     wait_until(lambda: not [t for t in threading.enumerate() if t.name == 'topics of listener'])
 
 
-class Doubling:
+class Doubling(Stage):
     """A stage that gives out twice what comes in; counts the messages that it builds."""
 
     def __init__(self, node, emit):
         self.node, self.emit = node, emit
         self.calls, self.built = [], []
         self.numbers = RecordPublisher(node, Int32, '~/doubled', self.build, STREAM)
-        self.source = None
-        if not node.is_fed_by_calls:
-            self.source = node.poll(Int32, 'numbers', lambda m, _: self.add(m.data), STREAM)
+        node.listen(Int32, 'numbers', lambda message: self.add(message.data), STREAM)
 
     def build(self, number):
         self.built.append(number)
@@ -205,16 +203,11 @@ class Doubling:
             self.numbers.publish(2 * number)
             self.emit(2 * number)
 
-    def start(self):
-        self.calls.append('start')
-
     def stop(self):
         self.calls.append('stop')
 
     def close(self):
         self.calls.append('close')
-        if self.source is not None:
-            self.node.unpoll(self.source)
         self.numbers.close()
 
 
@@ -264,7 +257,7 @@ def test_one_stage_after_the_other_by_calls_and_by_topics(context, spun, by_call
     take(4)
     first.trigger_cleanup()
     take(5)
-    assert stage.calls == ['start', 'stop', 'close']
+    assert stage.calls == ['stop', 'close']
     assert results == [4, 8, 12]
     assert first.trigger_configure().name == 'SUCCESS'
     assert first.stage is not stage
