@@ -217,13 +217,16 @@ class TrialFeatureExtractor:
             bound[digest] = phase, dataclasses.replace(config, partial_samples=counts)
 
         for each in wanted:
-            config = each.bind(self.config)
             found = find_feature_set(each.spec.feature_set)
-            if found is not None:
-                add(found.phase, config)
+            if found is None:
+                continue
+            add(found.phase, each.bind(self.config))
+            # Own partial windows count at any rate: which one is shared depends on the others.
+            own = dataclasses.replace(self.config, rate_hz=each.spec.rate_hz)
+            if spec_of(own.feature_set(found.phase)).digest == each.spec.digest:
+                add(found.phase, own)
         for phase in (PHASE_GLIDE, PHASE_HOLD):
-            own = spec_of(self.config.feature_set(phase)).digest
-            if own in bound or phase not in {of_phase for of_phase, _ in bound.values()}:
+            if phase not in {of_phase for of_phase, _ in bound.values()}:
                 add(phase, self.config)
         return tuple(
             _Lane(config, phase, self._buffer_for(config)) for phase, config in bound.values()
@@ -325,7 +328,9 @@ class TrialFeatureExtractor:
 
     def time_out(self) -> list[FeatureWindow]:
         """Refuse the oldest windows that wait: their samples have not come in time."""
-        return self._end_oldest(PhaseWindow.time_out) if self._waiting else []
+        if not self._waiting:
+            return []
+        return self._end_oldest(lambda window: window.refuse_by_events() or window.time_out())
 
     def pass_time(self, now_ns: int) -> list[FeatureWindow]:
         """Refuse the windows whose samples have not come in time, when the last data came.
@@ -419,7 +424,9 @@ class TrialFeatureExtractor:
             lane.filling.clear()
         windows: list[FeatureWindow] = []
         while self._waiting:
-            windows += self._end_oldest(lambda window: window.refuse(outcome, reason))
+            windows += self._end_oldest(
+                lambda window: window.refuse_by_events() or window.refuse(outcome, reason)
+            )
         return windows
 
 

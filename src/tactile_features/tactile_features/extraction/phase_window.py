@@ -129,6 +129,20 @@ class PhaseWindow:
 
     def take(self, buffer: SampleBuffer) -> FeatureWindow | None:
         """Return the window, or None while a sample still to come could change it."""
+        if refused := self.refuse_by_events():
+            return refused
+        cut = self._cut(buffer)
+        if cut is None:
+            return None
+        window = self._refuse_evicted(buffer)
+        if window is None:
+            window = self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
+        if window.outcome != Outcome.OK or not self._config.measures:
+            return window
+        return dataclasses.replace(window, measures=self._measure(cut.samples, buffer))
+
+    def refuse_by_events(self) -> FeatureWindow | None:
+        """Return the window where the events alone say that it has no features."""
         if self.end.phase == PHASE_ABORTED:
             reason = f'the trial was aborted: {self.end.message or "no reason given"}'
             return self.refuse(Outcome.ABORTED, reason)
@@ -147,15 +161,7 @@ class PhaseWindow:
                 f'between its crops; the window needs {self._shortest_ns / 1e9:.3f} s'
             )
             return self.refuse(Outcome.TOO_SHORT, reason)
-        cut = self._cut(buffer)
-        if cut is None:
-            return None
-        window = self._refuse_evicted(buffer)
-        if window is None:
-            window = self.time_out() if self._is_too_late(cut.after) else self._assess(cut)
-        if window.outcome != Outcome.OK or not self._config.measures:
-            return window
-        return dataclasses.replace(window, measures=self._measure(cut.samples, buffer))
+        return None
 
     def refuse(
         self, outcome: Outcome, reason: str, samples: Samples = _NO_SAMPLES
