@@ -16,6 +16,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', sorted(glob('launch/*.launch.py'))),
+        (f'share/{package_name}/config', sorted(glob('config/*.yaml'))),
         (f'share/{package_name}/layouts', sorted(glob('layouts/*'))),
         (f'share/{package_name}/udev', sorted(glob('udev/*.rules'))),
     ],
@@ -29,6 +30,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'finger_node = tactile_bringup.nodes.finger_node:main',
             'trial_runner_node = tactile_ros.programs.node_program:main',
         ],
         'tactile.nodes': [

@@ -1,43 +1,110 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording, on its own time: ``ros2 launch tactile_bringup replay.launch.py``."""
+"""A recording, on its own time: ``ros2 launch tactile_bringup replay.launch.py bag:=FOLDER``."""
+
+import dataclasses
 
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
-from launch_ros.actions import Node
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 
-from tactile_bringup.launch_config.launching import declare_arguments, Planned
+from tactile_bags.bag_reader import TactileBag
+from tactile_bags.recorded_setup import recorded_features
+from tactile_bringup.launch_config.graph import (
+    choose_fingers,
+    ModelChoice,
+    player_parameters,
+    recorder_parameters,
+)
+from tactile_bringup.launch_config.launching import Arguments, Node, shared_arguments, start
+from tactile_ros.errors import TactileError
+
+ARGUMENTS = [
+    DeclareLaunchArgument('bag', description='folder of the recording to play'),
+    DeclareLaunchArgument(
+        'rate', default_value='1.0', description='how many times faster than it was recorded'
+    ),
+    DeclareLaunchArgument(
+        'models',
+        default_value='',
+        description='folder of model files, or one file; empty: those that the recording was '
+        'made with, if any',
+    ),
+    # the time of the recording, by /clock; namespace: play the finger there only
+    *shared_arguments(use_sim_time='true', respawn='false'),
+]
 
 
-def start(context):
-    # The plan says how often each node is started, and with which name, namespace, parameters.
-    plan = Planned('replay', context)
-    return plan.start(
-        [
+def launch_setup(context):
+    arguments = Arguments(context, ARGUMENTS)
+    file, path = arguments.file, arguments.path('bag')
+    try:
+        rate = float(arguments['rate'])
+    except ValueError:
+        raise TactileError(f'rate is "{arguments["rate"]}"; it must be a number') from None
+    common = arguments.of_every_node
+    process = arguments.process()
+    nodes, has_classifier = [], False
+    with TactileBag(path) as bag:
+        simulated = bool(bag.metadata.get('simulated'))
+        namespaces = choose_fingers(bag, arguments['namespace'])
+        for namespace in namespaces:
+            models = ModelChoice.of_recording(
+                bag, namespace, arguments.path('models'), arguments.scratch
+            )
+            of_models = models.parameters if models else {}
+            recorded = dataclasses.asdict(recorded_features(bag, namespace).config)
             # windows to feature vectors
-            *[
-                Node(package='tactile_features', executable='tactile_features_node', **options)
-                for options in plan.options('tactile_features_node')
-            ],
-            # with models:=..., one classifier for all of them
-            *[
-                Node(package='tactile_classifier', executable='tactile_classifier_node', **options)
-                for options in plan.options('tactile_classifier_node')
-            ],
-            # with record:=FOLDER
-            *[
-                Node(package='tactile_bags', executable='bag_recorder_node', **options)
-                for options in plan.options('bag_recorder_node')
-            ],
-            # plays the recording
-            *[
-                Node(package='tactile_bags', executable='bag_player_node', **options)
-                for options in plan.options('bag_player_node')
-            ],
-        ]
+            nodes.append(
+                Node(
+                    package='tactile_features',
+                    executable='tactile_features_node',
+                    name='tactile_features',
+                    namespace=namespace,
+                    parameters=[recorded, file, of_models, common],
+                    **process,
+                )
+            )
+            if models:
+                # feature vectors to labels
+                has_classifier = True
+                nodes.append(
+                    Node(
+                        package='tactile_classifier',
+                        executable='tactile_classifier_node',
+                        name='tactile_classifier',
+                        namespace=namespace,
+                        parameters=[file, of_models, models.recalibration, common],
+                        **process,
+                    )
+                )
+    if arguments['record']:
+        recorder = recorder_parameters(
+            arguments['record'],
+            namespaces=namespaces,
+            simulated=simulated,
+            rig=False,
+            classifier=has_classifier,
+        )
+        nodes.append(
+            Node(
+                package='tactile_bags',
+                executable='bag_recorder_node',
+                name='bag_recorder',
+                parameters=[file, recorder, common],
+                **{**process, 'respawn': False},
+            )
+        )
+    # plays the recording, and makes the time of /clock
+    player = Node(
+        package='tactile_bags',
+        executable='bag_player_node',
+        name='bag_player',
+        parameters=[file, player_parameters(path, rate, arguments['namespace'])],
+        **{**process, 'respawn': False},
     )
+    return start(arguments, [], [*nodes, player], ends_with=player)
 
 
 def generate_launch_description():
-    return LaunchDescription([*declare_arguments('replay'), OpaqueFunction(function=start)])
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=launch_setup)])

@@ -103,9 +103,10 @@ PHASES = ('stated', 'texture', 'stiffness')
 PhasesOption = Annotated[
     str,
     typer.Option(
-        **choice(*PHASES),
+        **choice('', *PHASES),
         help='Source of the phases: stated by trial events, or found in the tension of texture or '
-        'stiffness trials.',
+        'stiffness trials. Default: as in the parameter file, or stated.',
+        show_default=False,
     ),
 ]
 DetectedContactOption = Annotated[

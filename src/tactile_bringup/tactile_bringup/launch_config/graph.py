@@ -1,10 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node graph of the system: nodes, namespaces and parameters.
+"""The nodes of a finger and of a rig as the commands start them, in one process.
 
-The launch files and the one-process runner share this description; see
-`tactile_bringup.launch_config.launch_plans`.
+The launch files name the same nodes for themselves, so that a reader can copy from them; a test
+compares the two.
 """
 
 from __future__ import annotations
@@ -13,10 +13,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
+from tactile_bringup.launch_config.parameter_files import NodeParameters
 from tactile_ros.errors import TactileError
 from tendon_sensor_driver.records import AXES, NORM
+
+if TYPE_CHECKING:
+    from tactile_bags.bag_reader import TactileBag
+
+SENSOR_NODE = 'tendon_sensor'
+"""Name of the node that reads the load cell."""
 
 FEATURES_NODE = 'tactile_features'
 """Name of the node that computes features."""
@@ -24,7 +31,7 @@ FEATURES_NODE = 'tactile_features'
 CLASSIFIER_NODE = 'tactile_classifier'
 """Name of the node that answers with every model of a finger, where there are models."""
 
-SENSING_NODES = ('tendon_sensor', FEATURES_NODE)
+SENSING_NODES = (SENSOR_NODE, FEATURES_NODE)
 """Names of the nodes of a finger that a hand moves, but for its classifier."""
 
 SLIP_NODE = 'slip_detector'
@@ -42,8 +49,8 @@ NO_PORT = 'none'
 PORTLESS_SENSORS = ('net_ft', 'topic')
 """Kinds of sensor that have no serial port."""
 
-STRAIN_TIMEOUT_S = 0.15
-"""Nine samples at 60 Hz; with it an approach at 50 mm/s, too, ends within 0.3 s."""
+DEVICES = Path('/dev/tactile')
+"""Where the udev rules of this package put the names of the devices."""
 
 
 @dataclass(frozen=True)
@@ -85,46 +92,6 @@ class Ports:
 
 
 @dataclass(frozen=True)
-class RigDescription:
-    """A simulated rig to start before the nodes.
-
-    Attributes
-    ----------
-    links : Path
-        Folder for its ports: guide, tendon and sensor.
-    mount : tuple of str
-        Protocol, object and contact of what lies under the finger; empty: nothing.
-    """
-
-    links: Path
-    seed: int
-    mount: tuple[str, ...] = ()
-
-    @property
-    def ports(self) -> Ports:
-        """The ports that it will serve."""
-        return Ports(*(str(self.links / name) for name in ('guide', 'tendon', 'sensor')))
-
-
-@dataclass(frozen=True)
-class LaunchPlan:
-    """Nodes and simulated rigs that a launch starts.
-
-    Attributes
-    ----------
-    nodes : tuple of NodeDescription
-    rigs : tuple of RigDescription
-        Simulated rigs; their ports must exist before the nodes start.
-    ends_with : str
-        Path of the node whose end shuts the launch down; empty: no node does.
-    """
-
-    nodes: tuple[NodeDescription, ...]
-    rigs: tuple[RigDescription, ...] = ()
-    ends_with: str = ''
-
-
-@dataclass(frozen=True)
 class ModelChoice:
     """The models of a finger, which say what its features and its classifier node do.
 
@@ -156,17 +123,18 @@ class ModelChoice:
         TactileError
             When no file there can be used for these, or ``recalibrate`` is no number.
         """
-        try:
-            trials = int(recalibrate)
-        except ValueError:
-            raise TactileError(
-                f'recalibrate is "{recalibrate}"; it must be a number of trials'
-            ) from None
         if path is None:
             return None
-        from tactile_features import read_contracts  # slow to import
+        # slow to import
+        from tactile_classifier.confidence.session_statistics import TRIALS
+        from tactile_features import read_contracts
         from tactile_features.spec import shared_rate_hz
 
+        text = str(recalibrate)
+        if not text.isdecimal() or 0 < int(text) < TRIALS:
+            raise TactileError(
+                f'recalibrate is "{text}"; it must be a number of trials: {TRIALS} or more, or 0'
+            )
         contracts, _ = read_contracts(path, contact)
         found = sorted({each.task for each in contracts})
         if task and task not in found:
@@ -175,7 +143,74 @@ class ModelChoice:
                 f'{path} has no model for {task} {contact}'.rstrip() + f', only for {only}'
             )
         rate_hz = shared_rate_hz(each.wanted.spec for each in contracts)
-        return cls(path.resolve(), contact, trials, rate_hz)
+        return cls(path.resolve(), contact, int(text), rate_hz)
+
+    @classmethod
+    def of_finger(
+        cls,
+        given: str,
+        stated: NodeParameters,
+        task: str = '',
+        contact: str = '',
+        recalibrate: str | int = 0,
+    ) -> ModelChoice | None:
+        """Return the models of a finger: those given, or those that a parameter file states.
+
+        Parameters
+        ----------
+        given : str
+            Path of the models; empty: that of the parameters.
+        stated : mapping
+            Parameters of the finger's nodes, by name. Models of the feature node or of the
+            classifier are those of both.
+        task, contact, recalibrate
+            See `read`.
+
+        Raises
+        ------
+        TactileError
+        """
+        of_classifier, of_features = stated.get(CLASSIFIER_NODE, {}), stated.get(FEATURES_NODE, {})
+        place = given or of_classifier.get('models', '') or of_features.get('models', '')
+        return cls.read(
+            Path(place).expanduser() if place else None,
+            task,
+            contact or of_classifier.get('contact', '') or of_features.get('contact', ''),
+            of_classifier.get('recalibration_trials', 0)
+            if recalibrate in (0, '0')
+            else recalibrate,
+        )
+
+    @classmethod
+    def of_recording(
+        cls, bag: TactileBag, namespace: str, named: Path | None, scratch: Path
+    ) -> ModelChoice | None:
+        """Return the models that are named, or those that a finger was recorded with, as then.
+
+        Parameters
+        ----------
+        bag : TactileBag
+        namespace : str
+            That of the finger in the recording.
+        named : Path or None
+        scratch : Path
+            Folder for links to the models.
+
+        Raises
+        ------
+        TactileError
+            When a model is not where it was, or cannot be used.
+        """
+        from tactile_bags.recorded_setup import find_models, gather_models, recorded_models
+
+        if named is not None:
+            return cls.read(named)
+        infos = recorded_models(bag, namespace)
+        return cls.read(
+            gather_models(find_models(bag, namespace), scratch),
+            contact=infos[0].contact_filter if infos else '',
+            recalibrate=max((info.recalibration_trials for info in infos), default=0),
+        )
 
     @property
     def parameters(self) -> dict[str, str]:
@@ -183,12 +218,19 @@ class ModelChoice:
         contact = {'contact': self.contact} if self.contact else {}
         return {'models': str(self.path), **contact}
 
+    @property
+    def recalibration(self) -> dict[str, int]:
+        """Parameters of the classifier node alone."""
+        trials = self.recalibration_trials
+        return {'recalibration_trials': trials} if trials else {}
+
 
 def sensing_graph(
     sensor_port: str,
     models: ModelChoice | None,
-    parameters: Mapping[str, Mapping[str, Any]],
+    parameters: NodeParameters,
     *,
+    sensor_topic: str = '',
     simulated: bool = False,
     namespace: str = '',
 ) -> list[NodeDescription]:
@@ -196,58 +238,77 @@ def sensing_graph(
 
     Parameters
     ----------
-    sensor_port : str
-        Serial port of the load cell; empty: that of the parameters; ``none``: there is no
-        sensor node, unless the parameters name a sensor with an address or a topic.
+    sensor_port, sensor_topic, simulated
+        See `sensor_parameters`.
     models : ModelChoice or None
     parameters : mapping
-        Further parameters by node name; they win over those given here.
-    simulated : bool
-        The sensor is simulated: it marks its samples, and nobody else needs to know.
+        Further parameters by node name; those given here win.
     """
+    of_sensor = sensor_parameters(
+        parameters, models, port=sensor_port, topic=sensor_topic, simulated=simulated
+    )
     told = models.parameters if models else {}
     nodes = [NodeDescription('tactile_features', 'tactile_features_node', FEATURES_NODE, told)]
-    has_port = sensor_port != NO_PORT
-    if has_port or parameters.get('tendon_sensor', {}).get('sensor') in PORTLESS_SENSORS:
-        of_sensor: dict[str, Any] = {'port': sensor_port} if sensor_port and has_port else {}
-        if simulated:
-            of_sensor['simulated'] = True
-        sensor = ('tendon_sensor_driver', 'tendon_sensor_node', 'tendon_sensor', of_sensor)
+    if of_sensor is not None:
+        sensor = ('tendon_sensor_driver', 'tendon_sensor_node', SENSOR_NODE, of_sensor)
         nodes.insert(0, NodeDescription(*sensor))
     if models:
-        trials = models.recalibration_trials
-        recalibration = {'recalibration_trials': trials} if trials else {}
         classifier = ('tactile_classifier', 'tactile_classifier_node', CLASSIFIER_NODE)
-        nodes.append(NodeDescription(*classifier, {**told, **recalibration}))
+        nodes.append(NodeDescription(*classifier, {**told, **models.recalibration}))
     return [_placed(node, parameters, namespace) for node in nodes]
 
 
-def sensor_on_topic(text: str, rate_hz: float = 0.0) -> dict[str, Any]:
-    """Return the parameters of a sensor for ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``."""
-    topic, _, part = text.partition(':')
-    parameters: dict[str, Any] = {'sensor': 'topic', 'topic': topic, 'rate_hz': rate_hz}
-    if part:
-        parameters['axis' if part in (*AXES, NORM) else 'joint'] = part
-    return parameters
+def sensor_parameters(
+    stated: NodeParameters,
+    models: ModelChoice | None = None,
+    *,
+    port: str = '',
+    topic: str = '',
+    simulated: bool = False,
+) -> dict[str, Any] | None:
+    """Return what arguments set of a sensor node; None: there is no such node.
 
+    Parameters
+    ----------
+    stated : mapping
+        Other parameters of the finger's nodes, by name.
+    models : ModelChoice, optional
+        A sensor on a topic has their rate, without models that of the feature node. Where
+        neither says one, the sensor measures it.
+    port : str
+        Serial port of the load cell; empty: that of the parameters; ``none``: another node
+        publishes the strain, unless the parameters name a sensor with an address or a topic.
+    topic : str
+        ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; empty: that of the parameters.
+    simulated : bool
+        The sensor is simulated: it marks its samples, and nobody else needs to know.
 
-def topic_sensor_parameters(
-    topic: str, models: ModelChoice | None, stated: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Any]:
-    """Return the parameters of a sensor on a topic; empty without a topic.
-
-    Its rate is that of the models, without models that of the feature node. Where neither says
-    one, the sensor measures it.
+    Raises
+    ------
+    TactileError
+        When there are a port and a topic.
     """
-    if not topic:
-        return {}
-    of_features = stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0)
-    return sensor_on_topic(topic, models.rate_hz if models else float(of_features))
+    if topic and port:
+        raise TactileError('there are a sensor_port and a sensor_topic; give one')
+    given: dict[str, Any] = {'simulated': True} if simulated else {}
+    if topic:
+        name, _, part = topic.partition(':')
+        given |= {'sensor': 'topic', 'topic': name}
+        if part:
+            given['axis' if part in (*AXES, NORM) else 'joint'] = part
+    elif port and port != NO_PORT:
+        given['port'] = port
+    of_file = stated.get(SENSOR_NODE, {})
+    kind = {**of_file, **given}.get('sensor', '')
+    if port == NO_PORT and kind not in PORTLESS_SENSORS:
+        return None
+    if kind == 'topic' and 'rate_hz' not in of_file:
+        of_features = float(stated.get(FEATURES_NODE, {}).get('rate_hz', 0.0))
+        given['rate_hz'] = models.rate_hz if models else of_features
+    return given
 
 
-def slip_node(
-    parameters: Mapping[str, Mapping[str, Any]], *, namespace: str = ''
-) -> NodeDescription:
+def slip_node(parameters: NodeParameters, *, namespace: str = '') -> NodeDescription:
     """Return the node that finds the slip of a held object."""
     node = NodeDescription('tactile_features', 'slip_detector_node', SLIP_NODE)
     return _placed(node, parameters, namespace)
@@ -256,78 +317,98 @@ def slip_node(
 def rig_graph(
     ports: Ports,
     models: ModelChoice | None,
-    parameters: Mapping[str, Mapping[str, Any]],
+    parameters: NodeParameters,
     *,
     simulated: bool,
-    watched: bool = False,
     namespace: str = '',
 ) -> list[NodeDescription]:
-    """Return the nodes of the whole palpation rig: sensing, motion, trial runner.
-
-    Parameters
-    ----------
-    watched : bool
-        Motion ends when one of the other nodes falls silent: for nodes in processes of their
-        own, which can die alone.
-    """
-    sensor_port = ports.sensor
-    if ports.sensor_topic:
-        sensor = topic_sensor_parameters(ports.sensor_topic, models, parameters)
-        name = SENSING_NODES[0]
-        parameters = {**parameters, name: {**sensor, **parameters.get(name, {})}}
-        sensor_port = NO_PORT
-    guide_needs: dict[str, Any] = {}
-    tendon_needs: dict[str, Any] = {}
-    if watched:
-        guide_needs = {
-            'strain_timeout_s': STRAIN_TIMEOUT_S,
-            'heartbeat_topics': ('trial_runner/heartbeat', 'tendon_actuator/heartbeat'),
-        }
-        tendon_needs = {'heartbeat_topics': ('trial_runner/heartbeat', 'linear_guide/heartbeat')}
+    """Return the nodes of the whole palpation rig: sensing, motion, trial runner."""
     motion = [
         NodeDescription(
             'linear_guide_driver',
             'linear_guide_node',
             'linear_guide',
-            {'port': ports.guide, **guide_needs},
+            {'port': ports.guide},
         ),
         NodeDescription(
             'linear_guide_driver',
             'tendon_actuator_node',
             'tendon_actuator',
-            {'port': ports.tendon, **tendon_needs},
+            {'port': ports.tendon},
         ),
         NodeDescription('tactile_bringup', 'trial_runner_node', 'trial_runner', {}),
     ]
+    sensing = sensing_graph(
+        '' if ports.sensor_topic else ports.sensor,
+        models,
+        parameters,
+        sensor_topic=ports.sensor_topic,
+        simulated=simulated,
+        namespace=namespace,
+    )
     return [
-        *sensing_graph(sensor_port, models, parameters, simulated=simulated, namespace=namespace),
+        *sensing,
         *(_placed(node, parameters, namespace) for node in motion),
     ]
 
 
-def recorder_node(
-    bag: Path,
+def recorder_parameters(
+    bag: Path | str,
     *,
     namespaces: Sequence[str] = ('',),
     simulated: bool = False,
     rig: bool = True,
     classifier: bool = False,
-) -> NodeDescription:
-    """Return the recorder node for one or more fingers.
+) -> dict[str, Any]:
+    """Return the parameters of a recorder of one or more fingers.
 
     It notes by itself that samples are ``simulated``; a recording from before samples said so
     needs to be told.
 
     It does not wait for the topics of a ``rig`` or of a ``classifier`` that is not there.
     """
-    parameters = {
+    return {
         'bag': str(bag),
         'namespaces': tuple(namespaces),
         'metadata': json.dumps({'simulated': simulated}),
         'rig': rig,
         'classifier': classifier,
     }
-    return NodeDescription('tactile_bags', 'bag_recorder_node', 'bag_recorder', parameters)
+
+
+def recorder_node(bag: Path, namespace: str = '', **parameters: Any) -> NodeDescription:
+    """Return the recorder node, with `recorder_parameters`."""
+    return NodeDescription(
+        'tactile_bags',
+        'bag_recorder_node',
+        'bag_recorder',
+        recorder_parameters(bag, **parameters),
+        join_namespaces(namespace),
+    )
+
+
+def choose_fingers(bag: TactileBag, wanted: str) -> tuple[str, ...]:
+    """Return the namespaces of a recording's fingers, or the wanted one alone.
+
+    Raises
+    ------
+    TactileError
+        When the recording does not hold it.
+    """
+    found, wanted = bag.namespaces, wanted.strip('/')
+    if wanted and wanted not in found:
+        raise TactileError(
+            f'{bag.path} holds no finger {wanted}, only {", ".join(found) or "the root"}'
+        )
+    return (wanted,) if wanted else found
+
+
+def player_parameters(bag: Path, rate: float, namespace: str = '') -> dict[str, Any]:
+    """Return the parameters of the player of a recording; ``rate`` is how much faster it is."""
+    chosen = {'namespace': namespace.strip('/')} if namespace else {}
+    # The processes start with it, and not all as fast.
+    waits = {'subscriber_timeout_s': 60.0, 'start_delay_s': 3.0}
+    return {'bag': str(bag), 'rate': rate, **waits, **chosen}
 
 
 def join_namespaces(*parts: str) -> str:
@@ -335,8 +416,6 @@ def join_namespaces(*parts: str) -> str:
     return '/'.join(stripped for part in parts if (stripped := part.strip('/')))
 
 
-def _placed(
-    node: NodeDescription, parameters: Mapping[str, Mapping[str, Any]], namespace: str
-) -> NodeDescription:
-    merged = {**node.parameters, **parameters.get(node.name, {})}
+def _placed(node: NodeDescription, parameters: NodeParameters, namespace: str) -> NodeDescription:
+    merged = {**parameters.get(node.name, {}), **node.parameters}
     return replace(node, parameters=merged, namespace=join_namespaces(namespace))

@@ -1,16 +1,18 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A launch plan as launch actions: names and parameters for the nodes of the launch files.
+"""What the launch files share: arguments, simulated rigs, nodes with layers of parameters.
 
 Imports ``launch``, which comes with an ordinary ROS 2 and not from PyPI.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
-import shutil
+import sys
 import tempfile
 from typing import Any
 
@@ -25,178 +27,337 @@ from launch.actions import (
 from launch.event_handlers import OnProcessExit, OnProcessIO, OnShutdown
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
+import launch_ros.actions
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
+import yaml
 
-from tactile_bringup.launch_config.graph import (
-    LaunchPlan,
-    NodeDescription,
-    PLAYER,
-    RigDescription,
-)
-from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES, LaunchValues, RENAMED
-from tactile_bringup.launch_config.launch_plans import plan_launch
-
-RIG_LINGERS_S = 3.0
-"""A simulated rig outlives the drivers that bring it to rest, as a real one does; one that
-nothing moves need not."""
+from tactile_bringup.launch_config.graph import NodeDescription, Ports
+from tactile_bringup.launch_config.parameter_files import ParameterFile
+from tactile_ros.errors import TactileError
 
 ENDS_WITHIN_S = '15'
 """A trial that is ended brings the rig to rest first; with launch's own 5 s a busy computer
 could be too slow for that."""
 
-RESPAWN_DELAY_S = 1.0
-"""Between the death of a node and its next start; one that cannot start is tried for ever."""
-
-TENDON_RESPAWN_DELAY_S = 0.2
-"""The tendon driver may have left the tendon taut."""
-
-NOT_RESPAWNED = ('bag_recorder', PLAYER)
-"""A recording ends with its recorder: a bag is not written on by another process."""
+RIG_LINGERS_S = 3.0
+"""A simulated rig outlives the drivers that bring it to rest, as a real one does; one that
+nothing moves need not."""
 
 AFTER_END_S = 2.0
 """For what is still being computed when the node has ended that ends all."""
 
+RENAMED = {
+    'model': 'is now called models',
+    'running': 'is now called partial',
+    'hand_file': 'is now params_file, a ROS parameter file: docs/from_0_1.md shows how to rewrite '
+    'a hand file',
+}
+"""Arguments of version 0.1, and what has become of them."""
 
-def declare_arguments(name: str) -> list[DeclareLaunchArgument]:
-    """Return the arguments of a launch file, from `launch_arguments`.
 
-    Parameters
-    ----------
-    name : str
-        Name of the launch file, without ``.launch.py``.
-    """
+def shared_arguments(**defaults: str) -> list[DeclareLaunchArgument]:
+    """Return the arguments that every launch file has; some may have another default."""
+    described = {
+        'record': ('', 'folder of the bag to record into, which must not exist; empty: none'),
+        'params_file': (
+            '',
+            'YAML file with ROS parameters of the nodes; they win over the defaults, and '
+            'arguments over them. A path of models in it counts from the file. Empty: none',
+        ),
+        'namespace': ('', 'namespace of all nodes; empty: the root'),
+        'use_sim_time': ('false', 'true: take the time from /clock instead of the computer'),
+        'autostart': (
+            'true',
+            'true: nodes configure and activate themselves; false: a lifecycle manager does it',
+        ),
+        'respawn': (
+            'true',
+            'true: start a process again that has died. A tendon driver that starts on a taut '
+            'tendon lets it out',
+        ),
+        'log_level': (
+            'info',
+            'least severity that the nodes log: debug, info, warn, error, fatal',
+        ),
+    }
     return [
         DeclareLaunchArgument(
-            argument.name,
-            default_value=argument.default,
-            description=argument.description,
-            choices=list(argument.choices) or None,
+            name, default_value=defaults.get(name, default), description=description
         )
-        for argument in LAUNCH_FILES[name]
+        for name, (default, description) in described.items()
     ]
 
 
-class Planned:
-    """Plan of a launch file with the values of its arguments, as launch actions.
+class Arguments:
+    """The values of a launch file's arguments.
 
     Parameters
     ----------
-    name : str
-        Name of the launch file, without ``.launch.py``.
+    context : LaunchContext
+    declared : sequence of DeclareLaunchArgument
+
+    Attributes
+    ----------
+    file : ParameterFile
+        That of ``params_file``.
+    scratch : Path
+        A folder that is gone when the launch has ended.
 
     Raises
     ------
     TactileError
-        When an argument is not valid, or a file that it names does not exist.
+        When the command line names an argument that is not declared, or the file is not one.
     """
 
-    def __init__(self, name: str, context: LaunchContext) -> None:
+    def __init__(self, context: LaunchContext, declared: Sequence[DeclareLaunchArgument]) -> None:
         self._values = {
             argument.name: str(LaunchConfiguration(argument.name).perform(context))
-            for argument in LAUNCH_FILES[name]
+            for argument in declared
         }
-        # launch passes over arguments that nobody declares.
-        old = {key: context.launch_configurations.get(key) for key in RENAMED}
-        LaunchValues(name, {key: value for key, value in old.items() if value})
-        self._scratch = Path(tempfile.mkdtemp(prefix='tactile_launch_'))
-        try:
-            self._plan = plan_launch(name, self._values, self._scratch)
-        except Exception:
-            self._scratch.rmdir()
-            raise
+        self._refuse_unknown(context)
+        self.file = ParameterFile(self.path('params_file'))
+        self._scratch = tempfile.TemporaryDirectory(prefix='tactile_launch_')
+        self.scratch = Path(self._scratch.name)
 
-    def options(self, executable: str) -> list[dict[str, Any]]:
-        """Return the arguments of ``Node`` for each node of an executable that is wanted."""
-        return [
-            _options(node, self._values)
-            for node in self._plan.nodes
-            if node.executable == executable
-        ]
+    def __getitem__(self, name: str) -> str:
+        return self._values[name]
 
-    def start(self, nodes: Sequence[Node]) -> list[Any]:
-        """Return the launch actions: simulated rigs first, then the nodes, then the end of all."""
-        return [
-            RegisterEventHandler(
-                OnShutdown(on_shutdown=lambda *_: shutil.rmtree(self._scratch, ignore_errors=True))
-            ),
-            *self._endings(nodes),
-            *_after_rigs(self._plan, list(nodes)),
-        ]
+    def is_true(self, name: str) -> bool:
+        """Return the value of an argument that is true or false."""
+        value = self._values[name].lower()
+        if value not in ('true', 'false', '1', '0'):
+            raise TactileError(f'{name} is "{self._values[name]}"; it must be true or false')
+        return value in ('true', '1')
 
-    def _endings(self, nodes: Sequence[Node]) -> list[Any]:
-        if not self._plan.ends_with:
-            return []
-        ends = TimerAction(
-            period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the end was reached'))]
+    def path(self, name: str) -> Path | None:
+        """Return a value as a path; None when it is empty."""
+        return Path(self._values[name]).expanduser() if self._values[name] else None
+
+    @property
+    def of_every_node(self) -> dict[str, bool]:
+        """Parameters that every node gets, where they are not the default."""
+        time = {'use_sim_time': True} if self.is_true('use_sim_time') else {}
+        return time if self.is_true('autostart') else {**time, 'autostart': False}
+
+    def process(self, *, respawn_delay_s: float = 1.0) -> dict[str, Any]:
+        """Return what every process has: output, log level, its end, and its next start."""
+        return {
+            'output': 'screen',
+            'ros_arguments': ['--log-level', self['log_level']],
+            'sigterm_timeout': ENDS_WITHIN_S,
+            'respawn': self.is_true('respawn'),
+            'respawn_delay': respawn_delay_s,
+        }
+
+    def clean_up(self) -> None:
+        """Remove the scratch folder."""
+        self._scratch.cleanup()
+
+    def _refuse_unknown(self, context: LaunchContext) -> None:
+        for name, sentence in RENAMED.items():
+            if context.launch_configurations.get(name) and name not in self._values:
+                raise TactileError(f'the argument {name} {sentence}')
+        # launch itself passes over what nobody declares. An including file may have its own.
+        if not any(
+            after.endswith('.launch.py') and 'tactile_bringup' in (before, *Path(after).parts)
+            for before, after in pairwise(sys.argv)
+        ):
+            return
+        for word in sys.argv[1:]:
+            name, given, _ = word.partition(':=')
+            if given and name not in self._values:
+                close = get_close_matches(name, self._values, 1)
+                hint = (
+                    f'did you mean {close[0]}?'
+                    if close
+                    else f'there are {", ".join(self._values)}'
+                )
+                raise TactileError(f'there is no argument {name}; {hint}')
+
+
+class Node(launch_ros.actions.Node):
+    """A node of ours: `launch_ros.actions.Node` with layers of parameters.
+
+    Parameters
+    ----------
+    package, executable, name, namespace : str
+    parameters : sequence of ParameterFile or mapping
+        In each the parameters of this node; of the same parameter the last one counts. An entry
+        that is None or an empty text says nothing.
+    process
+        Passed on.
+
+    Attributes
+    ----------
+    description : NodeDescription
+        The node with its parameters.
+    process : dict
+        How its process is run.
+    """
+
+    def __init__(
+        self,
+        *,
+        package: str,
+        executable: str,
+        name: str,
+        namespace: str = '',
+        parameters: Sequence[ParameterFile | Mapping[str, Any]] = (),
+        **process: Any,
+    ) -> None:
+        namespace = namespace.strip('/')
+        merged: dict[str, Any] = {}
+        for layer in parameters:
+            of_node = layer.of(name, namespace) if isinstance(layer, ParameterFile) else layer
+            merged |= {k: v for k, v in of_node.items() if v is not None and v not in ('', ())}
+        self.description = NodeDescription(package, executable, name, merged, namespace)
+        self.process = process
+        super().__init__(
+            package=package,
+            executable=executable,
+            name=name,
+            namespace=namespace,
+            parameters=[_typed(merged)] if merged else [],
+            **process,
         )
-        described = [node for node in self._plan.nodes if node.path == self._plan.ends_with]
-        return [
-            RegisterEventHandler(OnProcessExit(target_action=node, on_exit=ends))
+
+
+def in_processes(
+    nodes: Sequence[Node], processes: str, arguments: Arguments
+) -> list[launch_ros.actions.Node]:
+    """Return the processes of the nodes of fingers.
+
+    Parameters
+    ----------
+    nodes : sequence of Node
+    processes : str
+        ``node``: one for each; ``finger``: one for each namespace; ``one``: one for all.
+    arguments : Arguments
+    """
+    if processes == 'node':
+        return list(nodes)
+    together: dict[str, list[Node]] = {}
+    for node in nodes:
+        key = node.description.namespace if processes == 'finger' else 'all'
+        together.setdefault(key, []).append(node)
+    return [_finger_process(members, arguments) for members in together.values()]
+
+
+def _finger_process(nodes: Sequence[Node], arguments: Arguments) -> launch_ros.actions.Node:
+    """Return one process for nodes; it reads the parameters of each from one file."""
+    with tempfile.NamedTemporaryFile(
+        'w', dir=arguments.scratch, suffix='.yaml', delete=False, encoding='utf-8'
+    ) as file:
+        document = {
+            f'/{node.description.path}': {'ros__parameters': _plain(node.description.parameters)}
             for node in nodes
-            if node.node_executable == described[0].executable
-        ]
-
-
-def _after_rigs(plan: LaunchPlan, nodes: list[Node]) -> list[Any]:
-    """Start simulated rigs, and the nodes once all ports are there."""
-    if not plan.rigs:
-        return nodes
-    waiting = {rig.links for rig in plan.rigs}
-
-    def on_output(rig: RigDescription) -> Callable[[Any], list[Node] | None]:
-        def start_when_last(event: Any) -> list[Node] | None:
-            if rig.links not in waiting:
-                return None
-            waiting.discard(rig.links)  # its first line says that its ports are there
-            return None if waiting else nodes
-
-        return start_when_last
-
-    actions: list[Any] = []
-    for rig in plan.rigs:
-        process = _rig(rig)
-        handler = OnProcessIO(target_action=process, on_stdout=on_output(rig))
-        actions += [RegisterEventHandler(handler), process]
-    return actions
-
-
-def _rig(rig: RigDescription) -> ExecuteProcess:
-    mount = ['--mount', *rig.mount] if rig.mount else []
-    return ExecuteProcess(
-        cmd=[
-            ExecutableInPackage(package='tactile_sim', executable='tactile_sim_rig'),
-            *('--links', str(rig.links), '--seed', str(rig.seed)),
-            *('--linger', str(RIG_LINGERS_S if mount else 0.0), *mount),
-        ],
-        name=rig.links.name,
-        output='screen',
-        sigterm_timeout=ENDS_WITHIN_S,
+            if node.description.parameters
+        }
+        yaml.dump(document, file, _Quoting, allow_unicode=True)
+    process = dict(nodes[0].process)
+    process['ros_arguments'] = [*process.get('ros_arguments', ()), '--params-file', file.name]
+    return launch_ros.actions.Node(
+        package='tactile_bringup',
+        executable='finger_node',
+        arguments=[f'/{node.description.path}' for node in nodes],
+        **process,
     )
 
 
-def _options(description: NodeDescription, values: Mapping[str, str]) -> dict[str, Any]:
+class _Quoting(yaml.SafeDumper):
+    """Writes every text in quotes: ROS reads ``1e3`` and ``on`` as a number and a truth value."""
+
+
+_Quoting.add_representer(
+    str, lambda dumper, text: dumper.represent_scalar('tag:yaml.org,2002:str', text, style='"')
+)
+
+
+def _plain(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
+
+
+def _typed(parameters: Mapping[str, Any]) -> dict[str, ParameterValue]:
+    """Return parameters with their types: launch would read {...} or on in a text as YAML."""
     return {
-        'name': description.name,
-        'namespace': description.namespace,
-        'parameters': [
-            # With its type: launch would read {...} or on in a text as YAML.
-            {
-                key: ParameterValue(value, value_type=_type_of(value))
-                for key, value in description.parameters.items()
-                if not isinstance(value, (tuple, list)) or len(value)
-            }
-        ],
-        'arguments': ['--ros-args', '--log-level', values['log_level']],
-        'output': 'screen',
-        'sigterm_timeout': ENDS_WITHIN_S,
-        'respawn': values['respawn'] == 'true' and description.name not in NOT_RESPAWNED,
-        'respawn_delay': (
-            TENDON_RESPAWN_DELAY_S if description.name == 'tendon_actuator' else RESPAWN_DELAY_S
-        ),
+        key: ParameterValue(value, value_type=_type_of(value)) for key, value in parameters.items()
     }
 
 
 def _type_of(value: Any) -> Any:
-    return list[type(value[0])] if isinstance(value, (tuple, list)) else type(value)
+    return list[type(value[0])] if isinstance(value, (tuple, list)) else type(value)  # type: ignore[misc]
+
+
+class SimulatedRig(ExecuteProcess):
+    """The simulated devices of a finger or a rig, behind serial ports.
+
+    Parameters
+    ----------
+    links : Path
+        Folder for its ports.
+    seed : int
+    mount : tuple of str
+        Protocol, object and contact of what lies under the finger; empty: nothing.
+
+    Attributes
+    ----------
+    ports : Ports
+
+    Raises
+    ------
+    TactileError
+        When nothing of this name can lie under the finger.
+    """
+
+    def __init__(self, links: Path, seed: int, mount: tuple[str, ...] = ()) -> None:
+        if mount:
+            from tactile_sim.descriptions.catalogue import list_objects  # the simulator is needed
+
+            known = list(list_objects(mount[0]))
+            if mount[1] not in known:
+                raise TactileError(
+                    f'object is "{mount[1]}"; for {mount[0]} there are {", ".join(known)}'
+                )
+        self.ports = Ports(*(str(links / name) for name in ('guide', 'tendon', 'sensor')))
+        super().__init__(
+            cmd=[
+                ExecutableInPackage(package='tactile_sim', executable='tactile_sim_rig'),
+                *('--links', str(links), '--seed', str(seed)),
+                *('--linger', str(RIG_LINGERS_S if mount else 0.0)),
+                *(('--mount', *mount) if mount else ()),
+            ],
+            name=links.name,
+            output='screen',
+            sigterm_timeout=ENDS_WITHIN_S,
+        )
+
+
+def start(
+    arguments: Arguments,
+    rigs: Sequence[SimulatedRig],
+    nodes: Sequence[launch_ros.actions.Node],
+    ends_with: launch_ros.actions.Node | None = None,
+) -> list[Any]:
+    """Return the launch actions: simulated rigs first, then the nodes, then the end of all."""
+    # It also keeps the scratch folder for as long as the launch goes on.
+    clean_up = OnShutdown(on_shutdown=lambda *_: arguments.clean_up())
+    actions: list[Any] = [RegisterEventHandler(clean_up)]
+    if ends_with is not None:
+        end = TimerAction(
+            period=AFTER_END_S, actions=[EmitEvent(event=Shutdown(reason='the end was reached'))]
+        )
+        actions.append(RegisterEventHandler(OnProcessExit(target_action=ends_with, on_exit=end)))
+    waiting = set(rigs)
+
+    def on_output(rig: SimulatedRig) -> list[Any] | None:
+        """Start the nodes with the first line of the last rig: its ports are there."""
+        if rig not in waiting:
+            return None
+        waiting.discard(rig)
+        return None if waiting else list(nodes)
+
+    for rig in rigs:
+        handler = OnProcessIO(target_action=rig, on_stdout=lambda _, rig=rig: on_output(rig))
+        actions += [RegisterEventHandler(handler), rig]
+    return actions if rigs else [*actions, *nodes]

@@ -1,69 +1,203 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS parameter files, read as ROS reads them: which of their entries are for which node."""
+"""ROS parameter files, read as ROS reads them, and what they say of a node.
+
+The launch files and the commands that start nodes read a file here, once, and hand each node
+what is for it. So a name that no node or no parameter has is refused before anything starts,
+where ROS would pass over it; a later layer wins over an earlier one, where ROS prefers an exact
+name in the earlier one; and a path of models counts from the file.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+import dataclasses
+from difflib import get_close_matches
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
+from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
 from tactile_bags.plain_yaml import parse_plain_yaml, read_text
 from tactile_bags.recorded_topics import join_topic
+from tactile_bags.records import PlayerConfig, RecorderConfig
+from tactile_bringup.records import TrialConfig
+from tactile_classifier.records import ClassifierConfig
+from tactile_features.config import FeaturesNodeConfig
+from tactile_features.slip import SlipConfig
 from tactile_ros.errors import TactileError
+from tendon_sensor_driver.records import TendonSensorConfig
 
-OLD_CLASSIFIER = re.compile(r'/(texture|stiffness)(_flexion|_abduction)?_classifier$')
-"""Classifier nodes of version 0.1, one a model."""
+CONFIGS: dict[str, type] = {
+    'tendon_sensor': TendonSensorConfig,
+    'linear_guide': LinearGuideConfig,
+    'tendon_actuator': TendonActuatorConfig,
+    'trial_runner': TrialConfig,
+    'tactile_features': FeaturesNodeConfig,
+    'slip_detector': SlipConfig,
+    'tactile_classifier': ClassifierConfig,
+    'bag_recorder': RecorderConfig,
+    'bag_player': PlayerConfig,
+}
+"""Parameters of each node, by its name."""
 
 MAX_BYTES = 2**20
 """Longest file of parameters that is read [byte]."""
 
+_OF_EVERY_NODE = ('autostart', 'use_sim_time', 'start_type_description_service')
+_OLD_CLASSIFIER = re.compile(r'(texture|stiffness)(_flexion|_abduction)?_classifier')
 
-def read_parameters(
-    path: Path, names: Iterable[str], namespace: str = '', *, others_allowed: bool = False
-) -> dict[str, dict[str, Any]]:
-    """Return what a ROS parameter file sets for some nodes, by node name.
+NodeParameters = Mapping[str, Mapping[str, Any]]
+"""Parameters by the name of the node."""
+
+
+class _Entry(NamedTuple):
+    pattern: str
+    parameters: Mapping[str, Any]
+
+    @property
+    def parts(self) -> list[str]:
+        return self.pattern.strip('/').split('/')
+
+    @property
+    def node(self) -> str:
+        """The name of the node that it is for; empty: of any."""
+        return '' if '*' in self.parts[-1] else self.parts[-1]
+
+
+class ParameterFile:
+    """A ROS parameter file.
 
     Parameters
     ----------
-    path : Path
-    names : iterable of str
-        Names of the nodes, without their namespace.
-    namespace : str
-        Namespace of all of them.
-    others_allowed : bool
-        Pass over entries that are for none of these nodes.
+    path : Path, optional
+        Without one, it says nothing.
 
     Raises
     ------
     TactileError
-        When the file is not of ROS's form, or an entry is for none of these nodes.
+        When it cannot be read, is not of ROS's form, names a parameter that a node of ours does
+        not have, or a node whose name is nearly one of ours.
     """
-    try:
-        document = parse_plain_yaml(read_text(path, MAX_BYTES))
-    except TactileError as error:
-        raise TactileError(f'cannot read the parameters in {path}: {error}') from error
-    if not isinstance(document, dict):
-        raise TactileError(f'{path} is no ROS parameter file: node names are expected on top')
-    full_names = {name: join_topic(namespace, name) for name in names}
-    found: dict[str, dict[str, Any]] = {}
-    for pattern, parameters in _entries(document, '', path):
-        if OLD_CLASSIFIER.search(pattern):
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = path
+        self._entries: tuple[_Entry, ...] = ()
+        if path is None:
+            return
+        try:
+            document = parse_plain_yaml(read_text(path, MAX_BYTES))
+        except TactileError as error:
+            raise TactileError(f'cannot read the parameters in {path}: {error}') from error
+        if not isinstance(document, dict):
+            raise TactileError(f'{path} is no ROS parameter file: node names are expected on top')
+        if 'fingers' in document and 'ros__parameters' not in str(document['fingers']):
             raise TactileError(
-                f'{path} has parameters for {pattern}; the classifier of a finger is now called '
-                'tactile_classifier and needs no parameters of windows'
+                f'{path} is a hand file of version 0.1; a hand is described by a ROS parameter '
+                'file now: docs/from_0_1.md shows how to rewrite it'
             )
-        expression = _as_expression(pattern)
-        matching = [name for name, full in full_names.items() if expression.fullmatch(full)]
-        if not matching and not others_allowed:
+        self._entries = tuple(
+            _Entry(pattern, _flat(parameters))
+            for pattern, parameters in _find_entries(document, '', path)
+        )
+        for entry in self._entries:
+            self._check(entry)
+
+    def of(self, name: str, namespace: str = '') -> dict[str, Any]:
+        """Return the parameters of a node. The place of its models counts from the file."""
+        found: dict[str, Any] = {}
+        full = join_topic(namespace, name)
+        for entry in self._entries:
+            if _as_expression(entry.pattern).fullmatch(full):
+                found |= {
+                    key: value
+                    for key, value in entry.parameters.items()
+                    if entry.node or has_parameter(name, key)
+                }
+        if self.path is not None and isinstance(models := found.get('models'), str) and models:
+            found['models'] = str((self.path.parent / Path(models).expanduser()).resolve())
+        return found
+
+    def says_of(self, name: str, namespace: str = '') -> bool:
+        """Return whether an entry names this very node."""
+        full = join_topic(namespace, name)
+        return any(
+            entry.node == name and _as_expression(entry.pattern).fullmatch(full)
+            for entry in self._entries
+        )
+
+    def fingers(self, namespace: str = '') -> tuple[str, ...]:
+        """Return the names of the fingers that it describes below a namespace, in its order."""
+        found: dict[str, None] = {}
+        for entry in self._entries:
+            if entry.node not in CONFIGS or len(entry.parts) < 2:
+                continue
+            *above, finger, _ = entry.parts
+            expression = _as_expression('/'.join(above))
+            if '*' not in finger and expression.fullmatch(join_topic(namespace, '').rstrip('/')):
+                found[finger] = None
+        return tuple(found)
+
+    def refuse_others(self, namespaces: Iterable[str]) -> None:
+        """Refuse entries for nodes of ours in other namespaces than these.
+
+        Raises
+        ------
+        TactileError
+        """
+        places = [place.strip('/') for place in namespaces]
+        for entry in self._entries:
+            expression = _as_expression(entry.pattern)
+            if entry.node in CONFIGS and not any(
+                expression.fullmatch(join_topic(place, entry.node)) for place in places
+            ):
+                known = ', '.join(join_topic(place, entry.node) for place in places)
+                raise TactileError(
+                    f'{self.path} has parameters for {entry.pattern}, which is not started; '
+                    f'there are {known}. Correct the name, or remove the entry'
+                )
+
+    def _check(self, entry: _Entry) -> None:
+        node = entry.node
+        if _OLD_CLASSIFIER.fullmatch(node):
             raise TactileError(
-                f'{path} has parameters for {pattern}; there are {", ".join(full_names.values())}'
+                f'{self.path} has parameters for {entry.pattern}; the classifier of a finger is '
+                'now called tactile_classifier and needs no parameters of windows'
             )
-        for name in matching:
-            found.setdefault(name, {}).update(_flat(parameters))
-    return found
+        if node not in CONFIGS:
+            # It may be for a node of somebody else.
+            if close := get_close_matches(node, CONFIGS, 1, 0.8):
+                raise TactileError(
+                    f'{self.path} has parameters for {entry.pattern}; did you mean {close[0]}?'
+                )
+            return
+        for key in entry.parameters:
+            if not has_parameter(node, key):
+                close = get_close_matches(key, _names(node), 1)
+                hint = f'; did you mean {close[0]}?' if close else ''
+                raise TactileError(
+                    f'{self.path}: {entry.pattern} has the parameter {key}, which {node} does '
+                    f'not have{hint}'
+                )
+
+
+def has_parameter(node: str, key: str) -> bool:
+    """Return whether a node of ours has a parameter."""
+    return key.startswith('qos_overrides.') or key in _names(node)
+
+
+def merge_parameters(*layers: NodeParameters) -> dict[str, dict[str, Any]]:
+    """Return the parameters of all layers; of the same parameter, the last layer's."""
+    merged: dict[str, dict[str, Any]] = {}
+    for layer in layers:
+        for node, parameters in layer.items():
+            merged.setdefault(node, {}).update(parameters)
+    return merged
+
+
+def _names(node: str) -> list[str]:
+    return [field.name for field in dataclasses.fields(CONFIGS[node])] + [*_OF_EVERY_NODE]
 
 
 def _flat(parameters: Mapping[Any, Any], above: str = '') -> dict[str, Any]:
@@ -75,7 +209,7 @@ def _flat(parameters: Mapping[Any, Any], above: str = '') -> dict[str, Any]:
     return flat
 
 
-def _entries(
+def _find_entries(
     document: Mapping[Any, Any], above: str, path: Path
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     for key, content in document.items():
@@ -85,13 +219,13 @@ def _entries(
         parameters = content.get('ros__parameters', {})
         if not isinstance(parameters, dict):
             raise TactileError(f'{path}: the ros__parameters of {name} have no names')
-        if parameters:
+        if 'ros__parameters' in content:
             yield name, parameters
         below = {k: v for k, v in content.items() if k != 'ros__parameters'}
-        yield from _entries(below, name, path)
+        yield from _find_entries(below, name, path)
 
 
 def _as_expression(pattern: str) -> re.Pattern[str]:
-    wildcards = {'*': '/[^/]+', '**': '(?:/[^/]+)*'}
+    wildcards = {'*': '/[^/]+', '**': '(?:/[^/]+)*', '': ''}
     parts = pattern.strip('/').split('/')
     return re.compile(''.join(wildcards.get(part, '/' + re.escape(part)) for part in parts))

@@ -9,32 +9,31 @@ the two markers in each file.
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterable, Sequence
 import dataclasses
 from pathlib import Path
 import sys
-from typing import Any
+from typing import Any, NamedTuple
 
-from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bags.records import PlayerConfig, RecorderConfig
-from tactile_bringup.launch_config.launch_arguments import LAUNCH_FILES, LaunchArgument
-from tactile_bringup.records import TrialConfig
-from tactile_classifier.records import ClassifierConfig
-from tactile_features.config import FeaturesNodeConfig
-from tactile_features.slip import SlipConfig
-from tendon_sensor_driver.records import TendonSensorConfig
+from tactile_bringup.launch_config.parameter_files import CONFIGS
 
-NODES: dict[str, type] = {
-    'tendon_sensor': TendonSensorConfig,
-    'linear_guide': LinearGuideConfig,
-    'tendon_actuator': TendonActuatorConfig,
-    'trial_runner': TrialConfig,
-    'tactile_features': FeaturesNodeConfig,
-    'slip_detector': SlipConfig,
-    'tactile_classifier': ClassifierConfig,
-    'bag_recorder': RecorderConfig,
-    'bag_player': PlayerConfig,
+LAUNCH_FOLDER = Path(__file__).resolve().parents[2] / 'launch'
+ARGUMENTS_OF = {
+    'texture.launch.py`**, **`stiffness': 'rig',
+    'hand.launch.py`**, **`sense': 'hand',
+    'replay': 'replay',
 }
+"""Launch files, and those that declare their arguments."""
+
+
+class LaunchArgument(NamedTuple):
+    """One argument as a launch file declares it."""
+
+    name: str
+    default: str
+    choices: tuple[str, ...]
+    description: str
 
 
 def parameter_tables() -> str:
@@ -44,7 +43,7 @@ def parameter_tables() -> str:
     """
     header = ('parameter', 'default', 'unit', 'allowed', 'meaning')
     tables = []
-    for node, config_class in NODES.items():
+    for node, config_class in CONFIGS.items():
         fields = dataclasses.fields(config_class)
         live = [f'`{f.name}`' for f in fields if f.metadata.get('live')]
         when = (
@@ -68,12 +67,54 @@ def _row(field: dataclasses.Field[Any]) -> tuple[str, ...]:
     return f'`{field.name}`', shown, unit, allowed, metadata['description']
 
 
+def read_launch_arguments(name: str) -> tuple[LaunchArgument, ...]:
+    """Return the arguments that a launch file declares, without ``launch``.
+
+    The file is parsed, not run: each argument is a call with literal texts. Those that it shares
+    with the others stand in `launching.shared_arguments`.
+    """
+    tree = ast.parse((LAUNCH_FOLDER / f'{name}.launch.py').read_text())
+    changed: dict[str, str] = {}
+    found = []
+    for call in ast.walk(tree):
+        called = getattr(getattr(call, 'func', None), 'id', '')
+        if not isinstance(call, ast.Call):
+            continue
+        words = {w.arg: w.value for w in call.keywords if w.arg}
+        if called == 'DeclareLaunchArgument':
+            options = {key: ast.literal_eval(value) for key, value in words.items()}
+            found.append(
+                LaunchArgument(
+                    ast.literal_eval(call.args[0]),
+                    options.get('default_value', ''),
+                    tuple(options.get('choices', ())),
+                    options['description'],
+                )
+            )
+        elif called == 'shared_arguments':
+            changed = {key: ast.literal_eval(value) for key, value in words.items()}
+    shared = ast.parse(Path(__file__).with_name('launching.py').read_text())
+    (described,) = (
+        ast.literal_eval(node.value)
+        for node in ast.walk(shared)
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'described'
+    )
+    return (
+        *found,
+        *(
+            LaunchArgument(key, changed.get(key, default), (), text)
+            for key, (default, text) in described.items()
+        ),
+    )
+
+
 def argument_tables() -> str:
     """Return one table a launch file: argument, default, choices, meaning."""
     header = ('argument', 'default', 'choices', 'meaning')
     return '\n'.join(
-        f'**`{name}.launch.py`**\n\n{_table(header, map(_argument_row, arguments))}'
-        for name, arguments in LAUNCH_FILES.items()
+        f'**`{title}.launch.py`**\n\n'
+        + _table(header, map(_argument_row, read_launch_arguments(name)))
+        for title, name in ARGUMENTS_OF.items()
     )
 
 

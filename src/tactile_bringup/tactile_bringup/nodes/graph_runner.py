@@ -61,11 +61,17 @@ def create_node(
 
 
 @contextmanager
-def ros_context(domain_id: int | None = None) -> Iterator[Context]:
-    """Give a ROS context of its own, which no signal takes down behind our back."""
+def ros_context(
+    domain_id: int | None = None, args: Sequence[str] | None = None
+) -> Iterator[Context]:
+    """Give a ROS context of its own, which no signal takes down behind our back.
+
+    ``args`` are those of a command line; None: those of this process.
+    """
     keep_heap_small()
     context = Context()
     rclpy.init(
+        args=None if args is None else list(args),
         context=context,
         domain_id=domain_id,
         signal_handler_options=SignalHandlerOptions.NO,
@@ -126,7 +132,7 @@ def running_graph(
 
         connect_fingers(nodes.values())
         for name, node in sources_last(nodes):
-            if not node.bring_up():
+            if node.get_parameter('autostart').value and not node.bring_up():
                 if is_ending():
                     return
                 raise TactileError(f'the node {name} could not be started; its log says why')

@@ -4,7 +4,6 @@
 """The commands that run nodes: of the rig, of fingers, and the live page."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
@@ -85,7 +84,7 @@ class SensingOptions:
     sensor_topic: SensorTopicOption = ''
     models: ModelOption = None
     recalibrate: RecalibrateOption = 0
-    phases: PhasesOption = 'stated'
+    phases: PhasesOption = ''
     contact: DetectedContactOption = ''
     slip: SlipOption = False
     simulated: SimulatedOption = False
@@ -95,24 +94,27 @@ class SensingOptions:
     watch: WatchOption = False
     quiet: QuietOption = False
 
-    def run(self, name: str, **values: str) -> None:
-        """Run what the launch file of this name starts."""
+    def run(self, fingers: Optional[str], sensor_port: str = '') -> None:
+        """Run the nodes of fingers."""
         check_paths(self.models, self.params)
         from tactile_lab.commands.running.sense import run_sensing
 
-        values |= {
-            'sensor_topic': self.sensor_topic,
-            'models': str(self.models or ''),
-            'recalibrate': str(self.recalibrate),
-            'phases': self.phases,
-            'contact': self.contact,
-            'slip': 'true' if self.slip else 'false',
-            'rig': 'simulated' if self.simulated else 'hardware',
-            'params_file': str(self.params or ''),
-            'namespace': self.namespace,
-            'record': str(self.record or ''),
-        }
-        run_sensing(name, values, watch=self.watch, quiet=self.quiet)
+        run_sensing(
+            fingers,
+            self.params,
+            simulated=self.simulated,
+            watch=self.watch,
+            quiet=self.quiet,
+            namespace=self.namespace,
+            sensor_port=sensor_port,
+            sensor_topic=self.sensor_topic,
+            models=str(self.models or ''),
+            recalibrate=self.recalibrate,
+            phases=self.phases,
+            contact=self.contact,
+            slip=self.slip,
+            record=self.record,
+        )
 
 
 @spread
@@ -120,35 +122,33 @@ def sense(sensor: SensorOption = '', *, options: SensingOptions) -> None:
     """Run the nodes of one finger that another program moves, in this process until Ctrl-C.
 
     Starts sensor, features and classifier, as ``ros2 launch tactile_bringup sense.launch.py``
-    does in processes of their own. Prints a line for each classification. The program that moves
-    the finger publishes trial events on ``trial_runner/events``. With ``--phases`` they are found
-    in the tension instead.
+    does. Prints a line for each classification. The program that moves the finger publishes
+    trial events on ``trial_runner/events``. With ``--phases`` they are found in the tension
+    instead.
     """
-    options.run('sense', sensor_port=sensor)
+    options.run(None, sensor)
 
 
 @spread
 def hand(
     fingers: Annotated[
-        str, typer.Option(help='Namespaces of the fingers, such as index,middle.')
-    ] = '',
-    hand_file: Annotated[
-        Optional[Path],
+        str,
         typer.Option(
-            help="YAML file with each finger's port or topic, models, phases, slip and parameters."
+            help='Namespaces of the fingers, such as index,middle. Default: all that --params '
+            'describes.'
         ),
-    ] = None,
+    ] = '',
     *,
     options: SensingOptions,
 ) -> None:
     """Run the nodes of any number of fingers, in this process until Ctrl-C.
 
     Runs the nodes of `tactile sense` for each finger, in a namespace with the finger's name, as
-    ``ros2 launch tactile_bringup hand.launch.py`` does in processes of their own. ``--record``
-    makes one bag a finger.
+    ``ros2 launch tactile_bringup hand.launch.py`` does. What differs between fingers (port or
+    topic, models, phases, slip detector) stands in the ROS parameter file ``--params``, in
+    blocks for the nodes of each finger. ``--record`` makes one bag a finger.
     """
-    check_paths(hand_file)
-    options.run('hand', fingers=fingers, hand_file=str(hand_file or ''))
+    options.run(fingers)
 
 
 def watch(

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tactile_bringup.launch_config.parameter_files import read_parameters
+from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.rig_requests import CalibrateRequest
 from tactile_lab.devices.load_cell_fit import (
@@ -82,7 +82,7 @@ def run_calibrate(request: CalibrateRequest, *, as_json: bool) -> None:
     weights_kg = parse_weights(request.weights)
     stated: dict[str, Any] = {}
     if request.params and request.params.exists():
-        stated = read_parameters(request.params, [NODE], others_allowed=True).get(NODE, {})
+        stated = ParameterFile(request.params).of(NODE)
     stand: WeightStand | None = None
 
     def hang(mass_kg: float) -> None:

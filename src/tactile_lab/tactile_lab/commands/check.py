@@ -15,8 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from linear_guide_driver.records import LinearGuideConfig, TendonActuatorConfig
-from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_on_topic
-from tactile_bringup.launch_config.parameter_files import read_parameters
+from tactile_bringup.launch_config.graph import PORTLESS_SENSORS, sensor_parameters
+from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_lab.commands.output import Output
 from tactile_lab.commands.rig_requests import CheckRequest
 from tactile_lab.commands.running.rig import open_ports
@@ -65,20 +65,17 @@ def run_check(request: CheckRequest, *, as_json: bool) -> bool:
 
 def _plan_checks(request: CheckRequest, stack: ExitStack) -> list[Callable[[], CheckReport]]:
     """Return the check of each device that is configured."""
-    parameters = {}
-    if request.params:
-        parameters = read_parameters(
-            request.params, _NODES.values(), request.namespace, others_allowed=True
-        )
+    file = ParameterFile(request.params)
     given: Any = request.ports
     if request.ports.simulated:
         given, _ = open_ports(request.ports, request.seed, stack)
     wanted: dict[str, dict[str, Any]] = {}
     for name, node in _NODES.items():
         port = getattr(given, name)
-        wanted[name] = {**parameters.get(node, {}), **({'port': port} if port else {})}
+        wanted[name] = {**file.of(node, request.namespace), **({'port': port} if port else {})}
     if request.ports.sensor_topic:
-        wanted['sensor'] = {**sensor_on_topic(request.ports.sensor_topic), **wanted['sensor']}
+        stated = {_NODES['sensor']: wanted['sensor']}
+        wanted['sensor'] |= sensor_parameters(stated, topic=request.ports.sensor_topic) or {}
     # Parameters alone name a device when they say where it is; a Net F/T has a usual address.
     named = [
         name

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 import tempfile
 import time
@@ -30,6 +30,15 @@ from tactile_bags.replaying.replay import (
     recorded_results,
     replay_through_core,
     TactileResults,
+)
+from tactile_bringup.launch_config.graph import (
+    FEATURES_NODE,
+    ModelChoice,
+    NO_PORT,
+    NodeDescription,
+    PLAYER,
+    player_parameters,
+    sensing_graph,
 )
 from tactile_classifier.model_file.model_set import ModelSet
 from tactile_features.config import FeatureConfig
@@ -97,12 +106,10 @@ def play_and_watch(
     """
     from domain_coordinator import domain_id
 
-    from tactile_bringup.launch_config.launch_plans import plan_launch
     from tactile_bringup.nodes.graph_runner import ros_context, running_graph  # rclpy
     from tactile_lab.watch.watching import watching
 
     output = Output(as_json)
-    given = {'bag': str(path), 'models': str(models or '')}
     with (
         tempfile.TemporaryDirectory(prefix='tactile_') as scratch,
         domain_id() as domain,
@@ -110,15 +117,28 @@ def play_and_watch(
         watching(context, options) as watch,
         ExitStack() as stack,
     ):
-        plan = plan_launch('replay', {k: v for k, v in given.items() if v}, Path(scratch))
-        nodes = stack.enter_context(running_graph(plan.nodes, context, quiet=True))
+        graph = replay_graph(path, models, Path(scratch))
+        nodes = stack.enter_context(running_graph(graph, context, quiet=True))
         say_address(watch, output)
-        player = nodes[plan.ends_with]
+        player = nodes[PLAYER]
         while not player.is_finished:
             player.ending.wait(POLL_S)
         if player.has_failed:
             raise TactileError(f'{path} cannot be played; the log says why')
         time.sleep(LINGER_S)  # the last answer is still to be seen
+
+
+def replay_graph(path: Path, models: Path | None, scratch: Path) -> list[NodeDescription]:
+    """Return the nodes that classify a recording in its own time, and its player."""
+    nodes: list[NodeDescription] = []
+    with TactileBag(path) as bag:
+        for namespace in bag.namespaces:
+            choice = ModelChoice.of_recording(bag, namespace, models, scratch)
+            recorded = {FEATURES_NODE: asdict(recorded_features(bag, namespace).config)}
+            nodes += sensing_graph(NO_PORT, choice, recorded, namespace=namespace)
+    nodes = [replace(n, parameters={**n.parameters, 'use_sim_time': True}) for n in nodes]
+    player = player_parameters(path, 1.0)
+    return [*nodes, NodeDescription('tactile_bags', 'bag_player_node', PLAYER, player)]
 
 
 def print_report(report: ReplayReport, output: Output) -> None:

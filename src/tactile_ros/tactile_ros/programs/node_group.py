@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, ExitStack
 import faulthandler
 import threading
 import time
@@ -213,23 +214,37 @@ def run_node(factory: Callable[[], TactileNode], args: list[str] | None = None) 
         except Exception as error:
             _logger().fatal(f'cannot start: {error}')
             return 1
-        with node.handle:  # the participant lives for as long as the handle is in use
-            code = _serve(node, signals)
-            time.sleep(PEERS_END_S)
-            faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
-        return code
+        with outliving(node):
+            return _serve(node, signals)
     finally:
+        end_process()
+
+
+@contextmanager
+def outliving(*nodes: Any) -> Iterator[None]:
+    """Keep the DDS participant of nodes for a moment after the block, which destroys them."""
+    with ExitStack() as handles:  # the participant lives for as long as a handle is in use
+        for node in nodes:
+            handles.enter_context(node.handle)
+        yield
+        time.sleep(PEERS_END_S)
         faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
-        rclpy.try_shutdown()
-        ignore_signals()
+
+
+def end_process(context: Context | None = None) -> None:
+    """Shut ROS down, and see to it that the process ends; call this last, see `run_node`."""
+    faulthandler.dump_traceback_later(PARTICIPANT_ENDS_S, exit=True, file=STDERR)
+    rclpy.try_shutdown(context=context)
+    ignore_signals()
 
 
 def _serve(node: TactileNode, signals: Signals) -> int:
     """Run a node until it is finished or a signal comes; return the process's exit code."""
-    is_wanted = node.get_parameter('autostart').value
-    if is_wanted and not signals.run(node.bring_up, node.ending.set):
-        node.take_down()
-        return 0 if signals.received else 1
+    if node.get_parameter('autostart').value:
+        if not signals.run(node.bring_up, node.ending.set):
+            node.take_down()
+            return 0 if signals.received else 1
+        node.get_logger().info('active')
     with NodeGroup([node], on_end=signals.wake) as group:
         while not (signals.wait(POLL_S) or group.ended.is_set() or node.is_finished):
             pass

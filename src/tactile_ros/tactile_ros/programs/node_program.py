@@ -16,7 +16,7 @@ import sys
 from typing import Any
 
 from tactile_ros.programs.memory import share_one_heap
-from tactile_ros.programs.signals import hold_signals, ignore_signals
+from tactile_ros.programs.signals import hold_signals, ignore_signals, Signals
 from tactile_ros.programs.transports import choose_transports
 
 GROUP = 'tactile.nodes'
@@ -35,13 +35,19 @@ def find_node_class(executable: str) -> Any:
     raise LookupError(f'no installed package has a node {executable}; build the workspace anew')
 
 
-def main() -> int:
-    """Run the node that this program's name stands for; return the exit code."""
+def prepare_process() -> Signals:
+    """Hold the signals of this process and set what must be set before its imports."""
     signals = hold_signals()  # before the imports, which take a second
     os.environ.update(choose_transports(os.environ, 'SUBNET'))
     # Matrices are small, and a thread of OpenBLAS has memory of its own. Before NumPy is loaded.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     share_one_heap()
+    return signals
+
+
+def main() -> int:
+    """Run the node that this program's name stands for; return the exit code."""
+    signals = prepare_process()
     from tactile_ros.programs.node_group import run_node
 
     node_class = find_node_class(Path(sys.argv[0]).name)

@@ -223,7 +223,7 @@ def live_rig(
     TactileError
         When a node cannot be started or a topic has no publisher.
     """
-    models = ModelChoice.read(setup.models)
+    models = ModelChoice.of_finger(str(setup.models or ''), setup.parameters)
     simulated = setup.simulated_rig is not None
     graph = rig_graph(setup.ports, models, setup.parameters, simulated=simulated)
     graph.append(recorder_node(setup.bag, classifier=models is not None))

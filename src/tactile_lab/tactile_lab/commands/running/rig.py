@@ -20,7 +20,7 @@ from tactile_bringup.launch_config.graph import (
     rig_graph,
     RIG_NODES,
 )
-from tactile_bringup.launch_config.parameter_files import read_parameters
+from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_bringup.records import PROTOCOLS
 from tactile_bringup.trial_protocols import TrialRequest
 from tactile_lab.commands.output import Output
@@ -43,8 +43,10 @@ def run_rig(request: RigRequest) -> None:
     """
     if hold_signals().received:
         return
-    models = ModelChoice.read(request.models, recalibrate=request.recalibrate)
     parameters = read_rig_parameters(request.params, request.namespace)
+    models = ModelChoice.of_finger(
+        str(request.models or ''), parameters, recalibrate=request.recalibrate
+    )
     simulated = request.ports.simulated
     with ExitStack() as stack:
         ports, simulated_rig = open_ports(request.ports, request.seed, stack)
@@ -144,9 +146,9 @@ def simulated_objects() -> dict[str, list[str]]:
 
 def read_rig_parameters(path: Path | None, namespace: str) -> dict[str, dict[str, Any]]:
     """Return the parameters of the rig's nodes from a ROS parameter file, if one is given."""
-    if path is None:
-        return {}
-    return read_parameters(path, (*RIG_NODES, CLASSIFIER_NODE), namespace)
+    file = ParameterFile(path)
+    file.refuse_others([namespace])
+    return {name: file.of(name, namespace) for name in (*RIG_NODES, CLASSIFIER_NODE)}
 
 
 def open_ports(

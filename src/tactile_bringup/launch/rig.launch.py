@@ -1,0 +1,231 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The rig for a protocol, each node in a process of its own.
+
+Start it by ``ros2 launch tactile_bringup texture.launch.py`` or ``stiffness.launch.py``.
+"""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+
+from tactile_bringup.launch_config.graph import (
+    ModelChoice,
+    NO_PORT,
+    recorder_parameters,
+    sensor_parameters,
+)
+from tactile_bringup.launch_config.launching import (
+    Arguments,
+    Node,
+    shared_arguments,
+    SimulatedRig,
+    start,
+)
+from tactile_bringup.launch_config.parameter_files import ParameterFile
+from tactile_ros.errors import TactileError
+
+CONFIG = ParameterFile(Path(__file__).parents[1] / 'config' / 'rig.yaml')
+
+ARGUMENTS = [
+    DeclareLaunchArgument(
+        'protocol', choices=['texture', 'stiffness'], description='the protocol of the trials'
+    ),
+    DeclareLaunchArgument(
+        'rig',
+        default_value='hardware',
+        choices=['hardware', 'simulated'],
+        description='what is behind the ports: devices, or the simulated rig, which is started '
+        'here unless ports are given. It marks all that comes from a simulated rig',
+    ),
+    DeclareLaunchArgument(
+        'guide_port',
+        default_value='',
+        description='serial port of the linear guide (Grbl); empty: the port in params_file, or '
+        '/dev/tactile/guide',
+    ),
+    DeclareLaunchArgument(
+        'tendon_port',
+        default_value='',
+        description='serial port of the tendon actuator (Dynamixel); empty: the port in '
+        'params_file, or /dev/tactile/tendon',
+    ),
+    DeclareLaunchArgument(
+        'sensor_port',
+        default_value='',
+        description='serial port of the load cell; none: another node publishes '
+        'tendon_sensor/strain, unless params_file names a sensor with an address (net_ft) or a '
+        'topic. Empty: the port in params_file, or /dev/tactile/sensor',
+    ),
+    DeclareLaunchArgument(
+        'sensor_topic',
+        default_value='',
+        description='topic of a force that another node publishes, instead of a port: '
+        'WrenchStamped, Wrench, Float64, Float32 or JointState. After a colon an axis (fx to tz, '
+        'norm) or the name of a joint, as /ft/wrench:fx. Its rate is that of the models, or is '
+        'measured. Empty: none',
+    ),
+    DeclareLaunchArgument(
+        'contact',
+        default_value='flexion',
+        choices=['flexion', 'abduction'],
+        description='how the finger touches: which models are loaded',
+    ),
+    DeclareLaunchArgument(
+        'models',
+        default_value='',
+        description='folder of model files as "tactile train" writes it, or one file. They say '
+        'which features are computed, and each answers the windows that fit it; empty: no '
+        'classifier',
+    ),
+    DeclareLaunchArgument(
+        'recalibrate',
+        default_value='0',
+        description='known trials (trial events with session_id and object_label) at the start '
+        'of each session that correct the models for it; 0: none, otherwise 5 or more',
+    ),
+    DeclareLaunchArgument(
+        'object',
+        default_value='',
+        description='the plate or object under the finger of the simulated rig; empty: R1 for '
+        'texture, rubber_shell for stiffness',
+    ),
+    *shared_arguments(),
+]
+
+
+def launch_setup(context):
+    arguments = Arguments(context, ARGUMENTS)
+    protocol, contact = arguments['protocol'], arguments['contact']
+    namespace, file = arguments['namespace'], arguments.file
+    file.refuse_others([namespace])
+    common = arguments.of_every_node
+    process = arguments.process()
+
+    # -- what is behind the ports ------------------------------------------------------------
+    ports = {name: arguments[f'{name}_port'] for name in ('guide', 'tendon', 'sensor')}
+    for name in ('guide', 'tendon'):
+        if ports[name] == NO_PORT:
+            raise TactileError(
+                f'{name}_port is none, but a trial moves the {name}; where another node moves the '
+                'finger, use sense.launch.py'
+            )
+    simulated = arguments['rig'] == 'simulated'
+    given = [name for name, port in ports.items() if port and port != NO_PORT]
+    rigs = []
+    if simulated and not given:
+        touched = arguments['object'] or {'texture': 'R1', 'stiffness': 'rubber_shell'}[protocol]
+        rigs.append(SimulatedRig(arguments.scratch / 'rig', 1, (protocol, touched, contact)))
+        ports['guide'], ports['tendon'] = rigs[0].ports.guide, rigs[0].ports.tendon
+        if not (ports['sensor'] or arguments['sensor_topic']):
+            ports['sensor'] = rigs[0].ports.sensor
+    elif simulated and (missing := [f'{name}_port' for name, port in ports.items() if not port]):
+        raise TactileError(
+            f'name all ports of a simulated rig that runs already, also {", ".join(missing)}; '
+            'or none, and one is started'
+        )
+
+    # -- the models say what features and classifier do --------------------------------------
+    stated = {
+        name: file.of(name, namespace)
+        for name in ('tendon_sensor', 'tactile_features', 'tactile_classifier')
+    }
+    models = ModelChoice.of_finger(
+        arguments['models'], stated, protocol, contact, arguments['recalibrate']
+    )
+    of_models = models.parameters if models else {}
+
+    # -- the nodes -----------------------------------------------------------------------------
+    nodes = []
+    sensor = sensor_parameters(
+        stated,
+        models,
+        port=ports['sensor'],
+        topic=arguments['sensor_topic'],
+        simulated=simulated,
+    )
+    if sensor is not None:
+        # tension from the load cell: strain
+        nodes.append(
+            Node(
+                package='tendon_sensor_driver',
+                executable='tendon_sensor_node',
+                name='tendon_sensor',
+                namespace=namespace,
+                parameters=[CONFIG, file, sensor, common],
+                **process,
+            )
+        )
+    nodes += [
+        # the linear guide: action move, home
+        Node(
+            package='linear_guide_driver',
+            executable='linear_guide_node',
+            name='linear_guide',
+            namespace=namespace,
+            parameters=[CONFIG, file, {'port': ports['guide']}, common],
+            **process,
+        ),
+        # the tendon: action pull, release
+        Node(
+            package='linear_guide_driver',
+            executable='tendon_actuator_node',
+            name='tendon_actuator',
+            namespace=namespace,
+            parameters=[CONFIG, file, {'port': ports['tendon']}, common],
+            # one that died may have left the tendon taut
+            **arguments.process(respawn_delay_s=0.2),
+        ),
+        # trials by the protocol: action run_trial, events
+        Node(
+            package='tactile_bringup',
+            executable='trial_runner_node',
+            name='trial_runner',
+            namespace=namespace,
+            parameters=[CONFIG, file, common],
+            **process,
+        ),
+        # windows to feature vectors
+        Node(
+            package='tactile_features',
+            executable='tactile_features_node',
+            name='tactile_features',
+            namespace=namespace,
+            parameters=[CONFIG, file, of_models, common],
+            **process,
+        ),
+    ]
+    if models:
+        # feature vectors to labels
+        nodes.append(
+            Node(
+                package='tactile_classifier',
+                executable='tactile_classifier_node',
+                name='tactile_classifier',
+                namespace=namespace,
+                parameters=[CONFIG, file, of_models, models.recalibration, common],
+                **process,
+            )
+        )
+    if arguments['record']:
+        recorder = recorder_parameters(
+            arguments['record'], namespaces=[namespace], classifier=models is not None
+        )
+        nodes.append(
+            Node(
+                package='tactile_bags',
+                executable='bag_recorder_node',
+                name='bag_recorder',
+                namespace=namespace,
+                parameters=[CONFIG, file, recorder, common],
+                # a bag is not written on by another process
+                **{**process, 'respawn': False},
+            )
+        )
+    return start(arguments, rigs, nodes)
+
+
+def generate_launch_description():
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=launch_setup)])
