@@ -21,6 +21,7 @@ setup(
         (f'share/{package_name}/udev', sorted(glob('udev/*.rules'))),
     ],
     install_requires=[
+        'PyYAML',
         'setuptools',
     ],
     extras_require={'test': ['pytest']},

@@ -51,7 +51,6 @@ def _fixture_for(name):
 
 
 parameter_file = _fixture_for('params.yaml')
-hand_file = _fixture_for('hand.yaml')
 
 
 @pytest.fixture

@@ -156,7 +156,7 @@ def hand_graph(
             {SENSOR_NODE: {'port': str(DEVICES / (finger or 'sensor'))}}, stated
         )
         if found != PHASES_STATED:
-            told = {'phases': found, 'detected_contact': contact}
+            told = {'phases': found, **({'detected_contact': contact} if contact else {})}
             parameters = merge_parameters(parameters, {FEATURES_NODE: told})
         nodes += sensing_graph(
             port,

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
-from tactile_bringup.launch_config.launch_plans import plan_launch
+from tactile_bringup.launch_config.graph import sensing_graph
 from tactile_bringup.nodes.graph_runner import running_graph
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.programs.node_group import NodeGroup
@@ -41,8 +41,9 @@ def test_samples_have_stamps_of_the_clock_topic(context, tmp_path):
     source.create_timer(0.01, tell)
     source.create_subscription(StrainBlock, 'tendon_sensor/strain', on_strain, STREAM)
     with NodeGroup([source], context=context), SimulatedRig(links=tmp_path / 'rig') as rig:
-        values = {'rig': 'simulated', 'sensor_port': rig.ports.sensor, 'use_sim_time': 'true'}
-        with running_graph(plan_launch('sense', values, tmp_path).nodes, context):
+        timed = {'tendon_sensor': {'use_sim_time': True}}
+        graph = sensing_graph(rig.ports.sensor, None, timed, simulated=True)
+        with running_graph(graph, context):
             assert stamped.wait(DEADLINE_S), 'no samples with stamps'
     assert all(YEAR_2001_NS - 10**9 < stamp_ns < told[-1] + 10**9 for stamp_ns in stamps)
     assert stamps == sorted(stamps)

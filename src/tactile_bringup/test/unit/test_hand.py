@@ -5,67 +5,125 @@ from pathlib import Path
 
 import pytest
 
-from tactile_bringup.launch_config.hand_file import Finger, parse_finger_names, read_hand
+from tactile_bringup.launch_config.hand import find_fingers, hand_graph, parse_finger_names
+from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_ros.errors import TactileError
 
 HAND = """
-fingers:
-  index:
-    sensor_port: /dev/tactile/index
-    models: models/texture_flexion.onnx
-    phases: texture
-    parameters:
-      tendon_sensor: {scale: -1.0}
-  middle:
+/**/tendon_sensor: {ros__parameters: {rate_hz: 80.0, scale: 2.0}}
+index:
+  tendon_sensor: {ros__parameters: {scale: -1.0}}
+  tactile_features: {ros__parameters: {phases: texture}}
+middle:
+  tendon_sensor: {ros__parameters: {port: /dev/ttyUSB7}}
+  slip_detector: {ros__parameters: {threshold: 6.0}}
 """
 
 
-def test_fingers_are_read_with_paths_relative_to_the_file(hand_file, tmp_path):
-    index, middle = read_hand(hand_file(HAND))
-    assert index == Finger(
-        'index',
-        '/dev/tactile/index',
-        tmp_path / 'models/texture_flexion.onnx',
-        'texture',
-        {'tendon_sensor': {'scale': -1.0}},
-    )
-    assert middle == Finger('middle')
+@pytest.fixture
+def graph(parameter_file):
+    """Return what gives the nodes of a hand by path, from the text of a parameter file."""
+
+    def make(fingers, text='', **options):
+        file = ParameterFile(parameter_file(text) if text else None)
+        names = find_fingers(fingers, file, options.get('namespace', ''))
+        return {node.path: node.parameters for node in hand_graph(names, file, **options)}
+
+    return make
 
 
-def test_only_wanted_fingers_are_taken_in_their_order(hand_file):
-    assert [f.name for f in read_hand(hand_file(HAND), ['middle', 'index'])] == ['middle', 'index']
-    with pytest.raises(TactileError, match='does not describe thumb, only index, middle'):
-        read_hand(hand_file(HAND), ['thumb'])
+def test_each_finger_has_the_parameters_of_its_blocks(graph):
+    nodes = graph('', HAND)
+    assert list(nodes) == [
+        'index/tendon_sensor',
+        'index/tactile_features',
+        'middle/tendon_sensor',
+        'middle/tactile_features',
+        'middle/slip_detector',
+    ]
+    port = '/dev/tactile/index'
+    assert nodes['index/tendon_sensor'] == {'port': port, 'scale': -1.0, 'rate_hz': 80.0}
+    assert nodes['index/tactile_features'] == {'phases': 'texture'}
+    port = '/dev/ttyUSB7'
+    assert nodes['middle/tendon_sensor'] == {'port': port, 'scale': 2.0, 'rate_hz': 80.0}
+    assert nodes['middle/slip_detector'] == {'threshold': 6.0}
+
+
+def test_an_argument_wins_over_the_file(graph):
+    nodes = graph('', HAND, phases='stiffness', contact='abduction', sensor_topic='ft')
+    for finger in ('index', 'middle'):
+        told = {'phases': 'stiffness', 'detected_contact': 'abduction'}
+        assert nodes[f'{finger}/tactile_features'] == told
+        assert nodes[f'{finger}/tendon_sensor']['topic'] == 'ft'
+
+
+def test_fingers_by_name_have_namespaces_ports_and_bags_of_their_own(graph, tmp_path):
+    nodes = graph('index,middle', namespace='left', record=tmp_path / 'bags')
+    assert len(nodes) == 6
+    for finger in ('index', 'middle'):
+        assert nodes[f'left/{finger}/tendon_sensor']['port'] == f'/dev/tactile/{finger}'
+        recorder = nodes[f'left/{finger}/bag_recorder']
+        assert recorder['namespaces'] == (f'left/{finger}',)
+        assert recorder['rig'] is False, 'no guide will ever be there'
+        assert recorder['bag'] == str(tmp_path / 'bags' / finger)
+
+
+def test_a_hand_is_found_below_its_namespace(graph):
+    for text in (f'left:\n{HAND[HAND.index("index") :]}'.replace('\n', '\n  '), '/**/' + 'index'):
+        if text.startswith('/**'):
+            text += '/tendon_sensor: {ros__parameters: {scale: 1.0}}'
+        assert next(iter(graph('', text, namespace='left'))) == 'left/index/tendon_sensor'
+
+
+def test_a_simulated_finger_without_a_port_gets_one(graph):
+    asked = []
+
+    def simulate(number, finger):
+        asked.append((number, finger))
+        return f'/tmp/{finger}'
+
+    nodes = graph('', HAND, simulate=simulate)
+    assert asked == [(0, 'index')], 'the other one has a port'
+    assert nodes['index/tendon_sensor']['port'] == '/tmp/index'
+    for finger in ('index', 'middle'):
+        assert nodes[f'{finger}/tendon_sensor']['simulated'] is True
+    assert 'simulated' not in nodes['index/tactile_features']
 
 
 @pytest.mark.parametrize(
-    ('text', 'sentence'),
+    ('fingers', 'text', 'sentence'),
     [
-        ('', 'is no hand file'),
-        ('[index]', 'is no hand file'),
-        ('fingers: {}', 'is no hand file'),
-        ('fingers: {index: }\nthumbs: {}', 'is no hand file'),
-        ('fingers: [', 'cannot read the hand'),
-        ('fingers: {2nd: }', '"2nd" is no name for a finger'),
-        ('fingers: {index: /dev/ttyUSB0}', 'index must hold names and values'),
-        ('fingers: {index: {port: /dev/ttyUSB0}}', 'index has port; it can have sensor_port'),
-        ('fingers: {index: {models: 3}}', 'models of index must be text'),
-        ('fingers: {index: {model: m}}', 'model of index is now called models'),
-        ('fingers: {index: {parameters: {rate_hz: 60.0}}}', 'below the name of their node'),
-        ('fingers: {index: !!python/object/apply:os.system [true]}', 'cannot read the hand'),
-        ('[' * 5000, 'cannot read the hand'),
-        ('#' * 1_000_001, 'larger than 1000000 bytes'),
-        ('fingers: {a: &x {}, b: *x}', 'YAML aliases'),
+        ('', '', 'name the fingers'),
+        ('index', HAND, 'describes middle, which the fingers index leave out'),
+        ('index,middle,ring', HAND, 'but not ring; add a block for ring/tendon_sensor'),
+        (
+            '',
+            'a: {tendon_sensor: {ros__parameters: {port: /dev/x}}}\n'
+            'b: {tendon_sensor: {ros__parameters: {port: /dev/x}}}',
+            'a/tendon_sensor and b/tendon_sensor have the same port /dev/x: a port has one user',
+        ),
+        (
+            'a',
+            'right: {a: {tendon_sensor: {ros__parameters: {port: /dev/x}}}}',
+            '/right/a/tendon_sensor, which is not started; there are /a/tendon_sensor',
+        ),
+        ('', 'fingers: {index: {sensor_port: /dev/x}}', 'hand file of version 0.1'),
     ],
 )
-def test_a_file_of_another_form_is_refused_with_a_sentence(hand_file, text, sentence):
+def test_a_hand_that_cannot_be_is_refused(graph, fingers, text, sentence):
     with pytest.raises(TactileError, match=sentence):
-        read_hand(hand_file(text))
+        graph(fingers, text)
 
 
-def test_a_file_that_is_not_there_is_named():
-    with pytest.raises(TactileError, match='nowhere'):
-        read_hand(Path('nowhere.yaml'))
+def test_a_port_for_two_fingers_is_refused(graph):
+    with pytest.raises(TactileError, match='a sensor port is for one finger'):
+        graph('a,b', sensor_port='/dev/x')
+
+
+def test_two_net_ft_need_no_port(graph):
+    sensor = '{tendon_sensor: {ros__parameters: {sensor: net_ft, host: 10.0.0.%d}}}'
+    nodes = graph('', f'a: {sensor % 1}\nb: {sensor % 2}', simulate=None)
+    assert len(nodes) == 4
 
 
 def test_names_in_a_list():
@@ -75,3 +133,8 @@ def test_names_in_a_list():
         parse_finger_names('index,index')
     with pytest.raises(TactileError, match='"ring finger" is no name'):
         parse_finger_names('ring finger')
+
+
+def test_a_file_that_is_not_there_is_named():
+    with pytest.raises(TactileError, match='nowhere'):
+        ParameterFile(Path('nowhere.yaml'))

@@ -8,7 +8,8 @@ import pytest
 
 pytest.importorskip('skl2onnx', reason='skl2onnx is not installed')
 
-from tactile_bringup.launch_config.launch_plans import plan_launch
+from tactile_bringup.launch_config.hand import find_fingers, hand_graph
+from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_classifier.datasets.dataset import FeatureTable
 from tactile_classifier.training.model_writer import write_model
 from tactile_classifier.training.trainer import train
@@ -45,9 +46,10 @@ def write(tmp_path):
     return write
 
 
-def planned(name, tmp_path, **values):
-    given = {key: str(value) for key, value in values.items()}
-    return {n.path: n.parameters for n in plan_launch(name, given, tmp_path).nodes}
+def planned(fingers=None, params=None, **options):
+    file = ParameterFile(params)
+    names = [''] if fingers is None else find_fingers(fingers, file)
+    return {node.path: node.parameters for node in hand_graph(names, file, **options)}
 
 
 def test_models_with_different_features_share_a_finger(write, tmp_path):
@@ -55,7 +57,7 @@ def test_models_with_different_features_share_a_finger(write, tmp_path):
     write('texture_abduction', FeatureConfig(), (30, 90))
     write('stiffness_flexion', FeatureConfig(stiffness_settle_s=0.75))
     for contact in ({}, {'contact': 'flexion'}):
-        nodes = planned('sense', tmp_path, models=folder, **contact)
+        nodes = planned(models=str(folder), **contact)
         told = {'models': str(folder), **contact}
         assert nodes['tactile_features'] == nodes['tactile_classifier'] == told
 
@@ -65,7 +67,7 @@ def test_the_rate_of_a_sensor_on_a_topic_is_that_of_the_models_that_are_taken(wr
     write('texture_abduction', FeatureConfig())
 
     def rate_hz(**values):
-        nodes = planned('sense', tmp_path, models=folder, sensor_topic='/f', **values)
+        nodes = planned(models=str(folder), sensor_topic='/f', **values)
         return nodes['tendon_sensor']['rate_hz']
 
     assert rate_hz(contact='flexion') == 100.0
@@ -80,10 +82,10 @@ def test_a_finger_may_have_other_models_than_its_neighbour(write, tmp_path):
     }
     hand = tmp_path / 'hand.yaml'
     hand.write_text(
-        'fingers:\n  index: {models: models/texture_flexion.onnx}\n'
-        '  thumb: {models: models/texture_abduction.onnx}\n'
+        'index: {tactile_features: {ros__parameters: {models: models/texture_flexion.onnx}}}\n'
+        'thumb: {tactile_classifier: {ros__parameters: {models: models/texture_abduction.onnx}}}\n'
     )
-    nodes = planned('hand', tmp_path, hand_file=hand)
+    nodes = planned('', hand)
     for name, path in paths.items():
         for node in ('tactile_features', 'tactile_classifier'):
             assert nodes[f'{name}/{node}'] == {'models': str(path)}
@@ -92,7 +94,7 @@ def test_a_finger_may_have_other_models_than_its_neighbour(write, tmp_path):
 def test_a_file_that_is_no_model_does_not_keep_the_others_from_starting(write, tmp_path):
     folder = write('texture_flexion', FeatureConfig()).parent
     (folder / 'stiffness_flexion.onnx').write_bytes(b'no')
-    assert 'tactile_classifier' in planned('sense', tmp_path, models=folder)
+    assert 'tactile_classifier' in planned(models=str(folder))
     (folder / 'texture_flexion.onnx').unlink()
     with pytest.raises(ModelFileError, match=r'stiffness_flexion\.onnx'):
-        planned('sense', tmp_path, models=folder)
+        planned(models=str(folder))

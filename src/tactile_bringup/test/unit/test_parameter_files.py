@@ -3,10 +3,8 @@
 
 import pytest
 
-from tactile_bringup.launch_config.parameter_files import read_parameters
+from tactile_bringup.launch_config.parameter_files import ParameterFile
 from tactile_ros.errors import TactileError
-
-NAMES = ('tendon_sensor', 'tactile_features')
 
 
 @pytest.mark.parametrize(
@@ -23,13 +21,13 @@ NAMES = ('tendon_sensor', 'tactile_features')
         ('/**/tactile_features', '', True),
         ('/**/tactile_features', 'hand/thumb', True),
         ('/**', 'thumb', True),
-        ('/tactile.features', '', False),
+        ('/th.mb/tactile_features', 'thumb', False),
     ],
 )
 def test_an_entry_is_for_the_nodes_that_its_name_matches(parameter_file, key, namespace, matches):
     path = parameter_file(f'{key}: {{ros__parameters: {{rate_hz: 100.0}}}}')
-    found = read_parameters(path, ['tactile_features'], namespace, others_allowed=True)
-    assert found == ({'tactile_features': {'rate_hz': 100.0}} if matches else {})
+    found = ParameterFile(path).of('tactile_features', namespace)
+    assert found == ({'rate_hz': 100.0} if matches else {})
 
 
 def test_later_entries_win_and_namespaces_may_nest(parameter_file):
@@ -42,16 +40,20 @@ thumb:
     ros__parameters: {rate_hz: 100.0}
 """
     )
-    assert read_parameters(path, NAMES, 'thumb') == {
-        'tendon_sensor': {'rate_hz': 60.0, 'frame_id': 'tip'},
-        'tactile_features': {'rate_hz': 100.0, 'frame_id': 'tip'},
-    }
+    file = ParameterFile(path)
+    assert file.of('tendon_sensor', 'thumb') == {'rate_hz': 60.0, 'frame_id': 'tip'}
+    assert file.of('tactile_features', 'thumb') == {'rate_hz': 100.0, 'frame_id': 'tip'}
+    assert file.of('linear_guide', 'thumb') == {'frame_id': 'tip'}, 'it has no rate_hz'
 
 
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'tendon_senser; there are /tendon'),
+        ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'did you mean tendon_sensor?'),
+        ('tendon_sensor: {ros__parameters: {prot: x}}', 'does not have; did you mean port?'),
+        ('a: {tendon_sensor: {ros__parameters: {colour: 1}}}', 'parameter colour, which tendon'),
+        ('tendon_sensor: !!python/object/apply:os.system [true]', 'cannot read'),
+        ('[' * 5000, 'cannot read'),
         ('tendon_sensor: {rate_hz: 60.0}', '/tendon_sensor/rate_hz has no ros__parameters'),
         ('tendon_sensor:', '/tendon_sensor has no ros__parameters'),
         ('tendon_sensor: {ros__parameters: 3}', 'have no names'),
@@ -63,11 +65,48 @@ thumb:
 )
 def test_what_is_no_parameter_file_for_these_nodes_is_refused(parameter_file, text, message):
     with pytest.raises(TactileError, match=message):
-        read_parameters(parameter_file(text), NAMES)
+        ParameterFile(parameter_file(text))
 
 
 @pytest.mark.parametrize('name', ['texture_flexion_classifier', '/**/stiffness_classifier'])
 def test_parameters_of_a_classifier_of_version_0_1_are_refused(parameter_file, name):
     path = parameter_file(f'{name}: {{ros__parameters: {{recalibration_trials: 5}}}}')
     with pytest.raises(TactileError, match='is now called tactile_classifier'):
-        read_parameters(path, NAMES, others_allowed=True)
+        ParameterFile(path)
+
+
+def test_nodes_of_others_may_stand_in_the_file(parameter_file):
+    text = (
+        'controller_manager: {ros__parameters: {update_rate: 500}}\n'
+        'tendon_sensor: {ros__parameters: {rate_hz: 60.0}}\n'
+    )
+    file = ParameterFile(parameter_file(text))
+    file.refuse_others([''])
+    assert file.of('tendon_sensor') == {'rate_hz': 60.0}
+    with pytest.raises(TactileError, match='/tendon_sensor, which is not started; there are /a/'):
+        file.refuse_others(['a', 'b'])
+
+
+def test_nested_parameters_have_the_names_that_ros_gives_them(parameter_file):
+    text = (
+        'tendon_sensor:\n  ros__parameters:\n    qos_overrides:\n'
+        '      /tendon_sensor/strain: {publisher: {depth: 7}}\n'
+    )
+    name = 'qos_overrides./tendon_sensor/strain.publisher.depth'
+    assert ParameterFile(parameter_file(text)).of('tendon_sensor') == {name: 7}
+
+
+def test_a_place_of_models_counts_from_the_file(parameter_file, tmp_path):
+    path = parameter_file('tactile_features: {ros__parameters: {models: models/a.onnx}}')
+    assert ParameterFile(path).of('tactile_features') == {
+        'models': str(tmp_path / 'models/a.onnx')
+    }
+    path = parameter_file('tactile_features: {ros__parameters: {models: /models}}')
+    assert ParameterFile(path).of('tactile_features') == {'models': '/models'}
+
+
+def test_without_a_file_nothing_is_said():
+    file = ParameterFile()
+    file.refuse_others([''])
+    assert file.of('tendon_sensor') == {}
+    assert file.fingers() == ()

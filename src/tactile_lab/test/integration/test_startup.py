@@ -56,7 +56,7 @@ def run(arguments):
         (['replay', 'nowhere'], 2),
         (['repair', 'nowhere', '-o', 'copy'], 2),
         (['sense', '--simulated', '--models', 'nowhere'], 2),
-        (['hand', '--hand-file', 'nowhere'], 2),
+        (['hand', '--params', 'nowhere'], 2),
         (['rig', '--simulated', '--models', 'nowhere'], 2),
     ],
 )

@@ -1,8 +1,10 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two fingers by namespace, each on a simulated sensor that the launch file starts."""
+"""Two fingers in one process, each on a simulated sensor that the launch file starts."""
 
+import os
+import signal
 import unittest
 
 import pytest
@@ -25,7 +27,10 @@ from tactile_msgs.msg import Classification, StrainBlock, TrialEvent
 from tactile_ros.qos import EVENTS
 
 FINGERS = ('index', 'middle')
-HAND = 'fingers:\n  index:\n  middle: {parameters: {tendon_sensor: {scale: -1.0}}}\n'
+HAND = """
+/**/index/tendon_sensor: {ros__parameters: {scale: 1.0}}
+/**/middle/tendon_sensor: {ros__parameters: {scale: -1.0}}
+"""
 ANSWERS = 'tactile_classifier/classification'
 HOLD_NS = 3_000_000_000
 
@@ -34,12 +39,12 @@ HOLD_NS = 3_000_000_000
 @launch_testing.markers.keep_alive
 def generate_test_description():
     folder = new_folder()
-    hand_file = folder / 'hand.yaml'
-    hand_file.write_text(HAND)
+    params_file = folder / 'hand.yaml'
+    params_file.write_text(HAND)
     return launched(
         'hand',
         rig='simulated',
-        hand_file=str(hand_file),
+        params_file=str(params_file),
         models=str(trained_model(folder, 'stiffness')),
         namespace='left',
         log_level='warn',
@@ -47,7 +52,16 @@ def generate_test_description():
 
 
 class TestHold(unittest.TestCase):
-    def test_each_finger_answers_for_itself(self):
+    def test_each_finger_answers_for_itself_and_again_when_the_hand_has_died(self, proc_info):
+        for lives in (1, 2):
+            self.let_each_finger_answer(f'in life {lives}')
+            hands = [name for name in proc_info.process_names() if 'finger_node' in name]
+            self.assertEqual(len(hands), 1, 'one process for all fingers')
+            if lives == 1:
+                (action,) = [p for p in proc_info.processes() if 'finger_node' in str(p.cmd)]
+                os.kill(action.process_details['pid'], signal.SIGKILL)
+
+    def let_each_finger_answer(self, when):
         topics = {'/diagnostics': DiagnosticArray}
         for finger in FINGERS:
             topics[f'left/{finger}/tendon_sensor/strain'] = StrainBlock
@@ -55,13 +69,13 @@ class TestHold(unittest.TestCase):
         with Ear(topics) as ear:
             ear.wait_for_publishers(*topics)
             for finger in FINGERS:
-                self.hold(ear, finger)
+                self.hold(ear, finger, when)
             for finger in FINGERS:
                 answers = ear.heard[f'left/{finger}/{ANSWERS}']
-                self.assertEqual([a.trial_id for a in answers], [f'held by {finger}'])
+                self.assertEqual([a.trial_id for a in answers], [f'held by {finger} {when}'])
                 self.assertEqual(answers[0].reason, '')
 
-    def hold(self, ear, finger):
+    def hold(self, ear, finger, when):
         """State a hold over the samples that are coming, as the mover of a finger does."""
         strain = ear.heard[f'left/{finger}/tendon_sensor/strain']
         publisher = ear.node.create_publisher(
@@ -81,7 +95,7 @@ class TestHold(unittest.TestCase):
         start_ns = Time.from_msg(strain[-1].header.stamp).nanoseconds
         for phase, after_ns in (('hold', 0), ('release', HOLD_NS), ('done', HOLD_NS + 1)):
             event = TrialEvent(
-                trial_id=f'held by {finger}',
+                trial_id=f'held by {finger} {when}',
                 protocol=TrialEvent.PROTOCOL_STIFFNESS,
                 contact=TrialEvent.CONTACT_FLEXION,
                 phase=phase,

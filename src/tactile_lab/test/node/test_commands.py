@@ -185,7 +185,7 @@ def has_begun(bag, trial, phase):
         (['sense', '--models', 'nowhere'], 'nowhere does not exist'),
         (['hand'], 'name the fingers'),
         (['hand', '--fingers', '2nd'], 'no name for a finger'),
-        (['hand', '--hand-file', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['hand', '--params', 'nowhere.yaml'], 'nowhere.yaml'),
         (['evaluate', 'nowhere.npz', '--task', 'texture'], 'does not exist'),
         (['evaluate', 'a.npz', 'b.npz', '--task', 'texture'], 'a.npz does not exist'),
     ],
@@ -207,7 +207,10 @@ def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
     params = tmp_path / 'params.yaml'
     for text, said in (
         ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'tendon_senser'),
-        ('tendon_sensor: {ros__parameters: {ratehz: 60.0}}', 'no parameter ratehz'),
+        (
+            'tendon_sensor: {ros__parameters: {ratehz: 60.0}}',
+            'the parameter ratehz, which tendon_sensor does not have; did you mean rate_hz',
+        ),
         ('tendon_sensor: {ros__parameters: {rate_hz: -1.0}}', 'rate_hz'),
     ):
         params.write_text(text)

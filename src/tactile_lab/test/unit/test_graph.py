@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from pathlib import Path
+import shutil
 
 import pytest
 
@@ -12,8 +13,12 @@ from tactile_bringup.launch_config.graph import (
     recorder_node,
     rig_graph,
     RIG_NODES,
+    sensing_graph,
+    sensor_parameters,
     slip_node,
 )
+from tactile_features.errors import FeatureError, ModelFileError
+from tactile_ros.errors import TactileError
 from tactile_ros.programs.node_program import find_node_class
 
 PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
@@ -63,17 +68,73 @@ def test_the_recorder_waits_for_a_classifier_where_one_runs():
     assert recorder_node(Path('bag'), classifier=True).parameters['classifier'] is True
 
 
-def test_nodes_that_can_die_alone_watch_each_other():
-    def parameters(given, watched=True):
-        nodes = by_name(rig_graph(PORTS, None, given, simulated=True, watched=watched))
-        return nodes['linear_guide'].parameters, nodes['tendon_actuator'].parameters
+def test_the_port_that_is_given_wins_over_the_parameters(models):
+    stated = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
+    guide = by_name(rig_graph(PORTS, models, stated, simulated=True))['linear_guide']
+    assert guide.parameters == {'strain_timeout_s': 0.5, 'port': '/dev/guide'}
 
-    assert 'heartbeat_topics' not in parameters({}, watched=False)[0]
-    guide, tendon = parameters({})
-    runner = 'trial_runner/heartbeat'
-    assert set(guide['heartbeat_topics']) == {runner, 'tendon_actuator/heartbeat'}
-    assert set(tendon['heartbeat_topics']) == {runner, 'linear_guide/heartbeat'}
-    assert guide['strain_timeout_s'] > 0
-    given = {'linear_guide': {'strain_timeout_s': 0.5, 'port': '/dev/other'}}
-    guide, _ = parameters(given)
-    assert (guide['strain_timeout_s'], guide['port']) == (0.5, '/dev/other')
+
+@pytest.mark.parametrize(
+    ('topic', 'expected'),
+    [
+        ('/ft/wrench', {'topic': '/ft/wrench'}),
+        ('wrench:fx', {'topic': 'wrench', 'axis': 'fx'}),
+        ('wrench:norm', {'topic': 'wrench', 'axis': 'norm'}),
+        ('/joint_states:index_tendon', {'topic': '/joint_states', 'joint': 'index_tendon'}),
+    ],
+)
+def test_a_sensor_on_a_topic_needs_no_port(topic, expected):
+    given = sensor_parameters({}, topic=topic)
+    assert given == {'sensor': 'topic', 'rate_hz': 0.0, **expected}
+    rig = by_name(rig_graph(Ports('g', 't', '', topic), None, {}, simulated=True))
+    assert rig['tendon_sensor'].parameters == {**given, 'simulated': True}
+    with pytest.raises(TactileError, match='a sensor_port and a sensor_topic; give one'):
+        sensor_parameters({}, port='/dev/a', topic=topic)
+
+
+def test_a_sensor_on_a_topic_has_the_rate_of_models_or_features_unless_stated(models):
+    def rate_hz(chosen=None, **stated):
+        return sensor_parameters(stated, chosen, topic='/f').get('rate_hz')
+
+    assert rate_hz() == 0.0, 'it is measured'
+    assert rate_hz(tactile_features={'rate_hz': 100.0}) == 100.0
+    assert rate_hz(models) == 60.0
+    assert rate_hz(models, tendon_sensor={'rate_hz': 50.0}) is None, 'that of the file stays'
+    on_topic = {'tendon_sensor': {'sensor': 'topic', 'topic': '/f'}}
+    assert sensor_parameters(on_topic, models) == {'rate_hz': 60.0}
+
+
+def test_without_a_sensor_port_another_node_publishes_the_strain():
+    assert sensor_parameters({}, port='none') is None
+    net_ft = {'tendon_sensor': {'sensor': 'net_ft', 'host': '10.0.0.1'}}
+    assert sensor_parameters(net_ft, port='none') == {}
+    assert [node.name for node in sensing_graph('none', None, {})] == ['tactile_features']
+
+
+def test_the_models_of_a_finger_fit_its_task_and_its_contact(trained, tmp_path):
+    file = tmp_path / 'of any name.onnx'
+    shutil.copy(trained / 'stiffness_flexion.onnx', file)
+    assert ModelChoice.read(file, 'stiffness', 'flexion').path == file
+    with pytest.raises(TactileError, match='no model for texture flexion, only for stiffness'):
+        ModelChoice.read(file, 'texture', 'flexion')
+    with pytest.raises((TactileError, FeatureError), match='abduction'):
+        ModelChoice.read(file, contact='abduction')
+    (tmp_path / 'no.onnx').write_text('no')
+    with pytest.raises(ModelFileError, match='ONNX file'):
+        ModelChoice.read(tmp_path / 'no.onnx')
+    with pytest.raises(FeatureError, match='nowhere: No such file'):
+        ModelChoice.read(Path('nowhere'))
+
+
+@pytest.mark.parametrize('recalibrate', ['some', '3', '-5', '5.0'])
+def test_a_number_of_known_trials_that_cannot_be_is_refused(trained, recalibrate):
+    with pytest.raises(TactileError, match=f'recalibrate is "{recalibrate}"; it must be a number'):
+        ModelChoice.read(trained, recalibrate=recalibrate)
+
+
+def test_models_and_recalibration_may_stand_in_a_parameter_file(trained):
+    stated = {'tactile_classifier': {'models': str(trained), 'recalibration_trials': 9}}
+    choice = ModelChoice.of_finger('', stated)
+    assert (choice.path, choice.recalibration_trials) == (trained, 9)
+    assert ModelChoice.of_finger('', stated, recalibrate='5').recalibration_trials == 5
+    assert ModelChoice.of_finger('', {}) is None

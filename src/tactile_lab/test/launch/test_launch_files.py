@@ -1,0 +1,177 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The launch files and the commands name their nodes each for themselves; they must agree.
+
+A launch file is evaluated by the real ``launch``, and no process is started.
+"""
+
+import sys
+
+import pytest
+
+pytest.importorskip('launch_ros', reason='launch comes with an ordinary ROS 2, not from PyPI')
+
+from launch import LaunchContext
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+from tactile_bringup.launch_config.graph import ModelChoice, Ports, recorder_node, rig_graph
+from tactile_bringup.launch_config.hand import find_fingers, hand_graph
+from tactile_bringup.launch_config.launching import Node, SimulatedRig
+from tactile_bringup.launch_config.parameter_files import ParameterFile
+from tactile_bringup.launch_config.parameter_tables import LAUNCH_FOLDER
+from tactile_lab.commands.replay import replay_graph
+from tactile_ros.errors import TactileError
+
+PORTS = Ports('/dev/guide', '/dev/tendon', '/dev/sensor')
+
+
+def evaluate(name, **arguments):
+    """Return the actions of a launch file that are not arguments and includes."""
+    context = LaunchContext()
+    context.launch_configurations.update({k: str(v) for k, v in arguments.items()})
+    source = PythonLaunchDescriptionSource(str(LAUNCH_FOLDER / f'{name}.launch.py'))
+    found, waiting = [], list(source.get_launch_description(context).entities)
+    while waiting:
+        entity = waiting.pop(0)
+        if isinstance(entity, (Node, SimulatedRig)):
+            found.append(entity)
+        else:
+            waiting = [*(entity.visit(context) or ()), *waiting]
+    return found
+
+
+def launched(name, **arguments):
+    return as_dict(action.description for action in evaluate(name, **arguments))
+
+
+def as_dict(descriptions):
+    found = {}
+    for node in descriptions:
+        assert node.path not in found
+        # An empty value is the default.
+        parameters = {k: v for k, v in node.parameters.items() if v not in ('', (), [])}
+        found[node.path] = (node.package, node.executable, parameters)
+    return found
+
+
+@pytest.mark.parametrize('protocol', ['texture', 'stiffness'])
+@pytest.mark.parametrize('namespace', ['', 'thumb'])
+def test_a_rig_is_that_of_the_command(protocol, namespace, trained, parameter_file, tmp_path):
+    given = {f'{name}_port': f'/dev/{name}' for name in ('guide', 'tendon', 'sensor')}
+    text = '/**/trial_runner: {ros__parameters: {guide_start_m: 0.05}}'
+    record, models = tmp_path / 'bag', trained if protocol == 'stiffness' else ''
+    nodes = launched(
+        protocol,
+        namespace=namespace,
+        models=models,
+        recalibrate=5,
+        record=record,
+        params_file=parameter_file(text),
+        **given,
+    )
+    config = ParameterFile(LAUNCH_FOLDER.parent / 'config' / 'rig.yaml')
+    stated = ParameterFile(parameter_file(text))
+    parameters = {
+        name: config.of(name, namespace) | stated.of(name, namespace)
+        for name in ('tendon_sensor', 'linear_guide', 'tendon_actuator', 'trial_runner')
+    }
+    choice = ModelChoice.read(trained, protocol, 'flexion', 5) if models else None
+    expected = rig_graph(PORTS, choice, parameters, simulated=False, namespace=namespace)
+    expected.append(
+        recorder_node(record, namespace, namespaces=(namespace,), classifier=choice is not None)
+    )
+    assert nodes == as_dict(expected)
+
+
+HAND = """
+left:
+  index:
+    tendon_sensor: {ros__parameters: {scale: -1.0}}
+    tactile_features: {ros__parameters: {phases: stiffness}}
+  middle:
+    tendon_sensor: {ros__parameters: {sensor: topic, topic: /ft}}
+    slip_detector: {ros__parameters: {threshold: 6.0}}
+"""
+
+
+@pytest.mark.parametrize('options', [{}, {'phases': 'stiffness', 'contact': 'flexion'}])
+@pytest.mark.parametrize('has_models', [True, False])
+def test_a_hand_is_that_of_the_command(options, has_models, trained, parameter_file, tmp_path):
+    path, models = parameter_file(HAND), str(trained) if has_models else ''
+    shared = {'models': models, 'record': tmp_path / 'bags', 'namespace': 'left', **options}
+    nodes = launched('hand', params_file=path, processes='node', slip='True', **shared)
+    file = ParameterFile(path)
+    expected = hand_graph(find_fingers('', file, 'left'), file, slip=True, **shared)
+    assert nodes == as_dict(expected)
+    assert len(nodes) == (10 if has_models else 8)
+
+
+@pytest.mark.parametrize(
+    'options', [{}, {'sensor_port': '/dev/x'}, {'sensor_port': 'none'}, {'sensor_topic': '/f:fx'}]
+)
+def test_a_finger_is_that_of_the_command(options, trained):
+    nodes = launched('sense', models=trained, processes='node', **options)
+    assert nodes == as_dict(hand_graph([''], ParameterFile(), models=str(trained), **options))
+
+
+def test_a_replay_is_that_of_the_command(stiffness_bag, trained, tmp_path):
+    nodes = launched('replay', bag=stiffness_bag, models=trained)
+    assert nodes == as_dict(replay_graph(stiffness_bag, trained, tmp_path))
+
+
+@pytest.mark.parametrize('value', ['true', 'True', '1'])
+def test_time_and_start_are_told_to_every_node(value):
+    for action in evaluate('texture', use_sim_time=value, autostart='False'):
+        assert action.description.parameters['use_sim_time'] is True
+        assert action.description.parameters['autostart'] is False
+
+
+def test_a_recorder_is_never_started_again_and_the_tendon_soonest(tmp_path):
+    for action in evaluate('texture', record=tmp_path / 'bag'):
+        name = action.description.name
+        assert action.process['respawn'] is (name != 'bag_recorder')
+        assert action.process['respawn_delay'] == (0.2 if name == 'tendon_actuator' else 1.0)
+
+
+def test_a_simulated_rig_is_started_unless_ports_are_given():
+    (rig,) = evaluate('texture', rig='simulated')
+    assert isinstance(rig, SimulatedRig), 'the nodes come when its ports are there'
+    running = {f'{name}_port': f'/tmp/{name}' for name in ('guide', 'tendon', 'sensor')}
+    nodes = launched('texture', rig='simulated', **running)
+    assert nodes['tendon_sensor'][2] == {'port': '/tmp/sensor', 'simulated': True}
+    with pytest.raises(TactileError, match='also tendon_port, sensor_port'):
+        evaluate('texture', rig='simulated', guide_port='/tmp/guide')
+    rigs = evaluate('hand', rig='simulated', fingers='index,middle')
+    assert len({rig.ports.sensor for rig in rigs}) == 2
+
+
+@pytest.mark.parametrize(
+    ('name', 'values', 'sentence'),
+    [
+        ('replay', {'bag': 'nowhere'}, 'nowhere is not a readable bag'),
+        ('replay', {'bag': 'nowhere', 'rate': 'fast'}, 'rate is "fast"'),
+        ('hand', {}, 'name the fingers'),
+        ('hand', {'fingers': 'a,b', 'sensor_port': '/dev/x'}, 'sensor_port is for one finger'),
+        ('sense', {'slip': 'maybe'}, 'slip is "maybe"; it must be true or false'),
+        ('texture', {'models': 'nowhere'}, 'nowhere: No such file'),
+        ('texture', {'params_file': 'nowhere.yaml'}, 'nowhere.yaml'),
+        ('texture', {'rig': 'simulated', 'object': 'R9'}, 'object is "R9"; for texture there are'),
+        ('texture', {'guide_port': 'none'}, 'guide_port is none, but a trial moves the guide'),
+        ('texture', {'model': 'x'}, 'the argument model is now called models'),
+        ('hand', {'hand_file': 'x'}, 'the argument hand_file is now params_file'),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_a_sentence(name, values, sentence):
+    with pytest.raises(Exception, match=sentence):
+        evaluate(name, **values)
+
+
+def test_an_argument_that_nobody_declares_is_refused_on_the_command_line(monkeypatch):
+    command = ['ros2', 'launch', 'tactile_bringup', 'sense.launch.py', 'modle:=x']
+    monkeypatch.setattr(sys, 'argv', command)
+    with pytest.raises(TactileError, match='there is no argument modle; did you mean models'):
+        evaluate('sense')
+    # Somebody else's launch file that includes ours may have arguments of its own.
+    monkeypatch.setattr(sys, 'argv', [*command[:2], 'my_robot', 'sense.launch.py', 'modle:=x'])
+    assert evaluate('sense', processes='node')

@@ -1,0 +1,132 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The launch files, parsed: ``launch`` comes with an ordinary ROS 2 and not from PyPI.
+
+They are run by ``test/launch``, where it is installed.
+"""
+
+import ast
+import re
+
+import pytest
+
+from tactile_bringup.launch_config.graph import player_parameters, recorder_parameters
+from tactile_bringup.launch_config.parameter_files import CONFIGS, has_parameter, ParameterFile
+from tactile_bringup.launch_config.parameter_tables import (
+    argument_tables,
+    ARGUMENTS_OF,
+    LAUNCH_FOLDER,
+    read_launch_arguments,
+)
+from tactile_lab.options import PHASES
+from tactile_ros.programs.node_program import find_node_class
+
+WITH_NODES = tuple(ARGUMENTS_OF.values())
+INCLUDES = {'texture': 'rig', 'stiffness': 'rig', 'sense': 'hand'}
+NODES = {
+    'rig': {*CONFIGS} - {'slip_detector', 'bag_player'},
+    'hand': {
+        'tendon_sensor',
+        'tactile_features',
+        'tactile_classifier',
+        'slip_detector',
+        'bag_recorder',
+    },
+    'replay': {'tactile_features', 'tactile_classifier', 'bag_recorder', 'bag_player'},
+}
+
+
+def parse(name):
+    return ast.parse((LAUNCH_FOLDER / f'{name}.launch.py').read_text())
+
+
+def calls(name, function):
+    """Return the keywords of each call of a function in a launch file."""
+    return [
+        {word.arg: word.value for word in call.keywords}
+        for call in ast.walk(parse(name))
+        if isinstance(call, ast.Call) and getattr(call.func, 'id', '') == function
+    ]
+
+
+def test_every_launch_file_is_known():
+    names = {path.name.removesuffix('.launch.py') for path in LAUNCH_FOLDER.glob('*.py')}
+    assert names == {*WITH_NODES, *INCLUDES}
+
+
+@pytest.mark.parametrize('name', WITH_NODES)
+def test_a_launch_file_shows_nodes_that_can_be_started(name):
+    shown = []
+    for words in calls(name, 'Node'):
+        package, executable, node = (
+            ast.literal_eval(words[key]) for key in ('package', 'executable', 'name')
+        )
+        module = find_node_class(executable).__module__
+        assert (package, executable) == (module.split('.')[0], module.split('.')[-1])
+        assert executable == f'{node}_node'
+        for layer in words['parameters'].elts:
+            if isinstance(layer, ast.Dict):
+                for key in layer.keys:
+                    assert has_parameter(node, ast.literal_eval(key)), (node, ast.dump(key))
+        shown.append(node)
+    assert set(shown) == NODES[name]
+    assert len(shown) == len(set(shown))
+
+
+def test_what_helpers_set_are_parameters_of_their_nodes():
+    for node, made in {
+        'bag_recorder': recorder_parameters('bag'),
+        'bag_player': player_parameters('bag', 1.0, 'index'),
+    }.items():
+        assert all(has_parameter(node, key) for key in made)
+
+
+@pytest.mark.parametrize(('name', 'included'), INCLUDES.items())
+def test_a_short_launch_file_includes_another(name, included):
+    text = (LAUNCH_FOLDER / f'{name}.launch.py').read_text()
+    assert f"with_name('{included}.launch.py')" in text
+    ((given,),) = (re.findall(r'launch_arguments=\{\'(\w+)\'', text),)
+    assert given in [argument.name for argument in read_launch_arguments(included)]
+
+
+@pytest.mark.parametrize('name', WITH_NODES)
+def test_every_argument_says_what_it_is_for_and_is_used(name):
+    arguments = read_launch_arguments(name)
+    names = [argument.name for argument in arguments]
+    assert len(names) == len(set(names))
+    assert {'models', 'record', 'params_file', 'namespace', 'use_sim_time', 'autostart'} <= set(
+        names
+    )
+    for argument in arguments:
+        assert len(argument.description) > 20
+        assert not argument.choices or argument.default in (*argument.choices, '')
+        assert f'| `{argument.name}` |' in argument_tables()
+    shared = {'params_file', 'use_sim_time', 'autostart', 'respawn', 'log_level'}
+    text = (LAUNCH_FOLDER / f'{name}.launch.py').read_text()
+    used = set(re.findall(r"arguments(?:\.\w+\(|\[)'(\w+)'", text))
+    used |= {f'{port}_port' for port in ('guide', 'tendon', 'sensor')} & set(names)
+    assert used == set(names) - shared
+
+
+def test_the_command_line_has_the_same_choices():
+    (phases,) = (a for a in read_launch_arguments('hand') if a.name == 'phases')
+    assert phases.choices == ('', *PHASES)
+
+
+def test_the_parameters_of_the_rig_are_those_of_its_nodes():
+    file = ParameterFile(LAUNCH_FOLDER.parent / 'config' / 'rig.yaml')
+    for namespace in ('', 'thumb'):
+        file.refuse_others([namespace])
+        for node, device in {
+            'tendon_sensor': 'sensor',
+            'linear_guide': 'guide',
+            'tendon_actuator': 'tendon',
+        }.items():
+            parameters = file.of(node, namespace)
+            assert parameters['port'] == f'/dev/tactile/{device}'
+            CONFIGS[node](**parameters)
+        guide = set(file.of('linear_guide', namespace)['heartbeat_topics'])
+        assert guide == {'trial_runner/heartbeat', 'tendon_actuator/heartbeat'}
+        tendon = set(file.of('tendon_actuator', namespace)['heartbeat_topics'])
+        assert tendon == {'trial_runner/heartbeat', 'linear_guide/heartbeat'}
