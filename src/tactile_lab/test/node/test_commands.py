@@ -209,7 +209,7 @@ def test_parameters_reach_the_nodes_and_unknown_ones_are_refused(tmp_path):
         ('tendon_senser: {ros__parameters: {rate_hz: 60.0}}', 'tendon_senser'),
         (
             'tendon_sensor: {ros__parameters: {ratehz: 60.0}}',
-            'the parameter ratehz, which tendon_sensor does not have; did you mean rate_hz',
+            'ratehz, which tendon_sensor does not have; did you mean rate_hz?',
         ),
         ('tendon_sensor: {ros__parameters: {rate_hz: -1.0}}', 'rate_hz'),
     ):
