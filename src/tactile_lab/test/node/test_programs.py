@@ -48,10 +48,12 @@ def wait_until_held(process):
     wait_until(is_held, timeout_s=DEADLINE_S, poll_s=0.0)
 
 
+FINGERS = str(Path(get_package_prefix('tactile_bringup'), 'lib', 'tactile_bringup', 'finger_node'))
 COMMANDS = (['rig'], ['sense'], ['hand', '--fingers', 'index'])
 PROGRAMS = {executable: (program_of(executable),) for executable in EXECUTABLES} | {
     command[0]: (TACTILE, *command, '--simulated') for command in COMMANDS
 }
+PROGRAMS['finger_node'] = (FINGERS, '/tendon_sensor', '/tactile_features')
 
 
 @pytest.mark.parametrize(('name', 'number'), zip(PROGRAMS, itertools.cycle(NUMBERS), strict=False))

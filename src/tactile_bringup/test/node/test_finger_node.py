@@ -1,0 +1,116 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The program of a finger or a hand: its nodes, their parameters from a file, its end."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+
+from ament_index_python.packages import get_package_prefix
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from tactile_bringup.nodes.finger_node import describe, PACKAGES
+from tactile_msgs.msg import StrainBlock
+from tactile_ros.errors import TactileError
+from tactile_ros.programs.node_program import find_node_class
+from tactile_ros.qos import STREAM
+from tactile_sim.rig_process import SimulatedRig
+from tactile_testing.waiting import wait_until
+
+PROGRAM = Path(get_package_prefix('tactile_bringup'), 'lib', 'tactile_bringup', 'finger_node')
+DEADLINE_S = 60.0
+FINGERS = ('index', 'middle')
+
+
+def start(context, *arguments):
+    return subprocess.Popen(
+        [PROGRAM, *arguments],
+        env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.fixture
+def ear(context):
+    node = Node('ear', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield node, lambda: executor.spin_once(timeout_sec=0.05)
+    executor.shutdown()
+    node.destroy_node()
+
+
+def test_the_nodes_of_a_hand_run_with_the_parameters_of_a_file(context, ear, tmp_path):
+    node, spin = ear
+    heard = {finger: [] for finger in FINGERS}
+    for finger in FINGERS:
+        topic = f'/left/{finger}/tendon_sensor/strain'
+        node.create_subscription(StrainBlock, topic, heard[finger].append, STREAM)
+    nodes = [f'/left/{f}/{n}' for f in FINGERS for n in ('tendon_sensor', 'tactile_features')]
+    with SimulatedRig(1, tmp_path / 'a') as one, SimulatedRig(2, tmp_path / 'b') as other:
+        text = ''.join(
+            f'/left/{finger}/tendon_sensor:\n  ros__parameters:\n    port: {rig.ports.sensor}\n'
+            f'    frame_id: tip_of_{finger}\n    simulated: true\n'
+            for finger, rig in zip(FINGERS, (one, other), strict=True)
+        )
+        params = tmp_path / 'hand.yaml'
+        params.write_text(text)
+        process = start(context, *nodes, '--ros-args', '--params-file', str(params))
+        wait_until(lambda: all(heard.values()), timeout_s=DEADLINE_S, step=spin)
+        for finger in FINGERS:
+            assert heard[finger][0].header.frame_id == f'tip_of_{finger}'
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, errors
+    assert all(f'{node.strip("/")}' in errors for node in nodes), errors
+
+
+def test_without_autostart_the_nodes_wait_for_a_lifecycle_manager(context, ear, tmp_path):
+    node, spin = ear
+    params = tmp_path / 'hand.yaml'
+    params.write_text('/**: {ros__parameters: {autostart: false}}')
+    process = start(
+        context, '/tendon_sensor', '/tactile_features', '--ros-args', '--params-file', str(params)
+    )
+    try:
+        wait_until(
+            lambda: {'tendon_sensor', 'tactile_features'} <= set(node.get_node_names()),
+            timeout_s=DEADLINE_S,
+            step=spin,
+        )
+        # Configured, the sensor would have failed: there is no device, and the process ended.
+        assert not node.count_publishers('/tactile_features/features')
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=DEADLINE_S)
+    finally:
+        process.kill()
+    assert process.returncode == 0, errors
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        ([], 'name nodes, as /tendon_sensor'),
+        (['/index/linear_guide'], 'there is no node linear_guide for a finger'),
+        (['/tactile_features', '--ros-args', '-p', 'max_gap_samples:=-1'], 'max_gap_samples'),
+    ],
+)
+def test_what_cannot_be_started_ends_the_process_with_one(context, arguments, sentence):
+    process = start(context, *arguments)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 1, errors
+    assert sentence in errors
+
+
+def test_every_name_is_that_of_a_node():
+    for name, package in PACKAGES.items():
+        node = describe(f'/a/b/{name}')
+        assert (node.package, node.namespace) == (package, 'a/b')
+        assert find_node_class(node.executable).__module__.split('.')[0] == package
+    with pytest.raises(TactileError, match='no node x'):
+        describe('x')
