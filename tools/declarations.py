@@ -42,6 +42,7 @@ LIBRARIES = {
     'aiohttp': Library('python3-aiohttp', 'aiohttp'),
     'distributed': Library('', 'dask[distributed]'),
     'dynamixel_sdk': Library('dynamixel_sdk', 'dynamixel-sdk'),
+    'google': Library('', 'onnx'),  # protobuf, which onnx requires
     'hypothesis': Library('python3-hypothesis', 'hypothesis'),
     'joblib': Library('python3-joblib', 'joblib'),
     'lz4': Library('python3-rosbags-pip', 'lz4'),  # no key of its own; rosbags requires it
@@ -66,12 +67,12 @@ LIBRARIES = {
 """By the name that is imported. What is not in it is a ROS package of that name."""
 
 OPTIONAL = {
-    'tactile_classifier': {'onnx', 'skl2onnx', 'vision_msgs'},
+    'tactile_classifier': {'skl2onnx', 'vision_msgs'},
     'tactile_lab': {'distributed', 'pyarrow'},
 }
 """By package: what it runs without. In ``setup.py`` these are extras, not requirements."""
 
-TRAINING = {'onnx', 'skl2onnx'}
+TRAINING = {'skl2onnx'}
 """Optional for a package that only runs models; pip installs them, since it is for training."""
 
 NOT_INSTALLED_BY_PIP = {'tactile_testing'}

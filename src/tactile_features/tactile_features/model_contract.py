@@ -130,7 +130,7 @@ def read_contract(path: Path) -> ModelContract:
         When the file is no model, or its features cannot be computed here.
     """
     with refusals_of(path):
-        fields = parse_manifest(open_container(read_limited(path))[0])
+        fields = parse_manifest(open_container(read_limited(path)).manifest)
         wanted = parse_wanted(fields)
         _bind(wanted, FeatureConfig(buffer_s=LONGEST_BUFFER_S))
         return ModelContract(path, fields['task'], fields['contact'], wanted)

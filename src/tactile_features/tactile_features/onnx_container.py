@@ -1,22 +1,21 @@
 # Copyright 2026 Tendon Tactile maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ONNX file as a sealed container of a graph and a manifest.
+"""The ONNX file as a sealed container of a graph, a manifest and a card.
 
-Only what must be known before the file is handed to a runtime is read here, from
-the protobuf encoding itself (onnx/onnx.proto): the metadata, the domains of the
-operators, and whether weights lie outside the file. The `onnx` package is not needed.
+A file is untrusted input. It is read with ``onnx``, its graph is checked, and what no field of
+ONNX names is dropped. `Container.model` is the checked model, written again: a runtime is given
+these bytes and never those of the file.
 
-A card for people stands before the manifest: plain text, shown by ``tactile show``.
-
-The last metadata entry is the seal: the SHA-256 of all bytes before it. It tells a
-damaged file from a whole one; it is no signature.
+The metadata hold the card, plain text for people, and the manifest. The last entry is the seal:
+the SHA-256 of all bytes before it. It tells a damaged file from a whole one; it is no signature.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 import hashlib
+from typing import Any, NamedTuple
 
 from tactile_features.errors import ModelFileError
 
@@ -27,17 +26,63 @@ SEAL_KEY = 'tactile_sha256'
 MAX_CARD_BYTES = 64 * 2**10
 """A file with a larger card is refused [byte]."""
 
-_ALLOWED_DOMAINS = {'', 'ai.onnx', 'ai.onnx.ml'}
+MAX_NODES = 10_000
+"""A graph with more operations is refused; the largest of our own has 739."""
+
+OPERATORS = frozenset(
+    [
+        'Abs',
+        'Add',
+        'ArgMax',
+        'ArgMin',
+        'Cast',
+        'Concat',
+        'Div',
+        'Equal',
+        'Exp',
+        'Gather',
+        'Greater',
+        'Identity',
+        'If',
+        'Less',
+        'MatMul',
+        'Max',
+        'Mul',
+        'Neg',
+        'ReduceMin',
+        'ReduceSum',
+        'ReduceSumSquare',
+        'Reshape',
+        'Slice',
+        'Softmax',
+        'Sqrt',
+        'Squeeze',
+        'Sub',
+        'TopK',
+        'Unsqueeze',
+        'Where',
+        'ai.onnx.ml:TreeEnsembleClassifier',
+    ]
+)
+"""All that our graphs are made of, with its domain where it is not that of ONNX itself. None
+repeats another graph, reads a file or makes values out of a mere size."""
+
 _MAX_DEPTH = 16  # graphs inside graphs
 
-# Field numbers of onnx.proto.
-_MODEL_GRAPH, _MODEL_METADATA, _MODEL_TRAINING, _MODEL_FUNCTIONS = 7, 14, 20, 25
-_GRAPH_NODE, _GRAPH_TENSOR, _GRAPH_SPARSE = 1, 5, 15
-_NODE_OP_TYPE, _NODE_ATTRIBUTE, _NODE_DOMAIN = 4, 5, 7
-_ATTRIBUTE_TENSORS, _ATTRIBUTE_GRAPHS, _ATTRIBUTE_SPARSE = (5, 10), (6, 11), (22, 23)
-_SPARSE_TENSORS = (1, 2)
-_TENSOR_EXTERNAL_DATA, _TENSOR_DATA_LOCATION = 13, 14
-_ENTRY_KEY, _ENTRY_VALUE = 1, 2
+
+class Container(NamedTuple):
+    """What a model file holds.
+
+    Attributes
+    ----------
+    manifest, card : str
+    model : bytes
+        The ONNX model to run.
+    """
+
+    manifest: str
+    card: str
+    model: bytes
 
 
 def seal(model: bytes, manifest: str, card: str) -> bytes:
@@ -46,20 +91,31 @@ def seal(model: bytes, manifest: str, card: str) -> bytes:
     return body + _encode_seal(body)
 
 
-def open_container(data: bytes) -> tuple[str, str]:
-    """Return manifest and card of a sealed ONNX file whose graph keeps to the rules.
+def open_container(data: bytes) -> Container:
+    """Return the contents of a sealed ONNX file whose graph keeps to the rules.
 
     Raises
     ------
     ModelFileError
         When the bytes are not ONNX, hold no manifest, were changed after they were written,
-        use operators of other domains, functions or weights outside the file, or have a card
-        that is no plain text.
+        use other operators than `OPERATORS`, functions or weights outside the file, or have a
+        card that is no plain text.
     """
+    from google.protobuf.message import DecodeError
+    import onnx
+
     try:
-        metadata = _read_model(data)
-    except _NotProtobufError:
+        model = onnx.ModelProto.FromString(data)
+    except DecodeError:
         raise ModelFileError('it is not an ONNX file, or only a part of one') from None
+    if not model.HasField('graph'):
+        raise ModelFileError('it is not an ONNX file, or only a part of one')
+    _check_model(model)
+    metadata: dict[str, str] = {}
+    for entry in model.metadata_props:
+        if entry.key in metadata:
+            raise ModelFileError(f'it has the metadata "{entry.key}" twice')
+        metadata[entry.key] = entry.value
     if MANIFEST_KEY not in metadata:
         raise ModelFileError('it has no manifest: it was not written by this software')
     body = data[: -len(_encode_seal(b''))]
@@ -70,16 +126,14 @@ def open_container(data: bytes) -> tuple[str, str]:
         raise ModelFileError(f'its card has more than {MAX_CARD_BYTES >> 10} KiB')
     if not card.replace('\n', '').isprintable():  # nothing that a terminal would obey
         raise ModelFileError('its card is no plain text')
-    return metadata[MANIFEST_KEY], card
+    model.DiscardUnknownFields()
+    del model.metadata_props[:]
+    return Container(metadata[MANIFEST_KEY], card, model.SerializeToString())
 
 
 def replace_manifest(data: bytes, manifest: str, card: str) -> bytes:
     """Return a sealed model with another manifest, another card and the same graph."""
-    body = data[: -len(_encode_seal(b''))]
-    old = _encode_texts(*open_container(data))
-    if not body.endswith(old):
-        raise ModelFileError('its manifest is not where this software writes it')
-    return seal(body.removesuffix(old), manifest, card)
+    return seal(open_container(data).model, manifest, card)
 
 
 def _encode_texts(manifest: str, card: str) -> bytes:
@@ -91,137 +145,45 @@ def _encode_seal(body: bytes) -> bytes:
 
 
 def _encode_entry(key: str, value: str) -> bytes:
-    entry = _encode_field(_ENTRY_KEY, key.encode()) + _encode_field(_ENTRY_VALUE, value.encode())
-    return _encode_field(_MODEL_METADATA, entry)
+    """Return a model of one entry of metadata: appended to another model, it is added to it."""
+    import onnx
+
+    entry = onnx.StringStringEntryProto(key=key, value=value)
+    return bytes(onnx.ModelProto(metadata_props=[entry]).SerializeToString())
 
 
-def _encode_field(number: int, content: bytes) -> bytes:
-    return _encode_varint(number << 3 | 2) + _encode_varint(len(content)) + content
+def _check_model(model: Any) -> None:
+    if model.functions or model.training_info:
+        raise ModelFileError('it holds functions or training graphs, which are refused')
+    for count, (node, depth) in enumerate(_walk(model.graph, 0), 1):
+        if depth > _MAX_DEPTH:
+            raise ModelFileError('its graphs are nested too deeply')
+        if count > MAX_NODES:
+            raise ModelFileError(f'its graph has more than {MAX_NODES} operations')
+        domain = '' if node.domain in ('', 'ai.onnx') else f'{node.domain}:'
+        if f'{domain}{node.op_type}' not in OPERATORS:
+            raise ModelFileError(
+                f'it uses the operator {domain}{node.op_type}, which no model of ours needs'
+            )
 
 
-def _encode_varint(value: int) -> bytes:
-    out = bytearray()
-    while value > 0x7F:
-        out.append(value & 0x7F | 0x80)
-        value >>= 7
-    out.append(value)
-    return bytes(out)
+def _walk(graph: Any, depth: int) -> Iterator[tuple[Any, int]]:
+    """Yield each node of a graph and of the graphs in it; check all tensors on the way."""
+    if graph.sparse_initializer:
+        raise ModelFileError('it has sparse weights, which are refused')
+    for tensor in graph.initializer:
+        _check_tensor(tensor)
+    for node in graph.node:
+        yield node, depth
+        for attribute in node.attribute:
+            if attribute.HasField('sparse_tensor') or attribute.sparse_tensors:
+                raise ModelFileError('it has sparse weights, which are refused')
+            for tensor in [attribute.t, *attribute.tensors]:
+                _check_tensor(tensor)
+            for inner in [attribute.g, *attribute.graphs]:
+                yield from _walk(inner, depth + 1)
 
 
-class _NotProtobufError(Exception):
-    pass
-
-
-def _read_model(data: bytes) -> dict[str, str]:
-    metadata: dict[str, str] = {}
-    has_graph = False
-    for number, value in _read_fields(data):
-        if number == _MODEL_GRAPH:
-            has_graph = True
-            _check_graph(_content(value), 0)
-        elif number == _MODEL_METADATA:
-            entry = dict(_read_fields(_content(value)))
-            key, text = (_text(entry.get(n, b'')) for n in (_ENTRY_KEY, _ENTRY_VALUE))
-            if key in metadata:
-                raise ModelFileError(f'it has the metadata "{key}" twice')
-            metadata[key] = text
-        elif number in (_MODEL_TRAINING, _MODEL_FUNCTIONS):
-            raise ModelFileError('it holds functions or training graphs, which are refused')
-    if not has_graph:
-        raise _NotProtobufError
-    return metadata
-
-
-def _check_graph(data: bytes, depth: int) -> None:
-    if depth > _MAX_DEPTH:
-        raise ModelFileError('its graphs are nested too deeply')
-    for number, value in _read_fields(data):
-        if number == _GRAPH_NODE:
-            _check_node(_content(value), depth)
-        elif number == _GRAPH_TENSOR:
-            _check_tensor(_content(value))
-        elif number == _GRAPH_SPARSE:
-            _check_sparse(_content(value))
-
-
-def _check_node(data: bytes, depth: int) -> None:
-    op_type = domain = ''
-    for number, value in _read_fields(data):
-        if number == _NODE_OP_TYPE:
-            op_type = _text(value)
-        elif number == _NODE_DOMAIN:
-            domain = _text(value)
-        elif number == _NODE_ATTRIBUTE:
-            for inner, content in _read_fields(_content(value)):
-                if inner in _ATTRIBUTE_TENSORS:
-                    _check_tensor(_content(content))
-                elif inner in _ATTRIBUTE_GRAPHS:
-                    _check_graph(_content(content), depth + 1)
-                elif inner in _ATTRIBUTE_SPARSE:
-                    _check_sparse(_content(content))
-    if domain not in _ALLOWED_DOMAINS:
-        raise ModelFileError(f'it uses the custom operator {domain}:{op_type}, which is refused')
-    if op_type == 'Loop':
-        raise ModelFileError('it uses the operator Loop, which need not end, and is refused')
-
-
-def _check_sparse(data: bytes) -> None:
-    for number, value in _read_fields(data):
-        if number in _SPARSE_TENSORS:
-            _check_tensor(_content(value))
-
-
-def _check_tensor(data: bytes) -> None:
-    for number, value in _read_fields(data):
-        if number == _TENSOR_EXTERNAL_DATA or (number == _TENSOR_DATA_LOCATION and value):
-            raise ModelFileError('it keeps weights in another file, which is refused')
-
-
-def _content(value: int | bytes) -> bytes:
-    if isinstance(value, int):
-        raise _NotProtobufError
-    return value
-
-
-def _text(value: int | bytes) -> str:
-    try:
-        return _content(value).decode()
-    except UnicodeDecodeError:
-        raise _NotProtobufError from None
-
-
-def _read_fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Yield number and value of each field: int for varints, bytes for the others."""
-    at = 0
-    while at < len(data):
-        tag, at = _read_varint(data, at)
-        number, kind = tag >> 3, tag & 7
-        if number == 0:
-            raise _NotProtobufError
-        if kind == 0:
-            value, at = _read_varint(data, at)
-            yield number, value
-            continue
-        if kind == 2:
-            size, at = _read_varint(data, at)
-        elif kind in (1, 5):
-            size = 8 if kind == 1 else 4
-        else:
-            raise _NotProtobufError
-        if size > len(data) - at:
-            raise _NotProtobufError
-        yield number, data[at : at + size]
-        at += size
-
-
-def _read_varint(data: bytes, at: int) -> tuple[int, int]:
-    value = 0
-    for shift in range(0, 70, 7):
-        if at >= len(data):
-            raise _NotProtobufError
-        byte = data[at]
-        at += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            return value, at
-    raise _NotProtobufError
+def _check_tensor(tensor: Any) -> None:
+    if tensor.external_data or tensor.data_location:
+        raise ModelFileError('it keeps weights in another file, which is refused')

@@ -80,7 +80,7 @@ def read_model_card(path: str | Path) -> str:
         With a sentence that says why the file is not used.
     """
     with refusals_of(path):
-        return open_container(read_limited(path))[1]
+        return open_container(read_limited(path)).card
 
 
 def read_manifest(path: str | Path) -> Manifest:
@@ -92,7 +92,7 @@ def read_manifest(path: str | Path) -> Manifest:
         With a sentence that says why the file is not used.
     """
     with refusals_of(path):
-        return _read_manifest(read_limited(path))
+        return Manifest.from_json(open_container(read_limited(path)).manifest)
 
 
 class TactileModel:
@@ -125,7 +125,8 @@ class TactileModel:
     def __init__(self, data: bytes, path: str = '') -> None:
         self.path = path
         self.sha256 = hashlib.sha256(data).hexdigest()
-        self.manifest = _read_manifest(data)
+        container = open_container(data)
+        self.manifest = Manifest.from_json(container.manifest)
         self.spec: FeatureSpec = self.manifest.spec
         self.labels = self.manifest.labels
         self.model_id = '-'.join(
@@ -141,7 +142,7 @@ class TactileModel:
         self._stages = {stage.sample_count: stage for stage in self.manifest.stages}
         self._offsets = _read_offsets(self.manifest)
         self._rows = max(1, min(ROWS_AT_ONCE, BYTES_AT_ONCE // len(data)))
-        self._session = open_session(data)
+        self._session = open_session(container.model)
         self._check_graph()
 
     @classmethod
@@ -206,6 +207,8 @@ class TactileModel:
             When the model has no answers for windows of that length.
         DatasetError
             When the values have another shape.
+        ModelFileError
+            When an answer is none of its labels.
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self.spec.names):
@@ -226,6 +229,8 @@ class TactileModel:
         ]
         found = [np.concatenate(each) for each in zip(*blocks, strict=True)]
         answer, scores, *novelty = found
+        if len(answer) and not 0 <= answer.min() <= answer.max() < len(self.labels):
+            raise ModelFileError(f'model {self.model_id} answers with a label that it lacks')
         return Answers(answer[:, 0], scores, novelty[0][:, 0] if novelty else np.empty(0))
 
     def predict(self, values: npt.ArrayLike, sample_count: int = 0) -> list[str]:
@@ -260,7 +265,11 @@ class TactileModel:
         if not reason:
             if correction is not None:
                 values = values - correction.offset
-            found = self.compute(values[np.newaxis], stage.sample_count)
+            try:
+                found = self.compute(values[np.newaxis], stage.sample_count)
+            except ModelFileError as error:
+                reason = str(error)
+        if not reason:
             scores = tuple(found.scores[0].tolist())
             novelty = float(found.novelty[0]) if len(found.novelty) else -1.0
             if not all(map(math.isfinite, (*scores, novelty))):
@@ -387,7 +396,3 @@ def _read_offsets(manifest: Manifest) -> dict[int, npt.NDArray[np.float64]]:
         raise ModelFileError('its recalibration does not have one offset a stage')
     counts = [stage.sample_count for stage in manifest.stages]
     return dict(zip(counts, offsets, strict=False))
-
-
-def _read_manifest(data: bytes) -> Manifest:
-    return Manifest.from_json(open_container(data)[0])

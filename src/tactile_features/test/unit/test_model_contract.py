@@ -189,6 +189,6 @@ def test_contracts_are_read_without_the_libraries_of_models(folder):
         'import sys; from tactile_features import read_contracts, TrialFeatureExtractor\n'
         f'assert len(read_contracts({str(folder)!r})[0]) == 3\n'
         'loaded = {name.partition(".")[0] for name in sys.modules}\n'
-        'assert not loaded & {"onnx", "onnxruntime", "sklearn", "scipy", "tactile_classifier"}'
+        'assert not loaded & {"onnxruntime", "sklearn", "scipy", "tactile_classifier"}'
     )
     subprocess.run([sys.executable, '-c', program], check=True)
