@@ -80,13 +80,16 @@ class TactileBag:
         Folder of the bag, or one data file (``.mcap``, ``.db3``).
     needs_strain : bool
         Refuse a bag without strain blocks.
+    needs_all : bool
+        Refuse a bag that was closed in order and does not hold what it then held.
 
     Attributes
     ----------
     metadata : dict
         What the recorder noted about the recording; empty where it was another's.
     recovered : str
-        Empty, or a sentence that says that the bag was never finished and what it may lack.
+        Empty, or a sentence that says that the bag was never finished, or is damaged, and what it
+        may lack.
         It is also logged as a warning.
 
     Raises
@@ -95,7 +98,7 @@ class TactileBag:
         When there is no readable bag at ``path``, or none with strain blocks.
     """
 
-    def __init__(self, path: Path, *, needs_strain: bool = True) -> None:
+    def __init__(self, path: Path, *, needs_strain: bool = True, needs_all: bool = True) -> None:
         self.path = Path(path)
         self._needs_strain = needs_strain
         self._store = message_store()
@@ -106,6 +109,9 @@ class TactileBag:
         try:
             metadata = self._open()
             self._check_types(metadata)
+            difference = self._compare_counts(metadata)
+            if difference and needs_all:
+                raise BagError(f'{difference}. `tactile repair` copies those that are there')
             self.metadata = _read_metadata(metadata.custom)
         except (BagError, OSError) as error:
             self.close()
@@ -114,7 +120,7 @@ class TactileBag:
             self.close()
             raise
         self._file_metadata = metadata
-        self.recovered = self._describe_recovery()
+        self.recovered = difference or self._describe_recovery()
         if self.recovered:
             logging.getLogger(__name__).warning('%s', self.recovered)
 
@@ -204,11 +210,36 @@ class TactileBag:
                     raise BagError(reason)
                 self._foreign[topic.type_name] = reason
 
+    def _compare_counts(self, metadata: BagMetadata) -> str:
+        """Return where finished files hold other messages than they or the metadata state."""
+        if not all(file.is_finished for file in self._files):
+            return ''  # it is told what an unfinished one may lack
+        there: Counter[str] = Counter()
+        for file in self._files:
+            found = {n: file.counts[n] for n in file.topics}
+            stated = file.stated_counts if isinstance(file, McapFile) else None
+            for number, topic in file.topics.items():
+                there[topic.name] += found[number]
+                if stated is not None and stated[number] != found[number]:
+                    return (
+                        f'{file.path.name} holds {found[number]} messages on {topic.name}, and '
+                        f'its own statistics say {stated[number]}: it was damaged after it was '
+                        'closed'
+                    )
+        # The copy in a data file may be of the whole bag, or of a part.
+        for name, count in (metadata.counts if self._has_metadata else {}).items():
+            if there[name] != count:
+                return (
+                    f'it holds {there[name]} messages on {name}, and its {FILE_NAME} says '
+                    f'{count}: it was damaged after it was closed'
+                )
+        return ''
+
     def _describe_recovery(self) -> str:
         unfinished = [file.path.name for file in self._files if not file.is_finished]
         if unfinished:
             count = sum(sum(file.counts.values()) for file in self._files)
-            lost = max(0, self._file_metadata.message_count - count)
+            lost = max(0, sum(self._file_metadata.counts.values()) - count)
             missing = (
                 f'{lost} that it once held are missing: the file was cut off later'
                 if lost

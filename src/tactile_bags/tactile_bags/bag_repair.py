@@ -53,7 +53,7 @@ def repair_bag(source: Path, target: Path) -> Repair:
     BagError
         When the bag cannot be opened at all, or the copy not be written.
     """
-    with TactileBag(source) as bag:
+    with TactileBag(source, needs_all=False) as bag:
         metadata = {**bag.metadata, 'repaired_from_sha256': bag.sha256()}
         if metadata.get('models'):
             models = (source / str(metadata['models'])).resolve()

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import json
 import os
 from pathlib import Path
@@ -43,7 +43,8 @@ class BagMetadata:
     topics : dict of str to str
         Type by topic; topics without messages are included.
     custom : dict of str to str
-    message_count : int
+    counts : dict of str to int
+        Messages by topic.
     """
 
     storage: str
@@ -52,7 +53,7 @@ class BagMetadata:
     type_hashes: dict[str, str]
     topics: dict[str, str]
     custom: dict[str, str]
-    message_count: int = 0
+    counts: dict[str, int] = field(default_factory=dict)
 
 
 def read_metadata(path: Path) -> BagMetadata:
@@ -101,7 +102,7 @@ def parse_metadata(text: str) -> BagMetadata:
             },
             topics={str(t['name']): str(t['type']) for t, _ in topics},
             custom={str(k): str(v) for k, v in (document.get('custom_data') or {}).items()},
-            message_count=sum(count for _, count in topics),
+            counts={str(t['name']): count for t, count in topics},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BagError(f'it is not of the form that rosbag2 gives it ({error!r})') from error

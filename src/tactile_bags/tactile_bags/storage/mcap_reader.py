@@ -4,7 +4,9 @@
 """Reads an MCAP file from its beginning, whether or not it was ever finished.
 
 The index at the end of a file is not used: it is absent where a recorder was killed, and
-need not be true in an untrusted file. What is read is bounded by `mcap_format`.
+need not be true in an untrusted file. The index behind each chunk says which topics are in it;
+where the statistics at the end of a finished file say otherwise, all chunks are looked into. What
+is read is bounded by `mcap_format`.
 """
 
 from __future__ import annotations
@@ -45,6 +47,7 @@ from tactile_bags.storage.mcap_format import (
     RecordFields,
     records_within,
     SCHEMA,
+    STATISTICS,
     StoredTopic,
 )
 from tactile_bags.storage.mcap_segments import PACKINGS, Segment, SegmentTable
@@ -73,6 +76,8 @@ class McapFile:
         In the order of the file.
     metadata : str
         The copy of ``metadata.yaml`` in it; empty when there is none.
+    stated_counts : Counter of int or None
+        Messages by channel as the statistics of a finished file state them; None: they do not.
 
     Raises
     ------
@@ -87,6 +92,7 @@ class McapFile:
         self.is_finished = False
         self.segments = SegmentTable()
         self.metadata = ''
+        self.stated_counts: Counter[int] | None = None
         self._last: Segment | None = None  # the newest, which is not in the table yet
         self._last_counts: Counter[int] | None = None
         self._is_cut = False
@@ -97,6 +103,13 @@ class McapFile:
             self._size = self._file.seek(0, io.SEEK_END)
             self._scan()
             self._look_into_chunks()
+            if self.stated_counts not in (None, self.counts):
+                self.segments.forget_counts()
+                self._look_into_chunks()
+            if unknown := sorted(self.counts.keys() - self.topics.keys()):
+                raise BagError(
+                    f'messages are on channel {unknown[0]}, which no channel record defines'
+                )
         except BaseException:
             self._file.close()
             raise
@@ -166,6 +179,8 @@ class McapFile:
             self._learn(opcode, self._file.read(length))
         elif opcode == METADATA:
             self._take_metadata(length)
+        elif opcode == STATISTICS:
+            self._take_statistics(length)
 
     def _take_loose_message(self, offset: int, length: int) -> None:
         _check_size('a message', length, MAX_CHUNK_BYTES)
@@ -238,6 +253,18 @@ class McapFile:
         if fields.text() == METADATA_NAME:
             self.metadata = fields.texts().get(METADATA_KEY, '')
 
+    def _take_statistics(self, length: int) -> None:
+        _check_size('the statistics', length, MAX_METADATA_BYTES)
+        fields = RecordFields(self._file.read(length))
+        for size in (8, 2, 4, 4, 4, 4, 8, 8):  # totals and times
+            fields.number(size)
+        fields.number(4)  # bytes of the counts
+        counts: Counter[int] = Counter()
+        while not fields.is_at_end:
+            channel = fields.number(2)
+            counts[channel] = fields.number(8)
+        self.stated_counts = +counts  # without those that are zero
+
     def _learn(self, opcode: int, contents: bytes) -> None:
         fields = RecordFields(contents)
         number = fields.number(2)
@@ -274,11 +301,6 @@ class McapFile:
             if not has_counts:
                 self.segments.set_counts(i, counts)
         self.counts = self.segments.counts
-        unknown = sorted(self.counts.keys() - self.topics.keys())
-        if unknown:
-            raise BagError(
-                f'messages are on channel {unknown[0]}, which no channel record defines'
-            )
 
     def _drop_damaged_end(self) -> None:
         """Of the last chunk, keep what came to the disk."""

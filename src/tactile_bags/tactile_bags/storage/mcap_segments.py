@@ -135,6 +135,14 @@ class SegmentTable:
         """Set the messages by channel of a segment of which they were not known."""
         struct.pack_into('<I', self._rows, i * _ROW.size + 36, self._group_of(counts))
 
+    def forget_counts(self) -> None:
+        """Let the channels of all segments be unknown."""
+        for i in range(len(self)):
+            struct.pack_into('<I', self._rows, i * _ROW.size + 36, 0)
+        self._groups.clear()
+        self._counts.clear()
+        self._group_bytes = 0
+
     def in_time(self, channels: Collection[int], since_ns: int) -> Iterator[tuple[int, int]]:
         """Yield start and number of those segments with any of some channels, by their start.
 

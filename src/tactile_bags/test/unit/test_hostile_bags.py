@@ -5,6 +5,7 @@
 
 from contextlib import suppress
 import os
+import re
 import subprocess
 import sys
 import zlib
@@ -19,6 +20,7 @@ from tactile_bags import (
     STRAIN,
     TactileBag,
 )
+from tactile_bags.bag_repair import repair_bag
 from tactile_bags.errors import BagError
 from tactile_bags.plain_yaml import parse_plain_yaml
 from tactile_bags.storage.bag_metadata import parse_metadata
@@ -39,7 +41,9 @@ from tactile_bags.storage.mcap_format import (
     pack_texts,
     RECORD_START,
     SCHEMA,
+    STATISTICS,
 )
+from tactile_bags.storage.mcap_writer import STATISTICS_START
 from tactile_ros.errors import TactileError
 
 HUGE = 2**62
@@ -173,6 +177,63 @@ def test_the_memory_for_the_index_of_the_chunks_is_limited(read_file, monkeypatc
 
 def index_of(channel):
     return pack_record(MESSAGE_INDEX, pack_number(channel, 2), pack_number(16, 4), bytes(16))
+
+
+def statistics_of(counts):
+    pairs = b''.join(pack_number(c, 2) + pack_number(n, 8) for c, n in counts.items())
+    totals = STATISTICS_START.pack(sum(counts.values()), 1, 2, 0, 0, 1, 0, 9)
+    return pack_record(STATISTICS, totals, pack_number(len(pairs), 4), pairs)
+
+
+EVENTS = pack_record(
+    CHANNEL,
+    pack_number(2, 2),
+    pack_number(1, 2),
+    pack_text('/trial_runner/events'),
+    pack_text('cdr'),
+    pack_texts({}),
+)
+BOTH = message(b'one', at_ns=1) + message(b'two', channel=2, at_ns=2)
+
+
+def finish(counts):
+    data_end, rest = END[: len(END) - 29 - len(MAGIC)], END[len(END) - 29 - len(MAGIC) :]
+    return data_end + statistics_of(counts) + rest
+
+
+def test_what_the_index_of_a_chunk_leaves_out_is_read_where_the_statistics_know_of_it(read_file):
+    data = DEFINED + EVENTS + chunk(BOTH)
+    for index in (index_of(1) + index_of(2), index_of(1), index_of(1) + index_of(7)):
+        assert read_file(data + index + finish({1: 1, 2: 1})) == ([b'one', b'two'], '')
+
+
+def test_a_closed_file_without_all_of_its_messages_is_refused_and_can_be_repaired(tmp_path):
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(
+        DEFINED + EVENTS + chunk(BOTH) + index_of(1) + index_of(2) + finish({1: 1, 2: 5})
+    )
+    said = (
+        r'a\.mcap holds 1 messages on /trial_runner/events, and its own statistics say 5: it was '
+        'damaged after it was closed'
+    )
+    with pytest.raises(BagError, match=f'{said}.*tactile repair'):
+        TactileBag(path)
+    repair = repair_bag(path, tmp_path / 'copy')
+    assert repair.message_count == 2
+    assert re.search(said, repair.recovered)
+    with TactileBag(tmp_path / 'copy') as bag:
+        assert [m.data for m in bag.messages()] == [b'one', b'two']
+
+
+def test_the_metadata_of_a_bag_are_compared_with_its_messages(tmp_path):
+    bag = tmp_path / 'bag'
+    (tmp_path / 'a.mcap').write_bytes(DEFINED + message(b'one') + message(b'two') + END)
+    repair_bag(tmp_path / 'a.mcap', bag)
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('message_count: 2', 'message_count: 3'))
+    with pytest.raises(BagError, match=r'holds 2 messages on .*, and its metadata\.yaml says 3'):
+        TactileBag(bag)
+    assert repair_bag(bag, tmp_path / 'copy').message_count == 2
 
 
 def test_chunks_that_claim_ever_other_channels_are_limited(read_file, monkeypatch):
