@@ -92,6 +92,7 @@ def running_graph(
     quiet: bool = False,
     on_end: Callable[[], None] = lambda: None,
     signals: Signals | None = None,
+    needs_all: bool = True,
 ) -> Iterator[dict[str, Any]]:
     """Run nodes until the block ends; give them by name, with their namespace.
 
@@ -111,6 +112,8 @@ def running_graph(
         Called, on a thread of the graph, when the nodes have stopped running.
     signals : Signals, optional
         A signal ends the start of the nodes early; those that are not active then stay so.
+    needs_all : bool
+        A node that cannot be configured or activated is an error; otherwise the others run.
 
     Raises
     ------
@@ -135,6 +138,8 @@ def running_graph(
             if node.get_parameter('autostart').value and not node.bring_up():
                 if is_ending():
                     return
+                if not needs_all:
+                    continue
                 raise TactileError(f'the node {name} could not be started; its log says why')
 
     def interrupt() -> None:

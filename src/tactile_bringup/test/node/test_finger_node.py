@@ -70,6 +70,38 @@ def test_the_nodes_of_a_hand_run_with_the_parameters_of_a_file(context, ear, tmp
     assert all(f'{node.strip("/")}' in errors for node in nodes), errors
 
 
+def test_a_finger_without_its_device_does_not_keep_the_others_and_comes_later(
+    context, ear, tmp_path
+):
+    node, spin = ear
+    heard = {finger: [] for finger in FINGERS}
+    for finger in FINGERS:
+        topic = f'/{finger}/tendon_sensor/strain'
+        node.create_subscription(StrainBlock, topic, heard[finger].append, STREAM)
+    params = tmp_path / 'hand.yaml'
+    params.write_text(
+        ''.join(
+            f'/{finger}/tendon_sensor:\n  ros__parameters: {{port: {tmp_path / finger}/sensor}}\n'
+            for finger in FINGERS
+        )
+    )
+    with SimulatedRig(1, tmp_path / 'index'):
+        names = [f'/{finger}/tendon_sensor' for finger in FINGERS]
+        process = start(context, *names, '--ros-args', '--params-file', str(params))
+        try:
+            wait_until(lambda: heard['index'], timeout_s=DEADLINE_S, step=spin)
+            assert not heard['middle']
+            with SimulatedRig(2, tmp_path / 'middle'):
+                wait_until(lambda: heard['middle'], timeout_s=DEADLINE_S, step=spin)
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0, errors
+    assert 'not running yet: middle/tendon_sensor' in errors
+    assert 'running: index/tendon_sensor, middle/tendon_sensor' in errors
+
+
 def test_without_autostart_the_nodes_wait_for_a_lifecycle_manager(context, ear, tmp_path):
     node, spin = ear
     params = tmp_path / 'hand.yaml'
