@@ -123,18 +123,18 @@ class ModelChoice:
         TactileError
             When no file there can be used for these, or ``recalibrate`` is no number.
         """
-        if path is None:
-            return None
-        # slow to import
         from tactile_classifier.confidence.session_statistics import TRIALS
-        from tactile_features import read_contracts
-        from tactile_features.spec import shared_rate_hz
 
         text = str(recalibrate)
         if not text.isdecimal() or 0 < int(text) < TRIALS:
             raise TactileError(
                 f'recalibrate is "{text}"; it must be a number of trials: {TRIALS} or more, or 0'
             )
+        if path is None:
+            return None
+        from tactile_features import read_contracts  # slow to import
+        from tactile_features.spec import shared_rate_hz
+
         contracts, _ = read_contracts(path, contact)
         found = sorted({each.task for each in contracts})
         if task and task not in found:
@@ -276,8 +276,8 @@ def sensor_parameters(
         A sensor on a topic has their rate, without models that of the feature node. Where
         neither says one, the sensor measures it.
     port : str
-        Serial port of the load cell; empty: that of the parameters; ``none``: another node
-        publishes the strain, unless the parameters name a sensor with an address or a topic.
+        Serial port of the load cell; empty: that of the parameters; ``none``, also there: another
+        node publishes the strain, unless the parameters name a sensor with an address or a topic.
     topic : str
         ``TOPIC``, ``TOPIC:AXIS`` or ``TOPIC:JOINT``; empty: that of the parameters.
     simulated : bool
@@ -299,6 +299,8 @@ def sensor_parameters(
     elif port and port != NO_PORT:
         given['port'] = port
     of_file = stated.get(SENSOR_NODE, {})
+    if not (port or topic) and of_file.get('port') == NO_PORT:
+        port = NO_PORT
     kind = {**of_file, **given}.get('sensor', '')
     if port == NO_PORT and kind not in PORTLESS_SENSORS:
         return None

@@ -106,6 +106,8 @@ def test_a_sensor_on_a_topic_has_the_rate_of_models_or_features_unless_stated(mo
 
 def test_without_a_sensor_port_another_node_publishes_the_strain():
     assert sensor_parameters({}, port='none') is None
+    assert sensor_parameters({'tendon_sensor': {'port': 'none'}}) is None
+    assert sensor_parameters({'tendon_sensor': {'port': 'none'}}, port='/dev/x') is not None
     net_ft = {'tendon_sensor': {'sensor': 'net_ft', 'host': '10.0.0.1'}}
     assert sensor_parameters(net_ft, port='none') == {}
     assert [node.name for node in sensing_graph('none', None, {})] == ['tactile_features']
@@ -130,6 +132,8 @@ def test_the_models_of_a_finger_fit_its_task_and_its_contact(trained, tmp_path):
 def test_a_number_of_known_trials_that_cannot_be_is_refused(trained, recalibrate):
     with pytest.raises(TactileError, match=f'recalibrate is "{recalibrate}"; it must be a number'):
         ModelChoice.read(trained, recalibrate=recalibrate)
+    with pytest.raises(TactileError, match='recalibrate'):
+        ModelChoice.read(None, recalibrate=recalibrate)
 
 
 def test_models_and_recalibration_may_stand_in_a_parameter_file(trained):
