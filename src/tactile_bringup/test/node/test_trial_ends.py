@@ -52,7 +52,7 @@ def test_a_driver_that_falls_silent_ends_the_trial_within_a_second(bench, protoc
     silent_s = time.monotonic()
     bench.wait_for_phase('aborted')
     assert time.monotonic() - silent_s < LOSS_S
-    assert f'Nothing was heard of {device.get_name()}/heartbeat' in bench.end(handle).message
+    assert f'Nothing was heard on {device.get_name()}/heartbeat' in bench.end(handle).message
     bench.wait_until_released()  # by a tendon driver without heartbeat, too, if it still hears
 
 
@@ -60,7 +60,7 @@ def test_a_trial_waits_for_a_tendon_that_is_still_let_out_after_the_last_one(ben
     bench.tendon.slowness = {2: 3.0}  # it is let out in 0.5 s
     handle = bench.touch('stiffness')
     bench.tendon.beats = False
-    assert 'Nothing was heard of tendon_actuator/heartbeat' in bench.end(handle).message
+    assert 'Nothing was heard on tendon_actuator/heartbeat' in bench.end(handle).message
     bench.tendon.beats = True
     assert 'done' in bench.end(bench.start('stiffness', hold_s=0.5)).message
     assert [goal.displacement_m > 0 for goal in bench.tendon.goals] == [True, False, True, False]
