@@ -46,6 +46,8 @@ class HangWatch:
         reader, writer = os.pipe()
         self._writer: int | None = writer
         os.set_blocking(writer, False)  # a child that hangs must not stop the worker
+        # The child inherits the mask: a signal to all is no reason to leave the parent alone.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
         try:
             self._child = subprocess.Popen(
                 [sys.executable, '-I', '-S', __file__, str(os.getpid()), str(reader)],
@@ -53,6 +55,7 @@ class HangWatch:
                 stdin=subprocess.DEVNULL,
             )
         finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             os.close(reader)
 
     def turn(self, pause_s: float = 0.0) -> None:
@@ -81,8 +84,6 @@ class HangWatch:
 
 def watch(parent: int, pipe: int) -> None:
     """Kill the parent when no message comes in time; return when the pipe is closed."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # the parent may bring its device to rest first
     slice_s: float | None = None
     silent = 0
     while True:
