@@ -300,7 +300,16 @@ class TrialRunnerNode(TactileNode):
 
     def _check(self, trial: RunningTrial) -> None:
         """Raise unless the trial may go on; else give a sign of life."""
-        trial.is_watched = False  # after a raise, waiting for devices takes longer than a lease
+        try:
+            self._find_end(trial)
+        except Exception:
+            trial.is_watched = False  # now the trial waits for devices, longer than a lease
+            raise
+        trial.is_watched = True
+        self._beat()
+
+    def _find_end(self, trial: RunningTrial) -> None:
+        """Raise what ends the trial."""
         trial.goal.check()
         trial.look(self.config.heartbeat_timeout_s)
         if (rivals := self._rivals) is not None and (loss := rivals.format_loss()):
@@ -314,8 +323,6 @@ class TrialRunnerNode(TactileNode):
         for source in watched:
             if source is not None and (loss := source.describe_silence()):
                 raise GoalAborted(loss)
-        trial.is_watched = True
-        self._beat()
 
     def _end_early(self, trial: RunningTrial, error: Exception) -> None:
         """Bring the rig to rest and raise the trial's end."""
