@@ -24,7 +24,7 @@ class LinearGuideNode(MotionNode):
     """Drives the linear guide.
 
     Actions ``~/move`` and ``~/home``, service ``~/stop``; joint states only while the position is
-    known. A motion ends, with the reason in its result, when a node or topic that it needs is lost.
+    known. A motion ends, with the reason in its result, when something that it needs is lost.
     """
 
     device = 'guide'

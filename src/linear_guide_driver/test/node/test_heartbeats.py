@@ -77,7 +77,11 @@ def test_a_tendon_driver_whose_poll_hangs_gives_no_sign_of_life(bench, servo):
 
 def test_a_driver_notices_the_loss_of_a_peer_while_its_executor_hangs(bench, servo, peers):
     bench.start(
-        TendonActuatorNode, port=servo.port, heartbeat_topics=['heart'], slack_after_s=0.2, **TENDON
+        TendonActuatorNode,
+        port=servo.port,
+        heartbeat_topics=['heart'],
+        slack_after_s=0.2,
+        **TENDON,
     )
     pull = {'displacement_m': TAUT_M, 'speed_m_s': 0.02, 'contact': 'flexion'}
     handle = bench.send(PullTendon, '/tendon_actuator/pull', **pull)
@@ -141,7 +145,7 @@ def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
     wait_until(lambda: not bench.node._find_missing())
 
 
-# -- a frozen tendon driver, in a process of its own ------------------------------------------------
+# -- a frozen tendon driver, in a process of its own --------------------------------------------
 
 
 @pytest.fixture
@@ -185,9 +189,7 @@ def test_a_frozen_tendon_driver_is_killed_and_the_next_one_lets_out(bench, servo
     watch.close()
 
 
-def test_a_driver_that_waits_for_its_servo_is_not_taken_for_a_hung_one(
-    bench, servo, start_driver
-):
+def test_a_driver_that_waits_for_its_servo_is_not_taken_for_a_hung_one(bench, servo, start_driver):
     driver = start_driver()
     watch = HeartbeatWatch(bench.peer, 'tendon_actuator/heartbeat')
     wait_until(lambda: not watch.format_loss(), timeout_s=START_S)

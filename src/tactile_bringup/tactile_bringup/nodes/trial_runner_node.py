@@ -135,7 +135,7 @@ class TrialRunnerNode(TactileNode):
             self._events = None
 
     def _find_missing(self) -> list[str]:
-        """Return what keeps a trial from being taken, a sentence each; on the executor's thread."""
+        """Return what keeps a trial from being taken, a sentence each; on the executor."""
         self._turned_s = time.monotonic()
         if not self.is_active:
             return ['The trial runner is not active; activate its node.']

@@ -78,9 +78,7 @@ def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, conte
     listener = Node('other', context=context)
     listener.create_subscription(Empty, 'listener/heartbeat', beats.append, 1)
     other = Node('plain', context=context)
-    other.create_subscription(
-        Empty, 'listener/heartbeat', beats.append, qos_profile_sensor_data
-    )
+    other.create_subscription(Empty, 'listener/heartbeat', beats.append, qos_profile_sensor_data)
 
     def is_well():
         asked.append(True)
