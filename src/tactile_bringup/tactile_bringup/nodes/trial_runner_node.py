@@ -10,6 +10,7 @@ from dataclasses import fields
 import time
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.time import Time
 
 from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
@@ -46,8 +47,10 @@ STOP_S = 1.0
 BEAT_S = 0.04
 """Period of the sign of life while no trial runs [s]."""
 
-EXECUTOR_S = 0.5
-"""An executor that has not come round for so long hangs; it does ten times a second."""
+TURN_S, HANG_S = 0.5, 1.2
+"""Period of a timer on the executor, and the time after which one that does not run it hangs [s].
+
+Slow, since each turn costs 0.6 ms, and nothing that this node commands moves between trials."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
@@ -76,6 +79,7 @@ class TrialRunnerNode(TactileNode):
         self._heartbeat: Heartbeat | None = None
         self._rivals: HeartbeatWatch | None = None
         self._beats: Periodic | None = None
+        self._turns: Any = None
         self._turned_s = 0.0  # when the executor came round
         self._ready: ReadinessPublisher | None = None
         self._contact = TendonContact()
@@ -105,6 +109,9 @@ class TrialRunnerNode(TactileNode):
         self._heartbeat = Heartbeat(self, lambda: self.is_active)
         self._rivals = HeartbeatWatch(self, '~/heartbeat', is_own=True)
         self._ready = ReadinessPublisher(self, self._find_missing)
+        self._note_turn()  # its first turn may be long after the activation
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._turns = self.create_timer(TURN_S, self._note_turn, clock=clock)
         self._beats = self.call_every(BEAT_S, self._beat_for_executor)
 
     def stop(self) -> None:
@@ -123,6 +130,7 @@ class TrialRunnerNode(TactileNode):
             self._runner = None
         if self._beats is not None:
             self._beats.cancel()
+            self.destroy_timer(self._turns)
             self._beats = None
         parts = (self._ready, self._heartbeat, self._rivals, self._strain, self._guide)
         for part in (*parts, self._tendon):
@@ -135,8 +143,7 @@ class TrialRunnerNode(TactileNode):
             self._events = None
 
     def _find_missing(self) -> list[str]:
-        """Return what keeps a trial from being taken, a sentence each; on the executor."""
-        self._turned_s = time.monotonic()
+        """Return what keeps a trial from being taken, a sentence each."""
         if not self.is_active:
             return ['The trial runner is not active; activate its node.']
         if self._runner is not None and self._runner.is_busy:
@@ -161,8 +168,11 @@ class TrialRunnerNode(TactileNode):
     def _beat_for_executor(self) -> None:
         """Beat while the executor comes round, unless a trial's own thread does; periodic."""
         is_watched = self._trial is not None and self._trial.is_watched
-        if not is_watched and time.monotonic() - self._turned_s < EXECUTOR_S:
+        if not is_watched and time.monotonic() - self._turned_s < HANG_S:
             self._beat()
+
+    def _note_turn(self) -> None:
+        self._turned_s = time.monotonic()
 
     def _beat(self) -> None:
         heartbeat = self._heartbeat

@@ -16,11 +16,17 @@ import threading
 import time
 
 from rclpy.duration import Duration
-from rclpy.event_handler import QoSSubscriptionEventType, SubscriptionEventCallbacks
+from rclpy.event_handler import (
+    QoSSubscriptionEventType,
+    SubscriptionEventCallbacks,
+    UnsupportedEventTypeError,
+)
 from rclpy.node import Node
 from rclpy.qos import LivelinessPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import Empty
 
+from tactile_ros.errors import TactileError
 from tactile_ros.rclpy_internals import NotOnExecutor, SubscriptionStatus
 
 LEASE_S = 0.15
@@ -93,6 +99,11 @@ class HeartbeatWatch:
         Lease [s]: a publisher that is silent for longer is not alive. At least `LEASE_S`.
     is_own : bool
         The topic is the node's own, which may be silent: only a second publisher is a loss.
+
+    Raises
+    ------
+    TactileError
+        When the middleware does not tell of liveliness.
     """
 
     def __init__(
@@ -109,12 +120,20 @@ class HeartbeatWatch:
         )
         self._topic = topic.replace('~', node.get_name())
         kinds = QoSSubscriptionEventType
-        self._liveliness = SubscriptionStatus(
-            self._subscription, kinds.RCL_SUBSCRIPTION_LIVELINESS_CHANGED
-        )
-        self._misfits = SubscriptionStatus(
-            self._subscription, kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS
-        )
+        try:
+            self._liveliness, self._misfits = (
+                SubscriptionStatus(self._subscription, kind)
+                for kind in (
+                    kinds.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
+                    kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+                )
+            )
+        except UnsupportedEventTypeError:
+            node.destroy_subscription(self._subscription)
+            raise TactileError(
+                f'{get_rmw_implementation_identifier()} does not tell which publishers are '
+                'alive; set RMW_IMPLEMENTATION=rmw_fastrtps_cpp'
+            ) from None
         self._lock = threading.Lock()
         self._alive = 0
         self._was_heard = self._is_closed = False

@@ -10,10 +10,13 @@ import sys
 import threading
 
 import pytest
+from rclpy.event_handler import UnsupportedEventTypeError
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Empty
 
+from tactile_ros.errors import TactileError
+from tactile_ros.health import heartbeat
 from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
 from tactile_ros.programs.node_group import NodeGroup
 from tactile_testing.waiting import wait_until
@@ -150,6 +153,16 @@ def test_the_own_heartbeat_may_be_silent_but_must_be_the_only_one(node, start_pe
     assert watch.format_loss() == ''
     watch.close()
     twin.destroy_node()
+
+
+def test_a_middleware_that_tells_nothing_of_liveliness_is_named(node, monkeypatch):
+    def refuse(*_):
+        raise UnsupportedEventTypeError('event type is not supported')
+
+    monkeypatch.setattr(heartbeat, 'SubscriptionStatus', refuse)
+    with pytest.raises(TactileError, match=r'rmw_.* alive; set RMW_IMPLEMENTATION'):
+        HeartbeatWatch(node, 'peer/heartbeat')
+    assert node.count_subscribers('/peer/heartbeat') == 0
 
 
 def test_a_publisher_without_a_lease_is_told_what_it_lacks(node, context):
