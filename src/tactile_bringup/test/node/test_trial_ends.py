@@ -104,15 +104,17 @@ def test_a_runner_whose_executor_hangs_gives_no_sign_of_life(bench):
 
 def test_a_trial_whose_thread_hangs_gives_no_sign_of_life(bench):
     watch = HeartbeatWatch(bench.client, 'trial_runner/heartbeat')
-    bench.touch('stiffness')
     wait_until(lambda: not watch.format_loss())
-    describe_loss, end = bench.runner._contact.describe_loss, threading.Event()
+    describe_loss, looks, end = bench.runner._contact.describe_loss, [], threading.Event()
 
     def hang():
-        end.wait()
+        looks.append(True)
+        if len(looks) > 1:  # with the first one the trial's thread has begun to watch
+            end.wait()
         return describe_loss()
 
     bench.runner._contact.describe_loss = hang
+    bench.start('stiffness')
     wait_until(watch.format_loss)
     end.set()
     wait_until(lambda: not watch.format_loss())
