@@ -36,9 +36,9 @@ NODES = {
 PARAMETERS = {
     'guide': {
         'strain_timeout_s': 0.15,
-        'heartbeat_topics': '[heartbeat, tendon_actuator/heartbeat]',
+        'heartbeat_topics': '[commander/heartbeat, tendon_actuator/heartbeat]',
     },
-    'tendon': {'heartbeat_topics': '[heartbeat, linear_guide/heartbeat]'},
+    'tendon': {'heartbeat_topics': '[commander/heartbeat, linear_guide/heartbeat]'},
     'sensor': {},
 }
 RUN_NODE = (
@@ -215,16 +215,15 @@ def _command() -> None:
     from action_msgs.msg import GoalStatus
     import rclpy
     from rclpy.action import ActionClient
-    from std_msgs.msg import Empty
 
     from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
+    from tactile_ros.health.heartbeat import Heartbeat
     from tactile_ros.node.requests import send
     from tactile_ros.programs.node_group import NodeGroup
 
     rclpy.init()
     node = rclpy.create_node('commander')
-    heartbeat = node.create_publisher(Empty, 'heartbeat', 1)
-    node.create_timer(HEARTBEAT_S, lambda: heartbeat.publish(Empty()))
+    node.create_timer(HEARTBEAT_S, Heartbeat(node, lambda: True).beat)
     actions = {
         'home': (HomeGuide, ActionClient(node, HomeGuide, 'linear_guide/home')),
         'move': (MoveGuide, ActionClient(node, MoveGuide, 'linear_guide/move')),

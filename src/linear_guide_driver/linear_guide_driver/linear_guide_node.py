@@ -24,7 +24,7 @@ class LinearGuideNode(MotionNode):
     """Drives the linear guide.
 
     Actions ``~/move`` and ``~/home``, service ``~/stop``; joint states only while the position is
-    known. A motion ends, with the reason in its result, when a topic that it needs is silent.
+    known. A motion ends, with the reason in its result, when something that it needs is lost.
     """
 
     device = 'guide'
@@ -38,6 +38,7 @@ class LinearGuideNode(MotionNode):
             self._on_state,
             self.now_ns,
             lambda reason: self.tell_trouble(f'{reason}; the position is unknown'),
+            self.beat,
         )
         self._client.connect()
         super().set_up(config)
@@ -95,14 +96,14 @@ class LinearGuideNode(MotionNode):
         )
 
     def _await_topics(self, goal: Goal) -> None:
-        """Wait for topics that have not been heard yet; abort if they stay silent."""
-        watchdogs = self._watchdogs
-        self.wait_for_peers(goal, lambda: not all(w.was_heard for w in watchdogs))
-        if silence := self.find_silence():
-            raise GoalAborted(silence, **self._find_rest())
+        """Wait for what has not been heard yet; abort if it stays silent."""
+        watches = self._watches
+        self.wait_for_peers(goal, lambda: not all(watch.was_heard for watch in watches))
+        if loss := self.find_peer_loss():
+            raise GoalAborted(loss, **self._find_rest())
 
     def find_loss(self) -> str:
-        return self.find_silence()
+        return self.find_peer_loss()
 
     @staticmethod
     def _to_feedback(state: GuideState) -> dict[str, float]:
@@ -137,7 +138,7 @@ class LinearGuideNode(MotionNode):
 
     def find_obstacles(self) -> list[str]:
         trouble = f'{self._format_trouble()}.' if self._client.trouble else ''
-        return [sentence for sentence in (trouble, self.find_silence()) if sentence]
+        return [sentence for sentence in (trouble, self.find_peer_loss()) if sentence]
 
     def judge_health(self, state: GuideState) -> Health:
         client = self._client

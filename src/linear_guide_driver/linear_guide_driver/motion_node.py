@@ -10,16 +10,14 @@ from contextlib import ExitStack
 import time
 from typing import Any, TypeVar
 
-from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.errors import LinearGuideDriverError
-from linear_guide_driver.safety import find_silence, TopicWatchdog
+from linear_guide_driver.safety import find_loss, TopicWatchdog, Watch
 from tactile_ros.health.diagnostics import Diagnostics, ERROR, Health
-from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
 from tactile_ros.health.readiness import ReadinessPublisher
 from tactile_ros.node.goals import Goal, GoalAborted
 from tactile_ros.node.lifecycle import TactileNode
@@ -35,7 +33,8 @@ class MotionNode(TactileNode):
     """A node that moves one device through a blocking client.
 
     Topics ``~/joint_states``, ``~/ready`` and ``~/heartbeat`` (while active and well), health on
-    ``/diagnostics``. A subclass connects ``_client`` in its `set_up`, then calls `offer`.
+    ``/diagnostics``. A subclass connects ``_client`` in its `set_up`, then calls `offer`. The
+    thread of the client that polls the device calls `beat`.
     """
 
     device = 'device'
@@ -44,10 +43,11 @@ class MotionNode(TactileNode):
     def __init__(self, node_name: str, config_class: type, **node_options: Any) -> None:
         super().__init__(node_name, config_class, **node_options)
         self._client: Any = None
-        self._watchdogs: tuple[TopicWatchdog, ...] = ()
+        self._watches: tuple[Watch, ...] = ()
         self._joint_states: Any = None
         self._diagnostics: Diagnostics | None = None
         self._readiness: ReadinessPublisher | None = None
+        self._heartbeat: Heartbeat | None = None
         self._loss = ''  # why the running goal has been ended
         self._parts = ExitStack()  # takes back what was made, last things first
 
@@ -70,9 +70,12 @@ class MotionNode(TactileNode):
     def set_up(self, config: Any) -> None:
         self._joint_states = self.create_stream_publisher(JointState, '~/joint_states')
         self._parts.callback(self.destroy_lifecycle_publisher, self._joint_states)
-        self._watchdogs = ()
-        for topic in config.heartbeat_topics:
-            self.watch(Empty, topic, config.heartbeat_timeout_s, qos_profile_sensor_data)
+        lease_s = config.heartbeat_timeout_s
+        watches = [HeartbeatWatch(self, '~/heartbeat', lease_s, is_own=True)]
+        watches += [HeartbeatWatch(self, topic, lease_s) for topic in config.heartbeat_topics]
+        for watch in watches:
+            self._parts.callback(watch.close)
+        self._watches = tuple(watches)
 
     def offer(self, **services: Callable[[], tuple[bool, str]]) -> None:
         """Offer a ``std_srvs/Trigger`` for each function, and tell how the device is.
@@ -88,12 +91,17 @@ class MotionNode(TactileNode):
             service = self.create_service(Trigger, f'~/{name}', answer)
             self._parts.callback(self.destroy_service, service)
         self._diagnostics = Diagnostics(self, self._hardware_id, self._health)
-        heartbeat = HeartbeatPublisher(
+        self._heartbeat = Heartbeat(
             self, lambda: self.is_active and self._client is not None and self.is_well()
         )
         self._readiness = ReadinessPublisher(self, self._find_missing)
-        for part in (self._diagnostics, heartbeat, self._readiness):
+        for part in (self._diagnostics, self._heartbeat, self._readiness):
             self._parts.callback(part.close)
+
+    def beat(self) -> None:
+        """Give the node's sign of life; on the thread that polls the device."""
+        if self._heartbeat is not None:
+            self._heartbeat.beat()
 
     def on_goal_end(self) -> None:
         if self._readiness is not None:  # whoever hears of the end may send the next goal at once
@@ -105,10 +113,10 @@ class MotionNode(TactileNode):
         if self._client is not None:
             self._client.close()
             self._client = None
-        self._diagnostics = self._readiness = self._joint_states = None
+        self._diagnostics = self._readiness = self._heartbeat = self._joint_states = None
         self._parts.close()
 
-    # -- topics that must be heard -------------------------------------------------------------
+    # -- what must be heard --------------------------------------------------------------------
 
     def subscribe(
         self, message_type: type, topic: str, hear: Callable[..., None], qos: Any
@@ -133,12 +141,12 @@ class MotionNode(TactileNode):
             if is_sign(message):
                 watchdog.beat(time.monotonic_ns())
 
-        self._watchdogs = (*self._watchdogs, watchdog)
+        self._watches = (*self._watches, watchdog)
         self.subscribe(message_type, topic, hear, qos)
 
-    def find_silence(self) -> str:
-        """Return which topic is silent and what to do; empty when all are heard."""
-        return find_silence(self._watchdogs, time.monotonic_ns())
+    def find_peer_loss(self) -> str:
+        """Return which node or topic is lost and what to do; empty when none is."""
+        return find_loss(self._watches, time.monotonic_ns())
 
     # -- goals of a subclass -------------------------------------------------------------------
 

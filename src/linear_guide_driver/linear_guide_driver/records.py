@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 from tactile_ros.configs import check_parameters, parameter
 
+SHORTEST_HANG_S = 0.5
+"""Shortest standstill of a driver that counts as a hang; see docs/decisions/0013-liveliness.md."""
+
 
 @dataclass(frozen=True)
 class LinearGuideConfig:
@@ -41,11 +44,14 @@ class LinearGuideConfig:
     )
     heartbeat_topics: tuple[str, ...] = parameter(
         (),
-        'topics of std_msgs/Empty on which others say that they are alive, such as the '
-        'heartbeat of the other driver; motion ends when one falls silent',
+        'topics on which the nodes that motion needs give their sign of life; motion ends when '
+        'one falls silent, or when two nodes give it on one topic',
     )
     heartbeat_timeout_s: float = parameter(
-        0.2, 'silence of a heartbeat topic that ends motion', unit='s', range=(0.02, 10.0)
+        0.15,
+        'silence of a heartbeat topic that ends motion; the lease of its liveliness',
+        unit='s',
+        range=(0.15, 10.0),
     )
     strain_timeout_s: float = parameter(
         0.0,
@@ -138,15 +144,25 @@ class TendonActuatorConfig:
     )
     heartbeat_topics: tuple[str, ...] = parameter(
         (),
-        'topics of std_msgs/Empty on which others say that they are alive, such as the '
-        'heartbeat of the other driver; motion ends when one falls silent',
+        'topics on which the nodes that motion needs give their sign of life; motion ends when '
+        'one falls silent, or when two nodes give it on one topic',
     )
     heartbeat_timeout_s: float = parameter(
-        0.2, 'silence of a heartbeat topic that ends motion', unit='s', range=(0.02, 10.0)
+        0.15,
+        'silence of a heartbeat topic that ends motion; the lease of its liveliness',
+        unit='s',
+        range=(0.15, 10.0),
     )
     peer_wait_s: float = parameter(
         5.0,
         'how long a goal waits for topics that have not been heard yet, as after a start',
+        unit='s',
+        range=(0.0, 60.0),
+    )
+    hang_timeout_s: float = parameter(
+        0.0,
+        'a driver whose poll hangs for so long, as when it is frozen, is killed, so that its '
+        'launch starts it again and the tendon is let out; 0: never, as under a debugger',
         unit='s',
         range=(0.0, 60.0),
     )
@@ -159,6 +175,11 @@ class TendonActuatorConfig:
             raise ValueError(
                 f'watchdog_s is {self.watchdog_s} s, shorter than three polls at '
                 f'{self.poll_rate_hz} Hz; raise one of them'
+            )
+        if 0.0 < self.hang_timeout_s < SHORTEST_HANG_S:
+            raise ValueError(
+                f'hang_timeout_s is {self.hang_timeout_s} s, which a busy computer reaches; use '
+                f'{SHORTEST_HANG_S} s or more, or 0'
             )
 
 

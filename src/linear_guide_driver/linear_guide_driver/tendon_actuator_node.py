@@ -18,6 +18,7 @@ from linear_guide_driver.safety import Ending, SampleLag, Zero
 from tactile_msgs.action import HomeTendon, PullTendon
 from tactile_msgs.msg import StrainBlock
 from tactile_ros.health.diagnostics import ERROR, Health, OK, WARN
+from tactile_ros.health.hang_watch import HangWatch
 from tactile_ros.node.goals import Goal, GoalRunner
 from tactile_ros.qos import STREAM
 from tactile_ros.rclpy_internals import take_waiting
@@ -39,11 +40,20 @@ class TendonActuatorNode(MotionNode):
 
     def __init__(self, node_name: str = 'tendon_actuator', **node_options: Any) -> None:
         super().__init__(node_name, TendonActuatorConfig, **node_options)
+        self._hang_watch: HangWatch | None = None
 
     def set_up(self, config: TendonActuatorConfig) -> None:
         super().set_up(config)
+        if config.hang_timeout_s:
+            self._hang_watch = HangWatch(config.hang_timeout_s)
+            self._parts.callback(self._hang_watch.close)
         self._client = TendonActuatorClient(
-            config, self._on_state, self.now_ns, self.tell_trouble, self._watchdogs
+            config,
+            self._on_state,
+            self.now_ns,
+            self.tell_trouble,
+            self._watches,
+            self._on_turn,
         )
         self._client.connect()
         self._lag = SampleLag()
@@ -172,6 +182,11 @@ class TendonActuatorNode(MotionNode):
     def _on_release(self) -> tuple[bool, str]:
         problem = self._end_motion(release=True)
         return not problem, problem or 'The tendon is let out to slack.'
+
+    def _on_turn(self, pause_s: float) -> None:
+        self.beat()
+        if self._hang_watch is not None:
+            self._hang_watch.turn(pause_s)
 
     def _on_state(self, state: TendonState) -> None:
         self.publish_joint(state.displacement_m, state.velocity_m_s, state.received_at_ns)

@@ -95,7 +95,7 @@ class TrialConfig:
         'does a standstill of the trial runner, or a taut tendon whose position is not told, for '
         'as long',
         unit='s',
-        range=(0.1, 10.0),
+        range=(0.15, 10.0),
     )
     strain_timeout_s: float = parameter(
         0.5,

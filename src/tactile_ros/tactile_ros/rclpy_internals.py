@@ -30,6 +30,26 @@ class NotOnExecutor(MutuallyExclusiveCallbackGroup):  # type: ignore[misc]
         return False
 
 
+class SubscriptionStatus:
+    """A status of a subscription, such as its liveliness, that is asked for on any thread.
+
+    rclpy hands a status to executors only. Destroy it before its subscription.
+    """
+
+    def __init__(self, subscription: Subscription, kind: Any) -> None:
+        with subscription.handle:
+            self._event = rclpy_implementation.EventHandle(subscription.handle, kind)
+
+    def take(self) -> Any:
+        """Return the present status; None when the middleware has none."""
+        with self._event:
+            return self._event.take_event()
+
+    def destroy(self) -> None:
+        """Give it back; `take` then raises."""
+        self._event.destroy_when_not_in_use()
+
+
 def take_message(subscription: Subscription) -> tuple[Any, Any] | None:
     """Return the oldest message that waits and its information; None when there is none.
 

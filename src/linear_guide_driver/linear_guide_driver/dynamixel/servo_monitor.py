@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import logging
+import math
 import threading
 import time
 
@@ -27,6 +28,9 @@ Fewer ended pulls on a busy host, where an answer can be late three times in a r
 
 FIRST_BACK_OFF_S, LONGEST_BACK_OFF_S = 0.25, 2.0
 """Pause before a lost connection is made again; each failure doubles it."""
+
+RESTORE_S = 10.0
+"""Longest attempt to make a lost connection again: to open, set up and come to rest."""
 
 CLOSING_S = 6.0
 """Longest wait for the thread: a servo that is just set up comes to rest within three seconds."""
@@ -46,6 +50,9 @@ class ServoMonitor:
     on_loss, on_trouble : callable
         Called with a reason at each failure, and when an outage or a fault is new; on the
         thread that noticed it.
+    on_turn : callable
+        Called on the poll thread each time that it comes round, with how much longer than usual
+        the next time may take [s]: infinite when there is none.
     restore : callable
         Makes a lost connection again, on the poll thread; raises when it cannot.
 
@@ -71,11 +78,13 @@ class ServoMonitor:
         on_state: Callable[[TendonState], None],
         on_loss: Callable[[str], None],
         on_trouble: Callable[[str], None],
+        on_turn: Callable[[float], None],
         restore: Callable[[], None],
     ) -> None:
         self._bus, self._config = bus, config
         self._on_poll, self._on_state = on_poll, on_state
         self._on_loss, self._on_trouble, self._restore = on_loss, on_trouble, restore
+        self._on_turn = on_turn
         self._changed = threading.Condition()
         self._closing = threading.Event()
         self._polls = 0
@@ -192,8 +201,10 @@ class ServoMonitor:
         while not self._closing.wait(max(0.0, due_s - time.monotonic())):
             due_s = max(due_s + period_s, time.monotonic())
             pause_s = self.poll_once()
+            self._tell(self._on_turn, pause_s + (RESTORE_S if self.is_lost else 0.0))
             with self._changed:  # a fresh command that is heard ends the pause
                 self._changed.wait_for(lambda: not self.outage or self._closing.is_set(), pause_s)
+        self._tell(self._on_turn, math.inf)
 
     def _take(self, servo: registers.ServoState) -> TendonState:
         words = registers.format_hardware_error(servo.hardware_error)

@@ -40,7 +40,7 @@ from linear_guide_driver.safety import (
     Pull,
     State,
     TendonSafety,
-    TopicWatchdog,
+    Watch,
     Zero,
 )
 
@@ -90,8 +90,10 @@ class TendonActuatorClient:
         Clock that stamps states [ns].
     on_trouble : callable, optional
         Called with a sentence as soon as a fault or a safety order is new, from any thread.
-    watchdogs : sequence of TopicWatchdog, optional
-        Topics that must be heard while the tendon is taut.
+    watches : sequence of Watch, optional
+        Signs of life that must be there while the tendon is taut.
+    on_turn : callable, optional
+        Called each time that the poll thread comes round; see `ServoMonitor`.
 
     Attributes
     ----------
@@ -107,10 +109,11 @@ class TendonActuatorClient:
         on_state: Callable[[TendonState], None] = lambda _: None,
         clock_ns: Callable[[], int] = time.time_ns,
         on_trouble: Callable[[str], None] = lambda _: None,
-        watchdogs: Sequence[TopicWatchdog] = (),
+        watches: Sequence[Watch] = (),
+        on_turn: Callable[[float], None] = lambda _: None,
     ) -> None:
         self._config, self._clock_ns = config, clock_ns
-        self._on_state, self._on_trouble = on_state, on_trouble
+        self._on_state, self._on_trouble, self._on_turn = on_state, on_trouble, on_turn
         self._servo: TendonServo | None = None
         self._monitor: ServoMonitor | None = None
         self._motions = Motions('The tendon is busy with another pull; stop it first.', NOT_BEGUN)
@@ -119,7 +122,7 @@ class TendonActuatorClient:
         self._number = 0  # of the last goal that was written
         self._repeated = 0  # number of the last goal that the servo had missed
         self._pull_number, self._goal_m = 0, 0.0  # of the goal of the last pull
-        self.safety = TendonSafety(config, watchdogs)
+        self.safety = TendonSafety(config, watches)
         self.identification = ''  # model and firmware
         self.temperature_limit_c = 0.0  # at which the servo shuts down
         self.recoveries = 0
@@ -150,7 +153,7 @@ class TendonActuatorClient:
         bus, setup = open_servo(self._config)
         self._take_over(setup)
         self._servo = TendonServo(bus, self._config)
-        listeners = (self._on_poll, self._on_state, self._on_loss, self._on_trouble)
+        listeners = (self._on_poll, self._on_state, self._on_loss, self._on_trouble, self._on_turn)
         self._monitor = ServoMonitor(bus, self._config, *listeners, restore=self._restore)
         self._monitor.start()
         self._monitor.wait_poll(POLL_WAIT_S)

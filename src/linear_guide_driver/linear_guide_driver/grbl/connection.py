@@ -49,8 +49,9 @@ class GrblConnection:
     later one until `reset`. Calls raise `DeviceConnectionError` for it, and when no Grbl answers
     in time; `DeviceRefusedError` when Grbl refuses a line.
 
-    On the reader thread ``on_report`` is called with each `StatusReport`, and ``on_fault`` with a
-    reason when the position is lost. ``poll_rate_hz`` applies after `start_polling`.
+    On the reader thread ``on_report`` is called with each `StatusReport`, ``on_fault`` with a
+    reason when the position is lost, and ``on_turn`` each time that the thread comes round.
+    ``poll_rate_hz`` applies after `start_polling`.
     """
 
     def __init__(
@@ -61,9 +62,10 @@ class GrblConnection:
         *,
         on_report: Callable[[grbl.StatusReport], None],
         on_fault: Callable[[str], None],
+        on_turn: Callable[[], None] = lambda: None,
     ) -> None:
         self._name = f'{port} at {baud} baud'
-        self._on_report, self._on_fault = on_report, on_fault
+        self._on_report, self._on_fault, self._on_turn = on_report, on_fault, on_turn
         self._poll_period_s = 1.0 / poll_rate_hz
         self._decoder = grbl.GrblDecoder()
         self._changed = threading.Condition()
@@ -317,6 +319,7 @@ class GrblConnection:
         self._on_fault(reason)
 
     def _poll(self) -> None:
+        self._on_turn()
         now_s = time.monotonic()
         if self._is_quiet or now_s - self._polled_at_s < self._poll_period_s:
             return

@@ -69,6 +69,8 @@ class LinearGuideClient:
         Clock that stamps states [ns].
     on_trouble : callable, optional
         Called with a reason, on the reader thread, when a fault has lost the position.
+    on_turn : callable, optional
+        Called on the reader thread each time that it comes round, at least every 20 ms.
 
     Attributes
     ----------
@@ -84,8 +86,9 @@ class LinearGuideClient:
         on_state: Callable[[GuideState], None] = lambda _: None,
         clock_ns: Callable[[], int] = time.time_ns,
         on_trouble: Callable[[str], None] = lambda _: None,
+        on_turn: Callable[[], None] = lambda: None,
     ) -> None:
-        self._config = config
+        self._config, self._on_turn = config, on_turn
         self._position = _KnownPosition(config.travel_m, clock_ns, on_state, on_trouble)
         self._position.lose(NOT_HOMED)
         self._connection: GrblConnection | None = None
@@ -359,6 +362,7 @@ class LinearGuideClient:
             self._config.poll_rate_hz,
             on_report=self._position.take_report,
             on_fault=self._position.take_fault,
+            on_turn=self._on_turn,
         )
         try:
             connection.open()

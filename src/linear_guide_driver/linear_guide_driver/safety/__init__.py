@@ -3,7 +3,7 @@
 
 """Rules of what may move and what must not. They know no IO; the nodes feed them."""
 
-from linear_guide_driver.safety.liveness import find_silence, SampleLag, TopicWatchdog
+from linear_guide_driver.safety.liveness import find_loss, SampleLag, TopicWatchdog, Watch
 from linear_guide_driver.safety.tendon_safety import (
     Ending,
     Order,
@@ -23,6 +23,7 @@ __all__ = [
     'State',
     'TendonSafety',
     'TopicWatchdog',
+    'Watch',
     'Zero',
-    'find_silence',
+    'find_loss',
 ]

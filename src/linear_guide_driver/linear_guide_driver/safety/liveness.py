@@ -3,18 +3,31 @@
 
 """Liveliness of the topics and samples that a motion depends on. No IO and no clock.
 
-`TopicWatchdog` tells whether a topic is still heard, `TensionLevel` whether the tension is known
-and how high it is, `SampleLag` how much later than usual samples arrive. All go by the monotonic
-clock: ROS time may be simulated, paused or stepped.
+A `Watch` tells whether a sign of life is there: a `TopicWatchdog` by the messages of a topic, and
+`tactile_ros.health.heartbeat.HeartbeatWatch` by DDS liveliness. `TensionLevel` tells whether the
+tension is known and how high it is, `SampleLag` how much later than usual samples arrive. All go
+by the monotonic clock: ROS time may be simulated, paused or stepped.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import math
+from typing import Protocol
 
 _HALF_WINDOW_NS = 5_000_000_000
 """The minimum of the samples' lag is that of the last 5 to 10 s."""
+
+
+class Watch(Protocol):
+    """A sign of life that a motion depends on."""
+
+    @property
+    def was_heard(self) -> bool:
+        """True once it was there."""
+
+    def format_loss(self, now_ns: int) -> str:
+        """Return why nothing may move, with the remedy; empty when it may [monotonic ns]."""
 
 
 class TopicWatchdog:
@@ -37,7 +50,7 @@ class TopicWatchdog:
         """Note a message at monotonic time ``now_ns`` [ns]."""
         self._heard_at_ns = now_ns
 
-    def format_silence(self, now_ns: int) -> str:
+    def format_loss(self, now_ns: int) -> str:
         """Return a sentence with the remedy while the topic is silent, else nothing [ns]."""
         heard_at_ns = self._heard_at_ns
         if heard_at_ns is None:
@@ -50,11 +63,11 @@ class TopicWatchdog:
         )
 
 
-def find_silence(watchdogs: tuple[TopicWatchdog, ...], now_ns: int) -> str:
-    """Return the sentence of the first silent topic; empty when all are heard [ns]."""
-    for watchdog in watchdogs:
-        if silence := watchdog.format_silence(now_ns):
-            return silence
+def find_loss(watches: Sequence[Watch], now_ns: int) -> str:
+    """Return the sentence of the first sign of life that is lost; empty when none is [ns]."""
+    for watch in watches:
+        if loss := watch.format_loss(now_ns):
+            return loss
     return ''
 
 

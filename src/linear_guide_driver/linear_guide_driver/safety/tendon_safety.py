@@ -32,7 +32,7 @@ from typing import NamedTuple
 
 from linear_guide_driver.errors import capitalise, MotionRefusedError
 from linear_guide_driver.records import TendonActuatorConfig
-from linear_guide_driver.safety.liveness import find_silence, TensionLevel, TopicWatchdog
+from linear_guide_driver.safety.liveness import find_loss, TensionLevel, Watch
 
 SLACK_M = 0.0005
 """A tendon wound in less than this counts as slack: the position loop yields a little."""
@@ -102,14 +102,12 @@ class TendonSafety:
     Times are monotonic [ns]. The servo's poll calls `decide` some sixty times a second and
     after each sample that matters, and carries the order out.
 
-    ``watchdogs`` are those of the topics that must be heard while the tendon is taut.
+    ``watches`` are those of the signs of life that must be there while the tendon is taut.
     """
 
-    def __init__(
-        self, config: TendonActuatorConfig, watchdogs: Sequence[TopicWatchdog] = ()
-    ) -> None:
+    def __init__(self, config: TendonActuatorConfig, watches: Sequence[Watch] = ()) -> None:
         self._config = config
-        self._watchdogs = tuple(watchdogs)
+        self._watches = tuple(watches)
         self._limits_n = {
             'flexion': config.flexion_limit_n,
             'abduction': config.abduction_limit_n,
@@ -162,7 +160,7 @@ class TendonSafety:
     def awaits_first(self) -> bool:
         """True while a needed topic has not been heard at all yet."""
         no_sample = self._level.latest_n is None and not self._config.unguarded
-        return no_sample or not all(watchdog.was_heard for watchdog in self._watchdogs)
+        return no_sample or not all(watch.was_heard for watch in self._watches)
 
     @property
     def zero(self) -> Zero:
@@ -389,8 +387,8 @@ class TendonSafety:
         if not self._winds_in and (is_slack or lets_out):
             return ''  # a slack tendon needs nothing, and letting out goes on
         needs_samples = self._needs_samples(self._pull or Pull(0.0))
-        if silence := find_silence(self._watchdogs, now_ns):
-            return silence
+        if loss := find_loss(self._watches, now_ns):
+            return loss
         silence = self._level.format_silence(now_ns) if needs_samples else ''
         return silence and f'{capitalise(silence)}; look after the tendon sensor.'
 
@@ -420,8 +418,8 @@ class TendonSafety:
         return ''
 
     def _find_obstacle(self, needs_samples: bool, limit_n: float, now_ns: int) -> str:
-        if silence := find_silence(self._watchdogs, now_ns):
-            return silence
+        if loss := find_loss(self._watches, now_ns):
+            return loss
         if needs_samples and (silence := self._level.format_silence(now_ns)):
             return (
                 f'Winding in needs the tendon sensor and {silence}; start the sensor, or set '

@@ -6,10 +6,10 @@
 import threading
 import time
 
-from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Empty
 
 from tactile_msgs.msg import StrainBlock
+from tactile_ros.health.heartbeat import heartbeat_qos
 from tactile_ros.qos import STREAM
 
 
@@ -27,7 +27,7 @@ class Peers:
         self._taken_at_ns = self.published = 0
         self.beats = self.samples = True
         self._strain = bench.peer.create_publisher(StrainBlock, 'tendon_sensor/strain', STREAM)
-        self._heart = bench.peer.create_publisher(Empty, 'heart', qos_profile_sensor_data)
+        self._heart = bench.peer.create_publisher(Empty, 'heart', heartbeat_qos())
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 

@@ -70,7 +70,7 @@ class Tendon(RuleBasedStateMachine):
         self.heard_at_ns = {}
         self.lost_since_ns = self.above_since_ns = None
         self.pause_until_ns = 0
-        self.client = TendonActuatorClient(self.config, watchdogs=self.peers)
+        self.client = TendonActuatorClient(self.config, watches=self.peers)
         if found != 'off':
             self.bus.put(64, 1, 1)
             self.bus.put(11, 1, registers.MODE_CURRENT_BASED_POSITION if found == 'kept' else 3)
@@ -246,7 +246,7 @@ class Tendon(RuleBasedStateMachine):
                 self.client.close()
             else:
                 self.time.sleep(1.0)
-                self.client = TendonActuatorClient(self.config, watchdogs=self.peers)
+                self.client = TendonActuatorClient(self.config, watches=self.peers)
                 self.sampled_at_ns = None
             with suppress(LinearGuideDriverError):
                 self.client.connect()

@@ -18,13 +18,19 @@ class ContactLost(GoalAborted):
 
 
 class RunningTrial:
-    """State of one running trial, and the numbers for its result."""
+    """State of one running trial, and the numbers for its result.
+
+    Attributes
+    ----------
+    is_watched : bool
+        The thread of the trial looks at it again and again, and gives the runner's sign of life.
+    """
 
     def __init__(self, request: TrialRequest, goal: Goal) -> None:
         self.request, self.goal = request, goal
         self.phase = ''
         self.stamp_ns = 0  # of the last event
-        self.has_moved = self.needs_strain = False
+        self.has_moved = self.needs_strain = self.is_watched = False
         self.glide_end_ns: int | None = None
         self.glide_speed_m_s = self.glide_lag_s = self.displacement_error_m = 0.0
         self._started_s = self._looked_s = time.monotonic()

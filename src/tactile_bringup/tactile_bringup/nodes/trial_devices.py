@@ -18,12 +18,12 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
 from linear_guide_driver.grbl.motion_track import MotionTrack
 from tactile_bringup.records import TrialConfig
 from tactile_msgs.msg import Readiness, StrainBlock
+from tactile_ros.health.heartbeat import HeartbeatWatch
 from tactile_ros.node.goals import GoalAborted, GoalCanceled
 from tactile_ros.node.requests import send
 from tactile_ros.qos import LATEST, STREAM
@@ -73,7 +73,7 @@ class TrialDevice:
     ) -> None:
         self._node, self.name, self._words = node, name, words
         self._config, self._on_state = config, on_state
-        self._heard_s: float | None = None
+        self._heartbeat = HeartbeatWatch(node, f'{name}/heartbeat', config.heartbeat_timeout_s)
         self._readiness: Readiness | None = None
         self._position_m: float | None = None
         self._reported_s = -math.inf  # when its last joint state came
@@ -86,7 +86,6 @@ class TrialDevice:
         self._subscriptions = [
             node.create_subscription(kind, f'{name}/{topic}', callback, qos)
             for kind, topic, callback, qos in (
-                (Empty, 'heartbeat', self._on_heartbeat, qos_profile_sensor_data),
                 (Readiness, 'ready', self._on_ready, LATEST),
                 (JointState, 'joint_states', self._on_joint_state, STREAM),
             )
@@ -94,6 +93,7 @@ class TrialDevice:
 
     def close(self) -> None:
         """Take clients and subscriptions away."""
+        self._heartbeat.close()
         self.client.destroy()
         self._node.destroy_client(self._stop)
         for subscription in self._subscriptions:
@@ -118,16 +118,12 @@ class TrialDevice:
     def describe_loss(self) -> str:
         """Return that its heartbeat has ended, and why if it said so; empty while it beats.
 
-        A heartbeat that was never heard is none that can end.
+        A heartbeat that was never heard is none that can end. Two drivers are a loss, too.
         """
-        timeout_s = self._config.heartbeat_timeout_s
-        if self._heard_s is None or time.monotonic() - self._heard_s <= timeout_s:
+        heartbeat = self._heartbeat
+        if not heartbeat.was_heard or not (loss := heartbeat.format_loss()):
             return ''
-        sentence = (
-            f'Nothing was heard of {self.name}/heartbeat for {timeout_s:g} s; '
-            'is its node running and active?'
-        )
-        return ' '.join([sentence, *self._reasons()])
+        return ' '.join([loss, *self._reasons()])
 
     def describe_silence(self) -> str:
         """Return that nobody sees where it is; empty while its joint states come."""
@@ -283,9 +279,6 @@ class TrialDevice:
         return future.result()
 
     # -- what it says, on the executor's thread --------------------------------------------------
-
-    def _on_heartbeat(self, _: Empty) -> None:
-        self._heard_s = time.monotonic()
 
     def _on_ready(self, readiness: Readiness) -> None:
         self._readiness = readiness

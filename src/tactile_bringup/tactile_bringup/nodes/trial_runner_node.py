@@ -10,6 +10,7 @@ from dataclasses import fields
 import time
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.time import Time
 
 from linear_guide_driver.dynamixel.tendon_client import POSITION_TOLERANCE_M
@@ -29,11 +30,12 @@ from tactile_bringup.trial_protocols import (
 )
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import TrialEvent
-from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
 from tactile_ros.health.readiness import ReadinessPublisher
 from tactile_ros.node.goals import Goal, GoalAborted, GoalRunner
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.node.requests import wait_for
+from tactile_ros.periodic import Periodic
 from tactile_ros.qos import EVENTS
 
 REPORT_S = 0.5
@@ -41,6 +43,14 @@ REPORT_S = 0.5
 
 STOP_S = 1.0
 """Longest wait for a driver to answer a stop [s]."""
+
+BEAT_S = 0.04
+"""Period of the sign of life while no trial runs [s]."""
+
+TURN_S, HANG_S = 0.5, 1.2
+"""Period of a timer on the executor, and the time after which one that does not run it hangs [s].
+
+Slow, since each turn costs 0.6 ms, and nothing that this node commands moves between trials."""
 
 RELEASE_ATTEMPTS = 3
 RELEASE_PAUSE_S = 0.3
@@ -66,7 +76,11 @@ class TrialRunnerNode(TactileNode):
         self._guide: TrialDevice | None = None
         self._tendon: TrialDevice | None = None
         self._strain: StrainWatch | None = None
-        self._heartbeat: HeartbeatPublisher | None = None
+        self._heartbeat: Heartbeat | None = None
+        self._rivals: HeartbeatWatch | None = None
+        self._beats: Periodic | None = None
+        self._turns: Any = None
+        self._turned_s = 0.0  # when the executor came round
         self._ready: ReadinessPublisher | None = None
         self._contact = TendonContact()
         self._trial: RunningTrial | None = None
@@ -92,8 +106,13 @@ class TrialRunnerNode(TactileNode):
             self._run_trial,
             accepting=lambda: '' if self.is_active else 'the trial runner is not active',
         )
-        self._heartbeat = HeartbeatPublisher(self, lambda: self.is_active)
+        self._heartbeat = Heartbeat(self, lambda: self.is_active)
+        self._rivals = HeartbeatWatch(self, '~/heartbeat', is_own=True)
         self._ready = ReadinessPublisher(self, self._find_missing)
+        self._note_turn()  # its first turn may be long after the activation
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._turns = self.create_timer(TURN_S, self._note_turn, clock=clock)
+        self._beats = self.call_every(BEAT_S, self._beat_for_executor)
 
     def stop(self) -> None:
         if self._runner is not None and self._runner.is_busy:
@@ -109,10 +128,16 @@ class TrialRunnerNode(TactileNode):
             if self._runner.is_busy and self._trial and self._tendon and self.context.ok():
                 self._tendon.client.send_goal_async(self._release(self._trial.request))
             self._runner = None
-        for part in (self._ready, self._heartbeat, self._strain, self._guide, self._tendon):
+        if self._beats is not None:
+            self._beats.cancel()
+            self.destroy_timer(self._turns)
+            self._beats = None
+        parts = (self._ready, self._heartbeat, self._rivals, self._strain, self._guide)
+        for part in (*parts, self._tendon):
             if part is not None:
                 part.close()
-        self._ready = self._heartbeat = self._strain = self._guide = self._tendon = None
+        self._ready = self._heartbeat = self._rivals = None
+        self._strain = self._guide = self._tendon = None
         if self._events is not None:
             self.destroy_lifecycle_publisher(self._events)
             self._events = None
@@ -129,8 +154,30 @@ class TrialRunnerNode(TactileNode):
         guide, tendon, strain = self._guide, self._tendon, self._strain
         if guide is None or tendon is None or strain is None:
             return ['The trial runner is not configured; configure its node.']
-        parts = [*guide.find_missing(), *tendon.find_missing(), strain.describe_silence()]
+        rivals = self._rivals
+        parts = [
+            '' if rivals is None else rivals.format_loss(),
+            *guide.find_missing(),
+            *tendon.find_missing(),
+            strain.describe_silence(),
+        ]
         return [part for part in parts if part]
+
+    # -- the sign of life ------------------------------------------------------------
+
+    def _beat_for_executor(self) -> None:
+        """Beat while the executor comes round, unless a trial's own thread does; periodic."""
+        is_watched = self._trial is not None and self._trial.is_watched
+        if not is_watched and time.monotonic() - self._turned_s < HANG_S:
+            self._beat()
+
+    def _note_turn(self) -> None:
+        self._turned_s = time.monotonic()
+
+    def _beat(self) -> None:
+        heartbeat = self._heartbeat
+        if heartbeat is not None:
+            heartbeat.beat()
 
     # -- one trial, on the goal's own thread -----------------------------------------
 
@@ -148,7 +195,9 @@ class TrialRunnerNode(TactileNode):
                 trial.phase = step.phase
                 self._carry_out(step, trial, is_new)
         except Exception as error:
+            trial.is_watched = False
             self._end_early(trial, error)
+        trial.is_watched = False
         self._announce(trial, TrialEvent.PHASE_DONE)
         return RunTrial.Result(
             message=f'trial {request.trial_id} done after {trial.elapsed_s:.1f} s',
@@ -260,9 +309,21 @@ class TrialRunnerNode(TactileNode):
             trial.goal.wait(POLL_S)
 
     def _check(self, trial: RunningTrial) -> None:
-        """Raise unless the trial may go on."""
+        """Raise unless the trial may go on; else give a sign of life."""
+        try:
+            self._find_end(trial)
+        except Exception:
+            trial.is_watched = False  # now the trial waits for devices, longer than a lease
+            raise
+        trial.is_watched = True
+        self._beat()
+
+    def _find_end(self, trial: RunningTrial) -> None:
+        """Raise what ends the trial."""
         trial.goal.check()
         trial.look(self.config.heartbeat_timeout_s)
+        if (rivals := self._rivals) is not None and (loss := rivals.format_loss()):
+            raise GoalAborted(loss)
         for device in (self._guide, self._tendon):
             if device is not None and (loss := device.describe_loss()):
                 raise GoalAborted(loss)

@@ -10,6 +10,7 @@ import time
 
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from trial_bench import DEADLINE_S
@@ -17,6 +18,7 @@ from trial_bench import DEADLINE_S
 from tactile_bringup.nodes import trial_devices
 from tactile_bringup.nodes.trial_runner_node import REPORT_S
 from tactile_msgs.action import MoveGuide
+from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
 from tactile_ros.node.requests import send
 from tactile_ros.qos import STREAM
 from tactile_testing.waiting import wait_until
@@ -52,15 +54,78 @@ def test_a_driver_that_falls_silent_ends_the_trial_within_a_second(bench, protoc
     silent_s = time.monotonic()
     bench.wait_for_phase('aborted')
     assert time.monotonic() - silent_s < LOSS_S
-    assert f'Nothing was heard of {device.get_name()}/heartbeat' in bench.end(handle).message
+    assert f'Nothing was heard on {device.get_name()}/heartbeat' in bench.end(handle).message
     bench.wait_until_released()  # by a tendon driver without heartbeat, too, if it still hears
+
+
+def test_a_second_tendon_driver_ends_the_trial_and_refuses_the_next(bench, context):
+    handle = bench.touch('stiffness')
+    goals = len(bench.tendon.goals)
+    twin = Node('tendon_actuator', context=context)
+    heart = Heartbeat(twin, lambda: True)
+    timer = bench.client.create_timer(0.02, heart.beat)
+    sentence = '2 nodes are alive on tendon_actuator/heartbeat (/tendon_actuator): two rigs share'
+    assert sentence in bench.end(handle).message
+    bench.wait_until_released()
+    assert goals + 1 == len(bench.tendon.goals)
+    assert sentence in bench.end(bench.start('stiffness')).message
+    assert all(goal.displacement_m == 0.0 for goal in bench.tendon.goals[goals:])
+    bench.client.destroy_timer(timer)
+    wait_until(lambda: bench.readiness[-1].ready)
+    heart.close()
+    twin.destroy_node()
+
+
+def test_of_two_trial_runners_none_runs_a_trial(bench, context):
+    twin = Node('trial_runner', context=context)
+    heart = Heartbeat(twin, lambda: True)
+    timer = bench.client.create_timer(0.02, heart.beat)
+    wait_until(
+        lambda: bench.readiness and 'two rigs share' in ' '.join(bench.readiness[-1].missing)
+    )
+    message = bench.end(bench.start('stiffness')).message
+    assert '2 nodes are alive on trial_runner/heartbeat (/trial_runner)' in message
+    assert (bench.guide.goals, bench.tendon.goals) == ([], [])
+    bench.client.destroy_timer(timer)
+    heart.close()
+    twin.destroy_node()
+
+
+def test_a_runner_whose_executor_hangs_gives_no_sign_of_life(bench):
+    watch = HeartbeatWatch(bench.client, 'trial_runner/heartbeat')
+    wait_until(lambda: not watch.format_loss())
+    end = threading.Event()
+    bench.runner.executor.create_task(end.wait)
+    wait_until(watch.format_loss)
+    end.set()
+    wait_until(lambda: not watch.format_loss())
+    watch.close()
+
+
+def test_a_trial_whose_thread_hangs_gives_no_sign_of_life(bench):
+    watch = HeartbeatWatch(bench.client, 'trial_runner/heartbeat')
+    wait_until(lambda: not watch.format_loss())
+    describe_loss, looks, end = bench.runner._contact.describe_loss, [], threading.Event()
+
+    def hang():
+        looks.append(True)
+        if len(looks) > 1:  # with the first one the trial's thread has begun to watch
+            end.wait()
+        return describe_loss()
+
+    bench.runner._contact.describe_loss = hang
+    bench.start('stiffness')
+    wait_until(watch.format_loss)
+    end.set()
+    wait_until(lambda: not watch.format_loss())
+    watch.close()
 
 
 def test_a_trial_waits_for_a_tendon_that_is_still_let_out_after_the_last_one(bench):
     bench.tendon.slowness = {2: 3.0}  # it is let out in 0.5 s
     handle = bench.touch('stiffness')
     bench.tendon.beats = False
-    assert 'Nothing was heard of tendon_actuator/heartbeat' in bench.end(handle).message
+    assert 'Nothing was heard on tendon_actuator/heartbeat' in bench.end(handle).message
     bench.tendon.beats = True
     assert 'done' in bench.end(bench.start('stiffness', hold_s=0.5)).message
     assert [goal.displacement_m > 0 for goal in bench.tendon.goals] == [True, False, True, False]

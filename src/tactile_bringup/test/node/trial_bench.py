@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from tactile_bringup.nodes.trial_runner_node import TrialRunnerNode
 from tactile_msgs.action import MoveGuide, PullTendon, RunTrial
 from tactile_msgs.msg import Readiness, StrainBlock, TrialEvent
-from tactile_ros.health.heartbeat import HeartbeatPublisher
+from tactile_ros.health.heartbeat import Heartbeat
 from tactile_ros.node.goals import GoalAborted, GoalRunner
 from tactile_ros.node.lifecycle import TactileNode
 from tactile_ros.node.requests import send
@@ -85,7 +85,7 @@ class Device(TactileNode):
         self._runner = GoalRunner(self, action_type, f'~/{verb}', self._work)
         self.create_service(Trigger, '~/stop', self._on_stop)
         self.states = self.create_publisher(JointState, '~/joint_states', STREAM)
-        self.heart = HeartbeatPublisher(self, lambda: self.beats)
+        self.heart = Heartbeat(self, lambda: self.beats)
         self._timer = self.create_timer(PERIOD_S, self._report)
         self._ready = None
 
@@ -99,6 +99,7 @@ class Device(TactileNode):
         if motion is not None:
             self.position_m, self.velocity_m_s = motion.at(now.nanoseconds)
         self.publish(now)
+        self.heart.beat()
         if motion is not None and self.velocity_m_s == 0.0:
             self._motion = None
 

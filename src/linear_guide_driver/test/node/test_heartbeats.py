@@ -1,0 +1,204 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Signs of life of real drivers: hung workers, two rigs in one domain, a frozen tendon driver."""
+
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+
+from ament_index_python.packages import get_package_prefix
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from scripted_grbl import ScriptedGrbl
+from scripted_servo import ScriptedServo
+
+from linear_guide_driver.linear_guide_node import LinearGuideNode
+from linear_guide_driver.tendon_actuator_node import TendonActuatorNode
+from tactile_msgs.action import HomeGuide, MoveGuide, PullTendon
+from tactile_ros.health.heartbeat import HeartbeatWatch
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_testing.waiting import wait_until
+
+START_S = 60.0
+"""For a process to start on a busy computer."""
+
+HANG_S = 0.5
+SLACK = 2048
+TAUT_M = 0.004
+TENDON = {'watchdog_s': 1.0, 'unguarded': True, 'speed_m_s': 0.02}
+
+
+@pytest.fixture
+def twins(context):
+    """Return what brings a second node up in a participant of its own, in the same domain."""
+    other = Context()
+    rclpy.init(context=other, domain_id=context.get_domain_id())
+
+    @contextmanager
+    def bring_up(node_class, **parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = node_class(context=other, parameter_overrides=overrides)
+        assert node.bring_up()
+        with NodeGroup([node], context=other):
+            yield node
+
+    yield bring_up
+    rclpy.shutdown(context=other)
+
+
+def watch_heartbeat(bench, name):
+    watch = HeartbeatWatch(bench.peer, f'{name}/heartbeat')
+    wait_until(lambda: not watch.format_loss())
+    return watch
+
+
+def test_a_guide_whose_poll_hangs_gives_no_sign_of_life(bench, grbl):
+    bench.start(LinearGuideNode, port=grbl.port)
+    watch = watch_heartbeat(bench, 'linear_guide')
+    with bench.node._client._connection._link._write_lock:  # as a write that blocks holds it
+        wait_until(watch.format_loss)
+    wait_until(lambda: not watch.format_loss())
+    watch.close()
+
+
+def test_a_tendon_driver_whose_poll_hangs_gives_no_sign_of_life(bench, servo):
+    bench.start(TendonActuatorNode, port=servo.port, **TENDON)
+    watch = watch_heartbeat(bench, 'tendon_actuator')
+    with bench.node._client._servo.bus.lock:
+        wait_until(watch.format_loss)
+    wait_until(lambda: not watch.format_loss())
+    watch.close()
+
+
+def test_a_driver_notices_the_loss_of_a_peer_while_its_executor_hangs(bench, servo, peers):
+    bench.start(
+        TendonActuatorNode,
+        port=servo.port,
+        heartbeat_topics=['heart'],
+        slack_after_s=0.2,
+        **TENDON,
+    )
+    pull = {'displacement_m': TAUT_M, 'speed_m_s': 0.02, 'contact': 'flexion'}
+    handle = bench.send(PullTendon, '/tendon_actuator/pull', **pull)
+    assert bench.result(handle)[0] == 'succeeded'
+    is_over = []
+
+    def hang():
+        peers.beats = False
+        wait_until(lambda: abs(servo.position - SLACK) <= 33)
+        is_over.append(True)
+
+    bench.executor.create_task(hang)
+    wait_until(lambda: is_over)
+
+
+def test_of_two_tendon_drivers_none_winds_in_and_both_let_out(bench, servo, twins):
+    bench.start(TendonActuatorNode, port=servo.port, slack_after_s=0.2, **TENDON)
+    pull = {'displacement_m': TAUT_M, 'speed_m_s': 0.02, 'contact': 'flexion'}
+    handle = bench.send(PullTendon, '/tendon_actuator/pull', **pull)
+    assert bench.result(handle)[0] == 'succeeded'
+    second_servo = ScriptedServo()
+    try:
+        with twins(TendonActuatorNode, port=second_servo.port, **TENDON) as second:
+            sentence = (
+                '2 nodes are alive on tendon_actuator/heartbeat (/tendon_actuator): two rigs '
+                'share this ROS domain. End one, or start it with another ROS_DOMAIN_ID or '
+                'namespace.'
+            )
+            for node in (bench.node, second):
+                wait_until(lambda node=node: node._find_missing() == [sentence])
+            wait_until(lambda: abs(servo.position - SLACK) <= 33)  # it was taut
+            handle = bench.send(PullTendon, '/tendon_actuator/pull', **pull)
+            assert bench.result(handle)[1].message == sentence
+            assert max(abs(each.position - SLACK) for each in (servo, second_servo)) <= 33
+            handle = bench.send(PullTendon, '/tendon_actuator/pull', displacement_m=0.0)
+            assert bench.result(handle)[0] == 'succeeded'
+    finally:
+        second_servo.close()
+    wait_until(lambda: not bench.node._find_missing())
+    handle = bench.send(PullTendon, '/tendon_actuator/pull', **pull)
+    assert bench.result(handle)[0] == 'succeeded'
+
+
+def test_of_two_guides_a_moving_one_stops_and_none_moves(bench, grbl, twins):
+    bench.start(LinearGuideNode, port=grbl.port, poll_rate_hz=20.0)
+    assert bench.result(bench.send(HomeGuide, '/linear_guide/home'))[0] == 'succeeded'
+    move = {'position_m': 0.19, 'speed_m_s': 0.005}
+    handle = bench.send(MoveGuide, '/linear_guide/move', **move)
+    wait_until(lambda: grbl.is_moving)
+    second_grbl = ScriptedGrbl()
+    try:
+        with twins(LinearGuideNode, port=second_grbl.port):
+            status, result = bench.result(handle)
+            assert (status, 'two rigs share' in result.message) == ('aborted', True)
+            assert not grbl.is_moving
+            status, result = bench.result(bench.send(MoveGuide, '/linear_guide/move', **move))
+            assert (status, 'two rigs share' in result.message) == ('aborted', True)
+            assert not grbl.is_moving
+    finally:
+        second_grbl.close()
+    wait_until(lambda: not bench.node._find_missing())
+
+
+# -- a frozen tendon driver, in a process of its own --------------------------------------------
+
+
+@pytest.fixture
+def start_driver(bench, servo):
+    """Return what starts the tendon driver's program on the servo."""
+    program = Path(
+        get_package_prefix('linear_guide_driver'), 'lib/linear_guide_driver/tendon_actuator_node'
+    )
+    values = {'port': servo.port, 'hang_timeout_s': HANG_S, **TENDON}
+    parameters = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
+    processes = []
+
+    def start():
+        process = subprocess.Popen(
+            [program, '--ros-args', *parameters],
+            env={**os.environ, 'ROS_DOMAIN_ID': str(bench.context.get_domain_id())},
+        )
+        processes.append(process)
+        return process
+
+    bench._thread.start()
+    yield start
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def test_a_frozen_tendon_driver_is_killed_and_the_next_one_lets_out(bench, servo, start_driver):
+    driver = start_driver()
+    watch = HeartbeatWatch(bench.peer, 'tendon_actuator/heartbeat')
+    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    pull = {'displacement_m': TAUT_M, 'speed_m_s': 0.02, 'contact': 'flexion'}
+    handle = bench.send(PullTendon, '/tendon_actuator/pull', **pull)
+    assert bench.result(handle)[0] == 'succeeded'
+    driver.send_signal(signal.SIGSTOP)
+    assert driver.wait(START_S) == -signal.SIGKILL
+    assert servo.position > SLACK + 200
+    start_driver()
+    wait_until(lambda: abs(servo.position - SLACK) <= 33, timeout_s=START_S)
+    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    watch.close()
+
+
+def test_a_driver_that_waits_for_its_servo_is_not_taken_for_a_hung_one(bench, servo, start_driver):
+    driver = start_driver()
+    watch = HeartbeatWatch(bench.peer, 'tendon_actuator/heartbeat')
+    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    servo.unplug()
+    wait_until(watch.format_loss)
+    with pytest.raises(subprocess.TimeoutExpired):
+        driver.wait(6 * HANG_S)
+    servo.plug_in()
+    wait_until(lambda: not watch.format_loss())
+    driver.send_signal(signal.SIGINT)
+    assert driver.wait(START_S) == 0
+    watch.close()

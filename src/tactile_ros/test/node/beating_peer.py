@@ -1,0 +1,18 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A node that gives its sign of life, for a process of its own: ``beating_peer.py NAME``."""
+
+import sys
+import time
+
+import rclpy
+
+from tactile_ros.health.heartbeat import Heartbeat
+
+if __name__ == '__main__':
+    rclpy.init()
+    heart = Heartbeat(rclpy.create_node(sys.argv[1]), lambda: True)
+    while True:
+        heart.beat()
+        time.sleep(0.02)

@@ -1,0 +1,174 @@
+# Copyright 2026 Tendon Tactile maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+from rclpy.event_handler import UnsupportedEventTypeError
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Empty
+
+from tactile_ros.errors import TactileError
+from tactile_ros.health import heartbeat
+from tactile_ros.health.heartbeat import Heartbeat, HeartbeatWatch
+from tactile_ros.programs.node_group import NodeGroup
+from tactile_testing.waiting import wait_until
+
+START_S = 60.0
+"""For a process to start on a busy computer."""
+
+PEER = Path(__file__).with_name('beating_peer.py')
+
+
+@pytest.fixture
+def node(context):
+    node = Node('listener', context=context)
+    yield node
+    node.destroy_node()
+
+
+@pytest.fixture
+def start_peer(context):
+    """Return what starts the node ``peer`` in a process of its own."""
+    processes = []
+
+    def start():
+        process = subprocess.Popen(
+            [sys.executable, PEER, 'peer'],
+            env={**os.environ, 'ROS_DOMAIN_ID': str(context.get_domain_id())},
+        )
+        processes.append(process)
+        return process
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def beating(*hearts):
+    """Let hearts beat on a thread."""
+    end = threading.Event()
+
+    def run():
+        while not end.wait(0.01):
+            for heart in hearts:
+                heart.beat()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()
+
+
+def has(watch, text):
+    return lambda: text in watch.format_loss()
+
+
+def test_a_heart_beats_while_its_node_is_well_and_until_it_is_closed(node, context):
+    beats, asked, well = [], [], [True]
+    listener = Node('other', context=context)
+    listener.create_subscription(Empty, 'listener/heartbeat', beats.append, 1)
+    other = Node('plain', context=context)
+    other.create_subscription(Empty, 'listener/heartbeat', beats.append, qos_profile_sensor_data)
+
+    def is_well():
+        asked.append(True)
+        return well[0]
+
+    heart = Heartbeat(node, is_well)
+    with NodeGroup([listener, other], context=context), beating(heart):
+        wait_until(lambda: len(beats) >= 3)  # a listener needs no lease
+        well[0] = False
+        wait_until(lambda: heart._due_s and len(asked) > 5)
+        heard_at = len(asked) + 20
+        wait_until(lambda: len(asked) > heard_at)  # what was under way has arrived
+        count = len(beats)
+        wait_until(lambda: len(asked) > heard_at + 20)
+        assert len(beats) == count
+        heart.close()
+        well[0] = True
+        heart.beat()
+    assert node.count_publishers('/listener/heartbeat') == 0
+
+
+@pytest.mark.parametrize('fault', [signal.SIGKILL, signal.SIGSTOP])
+def test_a_peer_that_dies_or_freezes_is_lost_and_its_return_is_noticed(node, start_peer, fault):
+    watch = HeartbeatWatch(node, 'peer/heartbeat')
+    assert watch.format_loss() == 'Nothing has been heard on peer/heartbeat yet; start its node.'
+    assert not watch.was_heard
+    peer = start_peer()
+    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    peer.send_signal(fault)
+    wait_until(has(watch, 'Nothing was heard on peer/heartbeat for 0.15 s'))
+    assert watch.was_heard
+    if fault == signal.SIGSTOP:
+        peer.send_signal(signal.SIGCONT)
+    else:
+        start_peer()
+    # The killed one is in the graph for many seconds, and is not counted.
+    wait_until(lambda: not watch.format_loss(), timeout_s=START_S)
+    if fault == signal.SIGKILL:
+        assert node.count_publishers('/peer/heartbeat') == 2
+    watch.close()
+    assert watch.format_loss() == ''  # the last state, for a thread that still asks
+
+
+def test_two_living_peers_of_one_name_are_named_and_one_killed_is_none(node, start_peer):
+    watch = HeartbeatWatch(node, 'peer/heartbeat')
+    peers = [start_peer(), start_peer()]
+    wait_until(has(watch, '2 nodes are alive on peer/heartbeat'), timeout_s=START_S)
+    wait_until(has(watch, '(/peer): two rigs share this ROS domain. End one'))
+    peers[0].kill()
+    wait_until(lambda: not watch.format_loss())
+    peers[1].kill()
+    wait_until(has(watch, 'Nothing was heard'))
+    watch.close()
+
+
+def test_the_own_heartbeat_may_be_silent_but_must_be_the_only_one(node, start_peer):
+    watch = HeartbeatWatch(node, '~/heartbeat', is_own=True)
+    heart = Heartbeat(node, lambda: True)
+    twin = Node('listener', context=node.context)
+    its_heart = Heartbeat(twin, lambda: True)
+    assert (watch.was_heard, watch.format_loss()) == (True, '')
+    with beating(heart):
+        wait_until(lambda: watch._count_alive() == 1)
+        assert watch.format_loss() == ''
+        with beating(its_heart):
+            wait_until(has(watch, '2 nodes are alive on listener/heartbeat (/listener)'))
+        wait_until(lambda: not watch.format_loss())
+    wait_until(lambda: watch._count_alive() == 0)
+    assert watch.format_loss() == ''
+    watch.close()
+    twin.destroy_node()
+
+
+def test_a_middleware_that_tells_nothing_of_liveliness_is_named(node, monkeypatch):
+    def refuse(*_):
+        raise UnsupportedEventTypeError('event type is not supported')
+
+    monkeypatch.setattr(heartbeat, 'SubscriptionStatus', refuse)
+    with pytest.raises(TactileError, match=r'rmw_.* alive; set RMW_IMPLEMENTATION'):
+        HeartbeatWatch(node, 'peer/heartbeat')
+    assert node.count_subscribers('/peer/heartbeat') == 0
+
+
+def test_a_publisher_without_a_lease_is_told_what_it_lacks(node, context):
+    watch = HeartbeatWatch(node, 'plain/heartbeat', 0.5)
+    plain = Node('plain', context=context)
+    plain.create_publisher(Empty, '~/heartbeat', qos_profile_sensor_data)
+    wait_until(has(watch, 'the liveliness MANUAL_BY_TOPIC with a lease of 0.5 s or less'))
+    watch.close()
+    plain.destroy_node()
